@@ -1,0 +1,133 @@
+//! One error type for the whole library: what was wanted, what was found, where, and what to do.
+//!
+//! ```text
+//! error: peel 3 has no depth channel
+//!   in: shots/room.0042.exr
+//!   found: Peel3.Combined.R Peel3.Combined.G Peel3.Combined.B
+//!   looked for: Depth.Z, Depth.V, depth.T, Z
+//!   help: enable the Z pass, or name it with --depth-channel
+//! ```
+
+use std::fmt;
+use std::path::Path;
+
+/// Whose fault an error is: callers that act on errors (exit codes, skipping a frame) ask this, not the text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// A file could not be opened, read or understood.
+    Input,
+    /// A lens, preset or flag value that cannot be carried out.
+    Settings,
+    /// The input asks for more than the stated limits.
+    Limits,
+    /// A valid file that uses something this tool does not read.
+    Unsupported,
+    /// The result could not be written.
+    Output,
+}
+
+/// An error with its context. `Display` prints it in the form shown in the module's head, without the leading `error: `.
+#[derive(Debug)]
+pub struct Error {
+    kind: ErrorKind,
+    what: String,
+    context: Vec<(&'static str, String)>,
+    source: Option<Box<dyn std::error::Error + Send + Sync>>,
+}
+
+impl Error {
+    /// An error of `kind`; `what` is a lower-case sentence without a full stop.
+    pub fn new(kind: ErrorKind, what: impl Into<String>) -> Self {
+        Self { kind, what: what.into(), context: Vec::new(), source: None }
+    }
+
+    /// [`ErrorKind::Input`].
+    pub fn input(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Input, what)
+    }
+
+    /// [`ErrorKind::Settings`].
+    pub fn settings(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Settings, what)
+    }
+
+    /// [`ErrorKind::Limits`].
+    pub fn limits(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Limits, what)
+    }
+
+    /// [`ErrorKind::Unsupported`].
+    pub fn unsupported(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Unsupported, what)
+    }
+
+    /// [`ErrorKind::Output`].
+    pub fn output(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Output, what)
+    }
+
+    /// Adds a labelled line of context, such as `found: …`.
+    #[must_use]
+    pub fn with(mut self, label: &'static str, text: impl Into<String>) -> Self {
+        self.context.push((label, text.into()));
+        self
+    }
+
+    /// Adds the file the error is about.
+    #[must_use]
+    pub fn in_file(self, path: &Path) -> Self {
+        self.with("in", path.display().to_string())
+    }
+
+    /// Adds what the user can do about it.
+    #[must_use]
+    pub fn help(self, text: impl Into<String>) -> Self {
+        self.with("help", text)
+    }
+
+    /// Keeps the error this one was caused by.
+    #[must_use]
+    pub fn caused_by(mut self, source: impl std::error::Error + Send + Sync + 'static) -> Self {
+        self.source = Some(Box::new(source));
+        self
+    }
+
+    /// Whose fault it is.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.what)?;
+        let (help, facts): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
+        for (label, text) in facts {
+            write!(f, "\n  {label}: {text}")?;
+        }
+        if let Some(source) = &self.source {
+            write!(f, "\n  cause: {source}")?;
+        }
+        for (label, text) in help {
+            write!(f, "\n  {label}: {text}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.source.as_deref().map(|source| source as _)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_says_where_before_what_to_do() {
+        let error = Error::input("no depth").help("enable the Z pass").in_file(Path::new("a.exr"));
+        assert_eq!(error.to_string(), "no depth\n  in: a.exr\n  help: enable the Z pass");
+    }
+}

@@ -1,0 +1,23 @@
+//! Depth of field for renders, after the render.
+//!
+//! A pinhole render, kept as a stack of depth peels, becomes the picture a real lens would have taken. Data flows one
+//! way, and so do the modules:
+//!
+//! | step | module | from → to |
+//! | --- | --- | --- |
+//! | read | [`stack`] | files → [`stack::Stack`] |
+//! | lens | [`lens`] | settings → [`lens::ThinLens`], [`lens::Aperture`] |
+//! | look, decide | [`scene`] | stack + lens → [`scene::Scene`] → [`scene::Plan`] |
+//! | blur | [`methods`] | scene + plan → [`image::Image`] |
+//! | write | [`output`] | picture → EXR, PNG, report |
+
+pub mod error;
+pub mod image;
+pub mod settings;
+pub mod stack;
+pub mod lens;
+pub mod scene;
+pub mod methods;
+pub mod gpu;
+pub mod output;
+pub mod metrics;

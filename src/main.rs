@@ -1,0 +1,3 @@
+//! The `thinlens` program: parse, run, print the error chain, exit code.
+
+fn main() {}

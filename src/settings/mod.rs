@@ -1,0 +1,183 @@
+//! Every value the user can set, and where it came from.
+//!
+//! A value comes from: built-in default < camera data in the header < preset < flags. Each of these is one [`Values`];
+//! [`Settings::resolve`] lays them over one another and keeps the [`Origin`] of each value that won.
+
+mod parameters;
+mod preset;
+
+pub use parameters::{AccumulateParameters, MethodParameters, ShearParameters};
+pub use preset::{BUILT_IN, BuiltIn, Preset};
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Where a value came from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "from", content = "name")]
+pub enum Origin {
+    /// The built-in default.
+    Default,
+    /// An attribute of the input's header.
+    Header,
+    /// A preset, by name or file.
+    Preset(String),
+    /// A command-line flag.
+    Flag,
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Default => f.write_str("default"),
+            Self::Header => f.write_str("header"),
+            Self::Preset(name) => write!(f, "preset {name}"),
+            Self::Flag => f.write_str("flag"),
+        }
+    }
+}
+
+/// A value with its origin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Sourced<T> {
+    /// The value.
+    pub value: T,
+    /// Where it came from.
+    pub origin: Origin,
+}
+
+/// What the lens is focused on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Focus {
+    /// Planar distance in the stack's depth units.
+    Distance(f32),
+    /// What the picture shows at this pixel of the display window (x from the left, y from the top).
+    Point([f32; 2]),
+    /// What the picture shows at its centre.
+    Centre,
+}
+
+/// How far behind the lens the sensor stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorDistance {
+    /// At the focal length, whatever the focus: Blender and Mitsuba.
+    FocalLength,
+    /// At the image distance of the thin lens, `f·z_f / (z_f − f)`: a real camera.
+    ThinLens,
+}
+
+/// How depth is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DepthConvention {
+    /// Distance from the lens plane along the optical axis (Blender).
+    Planar,
+    /// Distance along the ray, counted from the near clip plane (Mitsuba).
+    Ray,
+    /// One over planar depth.
+    Inverse,
+    /// 0 at the near plane to 1 at the far plane, linear in planar depth.
+    Normalised,
+}
+
+/// One layer of settings: what it leaves open is `None`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Values {
+    /// Focal length in millimetres.
+    pub focal_length_mm: Option<f32>,
+    /// Focal length over aperture diameter.
+    pub f_number: Option<f32>,
+    /// What is in focus.
+    pub focus: Option<Focus>,
+    /// Width of the display window on the sensor in millimetres.
+    pub sensor_width_mm: Option<f32>,
+    /// How far behind the lens the sensor stands.
+    pub sensor_distance: Option<SensorDistance>,
+    /// Number of aperture blades, 0 for a disc.
+    pub blades: Option<u32>,
+    /// Rotation of the aperture in degrees, anticlockwise as seen in the picture behind focus.
+    pub rotation_deg: Option<f32>,
+    /// How depth is written; `None` also when the preset says `auto`.
+    pub convention: Option<DepthConvention>,
+    /// Length of one depth unit in metres.
+    pub metres_per_unit: Option<f32>,
+    /// [`DepthConvention::Ray`] only: where the renderer starts to count, in depth units.
+    pub near_clip: Option<f32>,
+    /// [`DepthConvention::Normalised`] only: planar depth of 0, in depth units.
+    pub near: Option<f32>,
+    /// [`DepthConvention::Normalised`] only: planar depth of 1, in depth units.
+    pub far: Option<f32>,
+    /// Samples a picture pixel along each axis.
+    pub supersample: Option<usize>,
+    /// Name of the method, or `auto`.
+    pub method: Option<String>,
+    /// Number of lens samples a pixel.
+    pub views: Option<usize>,
+}
+
+/// All values, each with its origin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Settings {
+    /// See [`Values::focal_length_mm`].
+    pub focal_length_mm: Sourced<f32>,
+    /// See [`Values::f_number`].
+    pub f_number: Sourced<f32>,
+    /// See [`Values::focus`].
+    pub focus: Sourced<Focus>,
+    /// See [`Values::sensor_width_mm`].
+    pub sensor_width_mm: Sourced<f32>,
+    /// See [`Values::sensor_distance`].
+    pub sensor_distance: Sourced<SensorDistance>,
+    /// See [`Values::blades`].
+    pub blades: Sourced<u32>,
+    /// See [`Values::rotation_deg`].
+    pub rotation_deg: Sourced<f32>,
+    /// See [`Values::metres_per_unit`].
+    pub metres_per_unit: Sourced<f32>,
+    /// See [`Values::near_clip`].
+    pub near_clip: Sourced<f32>,
+    /// See [`Values::near`].
+    pub near: Sourced<f32>,
+    /// See [`Values::far`].
+    pub far: Sourced<f32>,
+    /// See [`Values::method`].
+    pub method: Sourced<String>,
+    /// See [`Values::views`]; `None` leaves it to the method.
+    pub views: Sourced<Option<usize>>,
+    /// The methods' own parameters.
+    pub parameters: MethodParameters,
+}
+
+impl Settings {
+    /// Lays `layers` over the built-in defaults, later ones on top.
+    pub fn resolve(layers: &[(Origin, &Values)], parameters: MethodParameters) -> Self {
+        fn pick<T: Clone>(
+            layers: &[(Origin, &Values)],
+            default: T,
+            field: impl Fn(&Values) -> Option<T>,
+        ) -> Sourced<T> {
+            let set = |(origin, values): &(Origin, &Values)| {
+                field(values).map(|value| Sourced { value, origin: origin.clone() })
+            };
+            layers.iter().rev().find_map(set).unwrap_or(Sourced { value: default, origin: Origin::Default })
+        }
+        Self {
+            focal_length_mm: pick(layers, 50.0, |v| v.focal_length_mm),
+            f_number: pick(layers, 2.8, |v| v.f_number),
+            focus: pick(layers, Focus::Centre, |v| v.focus),
+            sensor_width_mm: pick(layers, 36.0, |v| v.sensor_width_mm),
+            sensor_distance: pick(layers, SensorDistance::FocalLength, |v| v.sensor_distance),
+            blades: pick(layers, 0, |v| v.blades),
+            rotation_deg: pick(layers, 0.0, |v| v.rotation_deg),
+            metres_per_unit: pick(layers, 1.0, |v| v.metres_per_unit),
+            near_clip: pick(layers, 0.0, |v| v.near_clip),
+            near: pick(layers, 0.0, |v| v.near),
+            far: pick(layers, 1.0, |v| v.far),
+            method: pick(layers, "auto".to_owned(), |v| v.method.clone()),
+            views: pick(layers, None, |v| v.views.map(Some)),
+            parameters,
+        }
+    }
+}

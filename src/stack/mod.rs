@@ -1,0 +1,153 @@
+//! READ: files in, a [`Stack`] out.
+//!
+//! Knows every file format and naming convention of the input, and nothing of lenses: depth stays in the convention it
+//! was written in, with a note of which one that is ([`Stack::depth`]). Nothing here guesses without saying so: every
+//! conclusion drawn from a file is a [`Finding`].
+
+pub mod depth;
+mod names;
+mod read;
+
+pub use read::{Carry, ReadOptions, Source, read, read_picture};
+
+use crate::image::Plane;
+use crate::settings::{DepthConvention, Values};
+
+/// One depth-peel layer: what a ray through each pixel centre meets at its `n`-th hit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Peel {
+    /// Red, green, blue: scene-linear, premultiplied by `alpha`.
+    pub color: [Plane; 3],
+    /// Coverage or opacity, 0 … 1. Where it is 0 the peel is empty.
+    pub alpha: Plane,
+    /// Depth in the stack's convention and units, as it stood in the file.
+    pub depth: Plane,
+}
+
+/// A rectangle of pixels; `x`, `y` is its top left corner and may be negative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Left edge.
+    pub x: i32,
+    /// Top edge.
+    pub y: i32,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+}
+
+/// Where the pixels lie: the planes of a stack are the data window, the sensor is the display window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// The pixels present, overscan and crop included.
+    pub data: Window,
+    /// The picture's frame, as wide as the sensor.
+    pub display: Window,
+    /// Width of a pixel divided by its height.
+    pub pixel_aspect: f32,
+}
+
+/// What a stack's fragments stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StackKind {
+    /// One anti-aliased picture with one depth sample a pixel; nothing is known behind it.
+    BeautyDepth,
+    /// Peels with one sample a pixel: alpha is 0 or 1.
+    PointSampled,
+    /// Peels whose alpha is the share of the pixel they cover.
+    Coverage,
+    /// Point-sampled peels at a multiple of the picture's resolution.
+    Supersampled,
+    /// A renderer's own anti-aliased peels: peel 0 mixes front with back, deeper peels have alpha without depth.
+    RendererAntialiased,
+}
+
+/// Numeric type of the input's colour channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 16-bit floating point.
+    Half,
+    /// 32-bit floating point.
+    Float,
+}
+
+/// A conclusion drawn from the input, with its reason, to be shown to the user.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Finding {
+    /// What it is about: `depth`, `kind`, `peels` …
+    pub about: &'static str,
+    /// What was concluded, and why.
+    pub text: String,
+    /// Whether the user should look: shown as a warning.
+    pub warning: bool,
+}
+
+/// A channel that is neither colour nor depth of a peel, kept as it was to be written beside the picture.
+#[derive(Debug, Clone)]
+pub struct CarriedChannel {
+    /// Full name, dotted prefix included.
+    pub name: String,
+    /// Samples of the data window in their own type.
+    pub samples: exr::image::FlatSamples,
+    /// Whether the samples are perceptually linear (an EXR channel flag).
+    pub quantize_linearly: bool,
+}
+
+/// What travels from input to output untouched.
+#[derive(Debug, Clone, Default)]
+pub struct Carried {
+    /// Channels that no peel uses.
+    pub channels: Vec<CarriedChannel>,
+    /// Header attributes, known and unknown, that still hold for the output.
+    pub attributes: Vec<(exr::meta::attribute::Text, exr::meta::attribute::AttributeValue)>,
+}
+
+/// A depth-peel stack as it was read.
+#[derive(Debug, Clone)]
+pub struct Stack {
+    /// The peels, nearest first, all of the data window's size.
+    pub peels: Vec<Peel>,
+    /// Data and display window, in the pixels of the planes.
+    pub frame: Frame,
+    /// How [`Peel::depth`] is to be read.
+    pub convention: DepthConvention,
+    /// What the fragments stand for.
+    pub kind: StackKind,
+    /// Samples a picture pixel along each axis: 1, or S for [`StackKind::Supersampled`].
+    pub supersample: usize,
+    /// Numeric type of the colour channels.
+    pub precision: Precision,
+    /// Camera data found in the header; a layer of settings below the preset.
+    pub camera: Values,
+    /// Channels and attributes to hand on.
+    pub carried: Carried,
+    /// What was concluded while reading.
+    pub findings: Vec<Finding>,
+}
+
+impl Finding {
+    /// A conclusion worth a line.
+    pub fn note(about: &'static str, text: impl Into<String>) -> Self {
+        Self { about, text: text.into(), warning: false }
+    }
+
+    /// A conclusion the user should look at.
+    pub fn warning(about: &'static str, text: impl Into<String>) -> Self {
+        Self { about, text: text.into(), warning: true }
+    }
+}
+
+impl Stack {
+    /// Width of the planes in samples.
+    pub fn width(&self) -> usize {
+        self.frame.data.width
+    }
+
+    /// Height of the planes in samples.
+    pub fn height(&self) -> usize {
+        self.frame.data.height
+    }
+}

@@ -1,0 +1,1 @@
+//! The naming table: which channel names mean which role of which peel.
