@@ -52,24 +52,26 @@ fn waves(k: usize) -> Image {
     })
 }
 
+/// The colour of a sample picture, whatever group its channels are in.
 fn sample(name: &str) -> Image {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name);
     let picture = read()
         .no_deep_data()
         .largest_resolution_level()
-        .rgb_channels(
-            |size, _| Image::transparent(size.width(), size.height()),
-            |image: &mut Image, at, (r, g, b): (f32, f32, f32)| {
-                for (plane, value) in image.planes.iter_mut().zip([r, g, b]) {
-                    plane.set(at.x(), at.y(), value);
-                }
-            },
-        )
+        .all_channels()
         .first_valid_layer()
         .all_attributes()
         .from_file(path)
         .unwrap();
-    picture.layer_data.channel_data.pixels
+    let layer = picture.layer_data;
+    let mut image = Image::transparent(layer.size.width(), layer.size.height());
+    for (plane, suffix) in image.planes.iter_mut().zip(["R", "G", "B"]) {
+        let mut channels = layer.channel_data.list.iter();
+        let channel = channels.find(|channel| channel.name.to_string().ends_with(suffix)).unwrap();
+        let values = channel.sample_data.values_as_f32();
+        plane.values_mut().iter_mut().zip(values).for_each(|(out, value)| *out = value);
+    }
+    image
 }
 
 #[test]
