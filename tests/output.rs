@@ -1,5 +1,7 @@
 //! What is written reads back: through the EXR and PNG libraries' own readers, not through ours.
 
+#![expect(clippy::unwrap_used, reason = "a fixture that fails, fails its test")]
+
 use exr::image::{AnyChannel, FlatSamples};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{ReadChannels as _, ReadLayers as _, read};

@@ -59,7 +59,7 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Target) -> Result<(), Error
     }
 }
 
-/// Checks, before the work begins, that [`write`] can put a file at `path`.
+/// Checks, before the work begins, that [`write()`] can put a file at `path`.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Output`] if the folder is missing, is no folder or takes no new file, and if `path` is a

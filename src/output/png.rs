@@ -28,7 +28,7 @@ struct Pixels {
 /// divided by alpha, because PNG keeps the two apart; light without any alpha is lost there.
 ///
 /// # Errors
-/// As [`atomic::write`].
+/// As [`atomic::write()`].
 pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Error> {
     let gain = exposure_stops.exp2();
     let opaque = image.planes[3].values().iter().all(|&alpha| to_8_bit(alpha) == u8::MAX);
@@ -48,7 +48,7 @@ pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Erro
 /// Writes `images` from left to right with a narrow grey strip between them, over black, aligned at the top.
 ///
 /// # Errors
-/// As [`atomic::write`], and if there is no picture.
+/// As [`atomic::write()`], and if there is no picture.
 pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -> Result<(), Error> {
     let gain = exposure_stops.exp2();
     let height = images.iter().map(|image| image.height()).max().unwrap_or(0);

@@ -176,7 +176,7 @@ impl Report {
 /// Writes `value` as indented JSON to the file `path` (`-`: standard output). Numbers that JSON lacks become `null`.
 ///
 /// # Errors
-/// As [`atomic::write`].
+/// As [`atomic::write()`].
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
     let mut text = serde_json::to_string_pretty(value).map_err(|error| {
         Error::output("the report cannot be written as JSON").in_file(path).caused_by(error)

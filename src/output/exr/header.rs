@@ -26,7 +26,7 @@ const STRUCTURAL: [&[u8]; 13] = [
     standard_names::DEEP_DATA_VERSION,
     standard_names::CHUNKS,
     standard_names::MAX_SAMPLES,
-    b"dwaCompressionLevel",
+    standard_names::DWA_COMPRESSION_LEVEL,
 ];
 
 /// Names from this many bytes on need [`LONG_NAMES`].

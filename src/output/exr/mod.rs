@@ -43,7 +43,7 @@ pub struct ExrOptions {
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Output`] for a picture of another size than its frame, a frame that EXR cannot express, and
-/// for the errors of [`atomic::write`].
+/// for the errors of [`atomic::write()`].
 pub fn write(
     path: &Path,
     image: &Image,
