@@ -125,6 +125,9 @@ fn destination(path: &Path) -> Result<Destination, Error> {
     if path == Path::new("-") {
         return Ok(Destination::Stdout);
     }
+    if path.to_string_lossy().ends_with(std::path::is_separator) {
+        return Err(is_a_folder(path));
+    }
     match path.metadata() {
         Ok(metadata) => existing(path, &metadata),
         Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
@@ -135,11 +138,13 @@ fn destination(path: &Path) -> Result<Destination, Error> {
     }
 }
 
+fn is_a_folder(path: &Path) -> Error {
+    Error::output("the output is a folder").in_file(path).help("give -o the name of a file in that folder")
+}
+
 fn existing(path: &Path, metadata: &Metadata) -> Result<Destination, Error> {
     if metadata.is_dir() {
-        return Err(Error::output("the output is a folder")
-            .in_file(path)
-            .help("give -o the name of a file in that folder"));
+        return Err(is_a_folder(path));
     }
     if !metadata.is_file() {
         return Ok(Destination::Device);
@@ -273,6 +278,8 @@ mod tests {
     fn a_folder_or_a_protected_file_is_no_output() {
         let folder = tempfile::tempdir().unwrap();
         assert!(check_writable(folder.path()).unwrap_err().to_string().contains("is a folder"));
+        let named_as_one = folder.path().join("new/");
+        assert!(check_writable(&named_as_one).unwrap_err().to_string().contains("is a folder"));
         let file = folder.path().join("file");
         fs::write(&file, "kept").unwrap();
         assert!(check_writable(&file.join("a.exr")).unwrap_err().to_string().contains("folder"));
