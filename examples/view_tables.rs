@@ -93,7 +93,8 @@ fn ordered(points: &[Point]) -> Vec<Point> {
             sum - (lens * (a.0 - b.0) + pixel * (a.1 - b.1)).length() / (lens + pixel)
         })
     };
-    let mean: Vec<f32> = points.iter().map(|a| points.iter().map(|b| kernel(a, b)).sum::<f32>() / n as f32).collect();
+    let mean: Vec<f32> =
+        points.iter().map(|a| points.iter().map(|b| kernel(a, b)).sum::<f32>() / n as f32).collect();
     let mut chosen_sum = vec![0.0f32; n];
     let mut left: Vec<usize> = (0..n).collect();
     let mut result = Vec::with_capacity(n);

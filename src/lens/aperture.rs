@@ -108,7 +108,9 @@ mod tests {
     use crate::lens::views;
 
     fn shapes() -> impl Iterator<Item = Aperture> {
-        [(0, 0.0), (3, 0.0), (5, 17.0), (6, 0.0), (8, -40.0)].into_iter().map(|(n, deg)| Aperture::new(n, deg).unwrap())
+        [(0, 0.0), (3, 0.0), (5, 17.0), (6, 0.0), (8, -40.0)]
+            .into_iter()
+            .map(|(n, deg)| Aperture::new(n, deg).unwrap())
     }
 
     #[test]
@@ -120,7 +122,11 @@ mod tests {
                 .filter(|i| shape.depth_inside(Vec2::new(grid(i % n), grid(i / n)), 1.0) > 0.0)
                 .count();
             let area = 4.0 * inside as f32 / (n * n) as f32;
-            assert!((area - shape.area()).abs() < 2e-3, "{shape:?}: {area} counted, {} claimed", shape.area());
+            assert!(
+                (area - shape.area()).abs() < 2e-3,
+                "{shape:?}: {area} counted, {} claimed",
+                shape.area()
+            );
         }
     }
 
@@ -143,7 +149,10 @@ mod tests {
         let shape = Aperture::new(3, 0.0).unwrap();
         // Behind focus a point q lights p = q − c·u, so the picture shows −u: a corner to the left, at u = (1, 0).
         assert!(shape.depth_inside(Vec2::new(0.99, 0.0), 1.0) > 0.0, "corner to the left in the picture");
-        assert!(shape.depth_inside(Vec2::new(-0.51, 0.0), 1.0) < 0.0, "side to the right, at half the radius");
+        assert!(
+            shape.depth_inside(Vec2::new(-0.51, 0.0), 1.0) < 0.0,
+            "side to the right, at half the radius"
+        );
         assert!(shape.depth_inside(Vec2::new(-0.99, 0.0), -1.0) > 0.0, "turned by 180° in front of focus");
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Layer, OPAQUE_ALPHA, Scene};
 use crate::stack::StackKind;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Number of half-stop steps of brightness that [`Facts::bright`] counts, from 1/4 up.
@@ -68,8 +69,10 @@ impl Scene {
     pub fn facts(&self) -> Facts {
         let rows: Vec<(&Layer, usize)> =
             self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
+        let arch = Arch::new();
         // Summed in row order, so that no number depends on how the rows were shared out among threads.
-        let tallies: Vec<Tally> = rows.par_iter().map(|&(layer, y)| row(layer, y)).collect();
+        let tallies: Vec<Tally> =
+            rows.par_iter().map(|&(layer, y)| arch.dispatch(LookAtRow { layer, y })).collect();
         let tally = tallies.into_iter().fold(Tally::default(), Tally::add);
         let range = tally.coc_range_px;
         Facts {
@@ -89,33 +92,56 @@ impl Scene {
 
     fn open_samples(&self) -> usize {
         let open = |y: usize| {
-            let rows: Vec<&[f32]> = self.layers.iter().map(|layer| layer.alpha.row(y)).collect();
-            (0..self.width()).filter(|&x| rows.iter().all(|row| row[x] <= 0.0)).count()
+            let is_open = |x: &usize| self.layers.iter().all(|layer| layer.alpha.row(y)[*x] <= 0.0);
+            let closed =
+                self.layers.first().is_some_and(|layer| layer.alpha.row(y).iter().all(|&alpha| alpha > 0.0));
+            if closed { 0 } else { (0..self.width()).filter(is_open).count() }
         };
         (0..self.height()).into_par_iter().map(open).sum()
     }
 }
 
-/// Looks at row `y` of `layer`.
-fn row(layer: &Layer, y: usize) -> Tally {
-    let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
-    let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
-    let mut tally = Tally::default();
-    let mut brightest = 0f32;
-    for x in 0..alpha.len() {
-        let present = alpha[x] > 0.0;
-        let [near, far] = &mut tally.coc_range_px;
-        *near = near.min(if present { coc[x] } else { f32::INFINITY });
-        *far = far.max(if present { coc[x] } else { f32::NEG_INFINITY });
-        tally.fragments += usize::from(present);
-        tally.translucent += usize::from(present & (alpha[x] < OPAQUE_ALPHA));
-        tally.focused += usize::from(present & (coc[x].abs() < 1.0));
-        brightest = brightest.max(red[x]).max(green[x]).max(blue[x]);
+/// Looks at row `y` of `layer`; to be compiled for each instruction set.
+struct LookAtRow<'a> {
+    layer: &'a Layer,
+    y: usize,
+}
+
+impl NullaryFnOnce for LookAtRow<'_> {
+    type Output = Tally;
+
+    #[inline(always)]
+    fn call(self) -> Tally {
+        let Self { layer, y } = self;
+        let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
+        let [red, green, blue] = &layer.color;
+        let (red, green, blue) = (red.row(y), green.row(y), blue.row(y));
+        let [mut near, mut far] = [f32::INFINITY, f32::NEG_INFINITY];
+        let (mut fragments, mut translucent, mut focused, mut bright) = (0u32, 0u32, 0u32, false);
+        for (&alpha, &coc) in alpha.iter().zip(coc) {
+            let present = alpha > 0.0;
+            near = if present & (coc < near) { coc } else { near };
+            far = if present & (coc > far) { coc } else { far };
+            fragments += u32::from(present);
+            translucent += u32::from(present & (alpha < OPAQUE_ALPHA));
+            focused += u32::from(present & (coc.abs() < 1.0));
+        }
+        for ((&red, &green), &blue) in red.iter().zip(green).zip(blue) {
+            let floor = bright_step_floor(0);
+            bright |= (red >= floor) | (green >= floor) | (blue >= floor);
+        }
+        let mut tally = Tally {
+            coc_range_px: [near, far],
+            fragments: fragments as usize,
+            translucent: translucent as usize,
+            focused: focused as usize,
+            ..Tally::default()
+        };
+        if bright {
+            tally.count_bright([red, green, blue], alpha, coc);
+        }
+        tally
     }
-    if brightest >= bright_step_floor(0) {
-        tally.count_bright([red, green, blue], alpha, coc);
-    }
-    tally
 }
 
 impl Default for Tally {

@@ -86,7 +86,8 @@ impl Plan {
             "auto" => ("shear".to_owned(), "auto: nothing known is as accurate in as little time".to_owned()),
             named => (named.to_owned(), format!("asked for by {}", settings.method.origin)),
         };
-        let own_count = if method == "accumulate" { parameters.accumulate.rays } else { parameters.shear.views };
+        let own_count =
+            if method == "accumulate" { parameters.accumulate.rays } else { parameters.shear.views };
         let views = settings.views.value.unwrap_or(own_count);
         if views == 0 || views > MAX_VIEWS {
             return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
@@ -149,7 +150,8 @@ fn blur(facts: &Facts) -> Effect {
     let largest = largest_coc(facts);
     let [near, far] = facts.coc_range_px;
     if largest <= BLUR_FROM_PX {
-        let reason = format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
+        let reason =
+            format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
         return effect(EffectKind::Blur, false, reason);
     }
     effect(EffectKind::Blur, true, format!("CoC radii from {near:.1} (near) to {far:.1} px (far)"))
@@ -183,14 +185,22 @@ fn highlights(facts: &Facts, wanted: f32) -> (f32, Effect) {
         (area, count, threshold) = (with_area, with_count, floor.max(wanted));
     }
     if count == 0 {
-        let any = facts.bright.iter().enumerate().any(|(i, b)| bright_step_floor(i + 1) > wanted && b.fragments > 0);
+        let any = facts
+            .bright
+            .iter()
+            .enumerate()
+            .any(|(i, b)| bright_step_floor(i + 1) > wanted && b.fragments > 0);
         return off(if any {
             "the bright parts are areas, not points: the views carry them"
         } else {
             "no blurred fragment is brighter than the threshold"
         });
     }
-    let raised = if threshold > wanted { format!(" (raised from {wanted} to stay within budget)") } else { String::new() };
+    let raised = if threshold > wanted {
+        format!(" (raised from {wanted} to stay within budget)")
+    } else {
+        String::new()
+    };
     let reason = format!("{count} blurred fragments brighter than {threshold:.2}{raised}");
     (threshold, effect(EffectKind::Highlights, true, reason))
 }
@@ -217,7 +227,9 @@ fn translucency(facts: &Facts) -> Effect {
 fn open_background(facts: &Facts) -> Effect {
     let count = facts.open_samples;
     let reason = match count {
-        0 => "something is behind every pixel: lens rays that find nothing are left out of the mean".to_owned(),
+        0 => {
+            "something is behind every pixel: lens rays that find nothing are left out of the mean".to_owned()
+        }
         _ => format!("{count} pixels show nothing at all: the picture keeps its transparency"),
     };
     effect(EffectKind::OpenBackground, count > 0, reason)

@@ -27,9 +27,13 @@ impl DepthScale {
         for (i, d) in depth.iter_mut().enumerate() {
             let x = x0 + i as f32;
             let v = *d;
-            *d = if !(v > 0.0 && v < 1e9) { f32::INFINITY } else if self.convention == DepthConvention::Ray {
+            *d = if !(v > 0.0 && v < 1e9) {
+                f32::INFINITY
+            } else if self.convention == DepthConvention::Ray {
                 v * self.focal_px / (self.focal_px * self.focal_px + x * x + y * y).sqrt() + self.near_clip
-            } else { v };
+            } else {
+                v
+            };
         }
     }
 }

@@ -26,8 +26,7 @@ pub(super) struct Bins {
 fn position(c: f32, width_px: f32) -> f32 {
     let linear_to = width_px / GROWTH;
     let size = c.abs();
-    let steps =
-        if size <= linear_to { size / width_px } else { (1.0 + (size / linear_to).ln()) / GROWTH };
+    let steps = if size <= linear_to { size / width_px } else { (1.0 + (size / linear_to).ln()) / GROWTH };
     steps.copysign(c)
 }
 
@@ -35,11 +34,8 @@ fn position(c: f32, width_px: f32) -> f32 {
 fn radius(b: f32, width_px: f32) -> f32 {
     let linear_to = 1.0 / GROWTH;
     let steps = b.abs();
-    let size = if steps <= linear_to {
-        steps * width_px
-    } else {
-        width_px / GROWTH * (steps * GROWTH - 1.0).exp()
-    };
+    let size =
+        if steps <= linear_to { steps * width_px } else { width_px / GROWTH * (steps * GROWTH - 1.0).exp() };
     size.copysign(b)
 }
 

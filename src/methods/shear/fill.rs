@@ -9,7 +9,7 @@ use crate::image::Plane;
 use rayon::prelude::*;
 
 /// What lies within this of the farthest radius belongs to the farthest cluster, in picture pixels.
-const CLUSTER_PX: f32 = 2.5;
+const CLUSTER_PX: f32 = 1.0;
 
 /// Levels of the pyramid at most.
 const LEVELS: usize = 9;
@@ -47,14 +47,19 @@ pub(super) fn guess(surfaces: &[Surface<'_>]) -> Option<Surface<'static>> {
             last_coc(surfaces, x, y).map_or(Cell::default(), |coc| behind(&levels, x, y, coc))
         })
         .collect();
-    let plane = |value: &dyn Fn(&Cell) -> f32| Plane::from_fn(width, height, |x, y| value(&cells[y * width + x]));
+    let plane =
+        |value: &dyn Fn(&Cell) -> f32| Plane::from_fn(width, height, |x, y| value(&cells[y * width + x]));
     let color = std::array::from_fn(|k| plane(&|cell| cell.color[k]));
     Some(Surface::made(&color, plane(&|cell| cell.weight), plane(&|cell| cell.coc_px)))
 }
 
 /// CoC radius of the last fragment at `x, y`.
 fn last_coc(surfaces: &[Surface<'_>], x: usize, y: usize) -> Option<f32> {
-    surfaces.iter().rev().find(|surface| surface.alpha.get(x, y) > 0.0).map(|surface| surface.coc_px.get(x, y))
+    surfaces
+        .iter()
+        .rev()
+        .find(|surface| surface.alpha.get(x, y) > 0.0)
+        .map(|surface| surface.coc_px.get(x, y))
 }
 
 fn base(surface: &Surface<'_>) -> Level {
@@ -66,7 +71,7 @@ fn base(surface: &Surface<'_>) -> Level {
             if alpha <= 0.0 {
                 return Cell::default();
             }
-            let color = surface.color.each_ref().map(|plane| plane.row(y)[x] / alpha);
+            let color = surface.color.pixel(x, y).map(|value| value / alpha);
             Cell { color, coc_px: surface.coc_px.get(x, y), weight: 1.0 }
         })
         .collect();
@@ -93,7 +98,9 @@ fn farthest_cluster(children: &[Cell]) -> Cell {
     let present = || children.iter().filter(|cell| cell.weight > 0.0);
     let farthest = present().map(|cell| cell.coc_px).fold(f32::NEG_INFINITY, f32::max);
     let mut mean = Mean::default();
-    present().filter(|cell| cell.coc_px >= farthest - CLUSTER_PX).for_each(|cell| mean.add(cell, cell.weight));
+    present()
+        .filter(|cell| cell.coc_px >= farthest - CLUSTER_PX)
+        .for_each(|cell| mean.add(cell, cell.weight));
     // A cluster of one far pixel still counts a little on the coarsest level.
     mean.cell((mean.weight / children.len() as f32).max(0.05))
 }
@@ -103,7 +110,8 @@ fn behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
     let mut size = 1.0;
     for level in &levels[1..] {
         size *= 2.0;
-        let mean = level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CLUSTER_PX);
+        let mean =
+            level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CLUSTER_PX);
         if mean.weight > 1e-4 {
             let cell = mean.cell(1.0);
             // A ray that passes a fragment at `coc` reaches `coc_px` at most their difference away.

@@ -8,7 +8,7 @@
 
 use super::bins::Bins;
 use super::runs::{Run, Runs};
-use super::surfaces::{PaddedPlane, Surface};
+use super::surfaces::{Padded, Surface};
 use crate::image::Image;
 use crate::lens::Aperture;
 use glam::Vec2;
@@ -53,8 +53,8 @@ fn extract_from(surface: &mut Surface<'_>, threshold: f32, supersample: usize) -
     found
         .into_iter()
         .map(|(x, y, base)| {
-            let color = surface.color.each_ref().map(|plane| plane.row(y)[x]);
-            surface.color.iter_mut().zip(base).for_each(|(plane, value)| plane.set(x, y, value));
+            let color = surface.color.pixel(x, y);
+            surface.color.set_pixel(x, y, base);
             Highlight {
                 place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
                 coc_px: surface.coc_px.get(x, y),
@@ -70,7 +70,7 @@ fn brightness(color: [f32; 3]) -> f32 {
 
 /// Columns of row `y` that hold a highlight.
 fn flagged(surface: &Surface<'_>, y: usize, threshold: f32) -> Vec<usize> {
-    let [red, green, blue] = surface.color.each_ref().map(|plane| plane.row(y));
+    let [red, green, blue] = [0, 1, 2].map(|k| surface.color.row(k, y));
     let (alpha, coc) = (surface.alpha.row(y), surface.coc_px.row(y));
     let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
     (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > LEAST_COC_PX).collect()
@@ -79,12 +79,11 @@ fn flagged(surface: &Surface<'_>, y: usize, threshold: f32) -> Vec<usize> {
 /// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, never more than the fragment's own;
 /// where there are none, the fragment's own colour at the threshold.
 fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f32; 3] {
-    let color = |x: usize, y: usize| surface.color.each_ref().map(|plane| plane.row(y)[x]);
-    let own = color(x, y);
+    let own = surface.color.pixel(x, y);
     let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
     for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(surface.height() - 1) {
         for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(surface.width() - 1) {
-            let (near, alpha) = (color(nx, ny), surface.alpha.get(nx, ny));
+            let (near, alpha) = (surface.color.pixel(nx, ny), surface.alpha.get(nx, ny));
             if alpha > 0.0 && brightness(near) <= threshold {
                 sum.iter_mut().zip(near).for_each(|(sum, value)| *sum += value);
                 alpha_sum += alpha;
@@ -106,11 +105,16 @@ pub(super) struct Occluders<'a> {
     /// Their bins.
     pub(super) bins: &'a Bins,
     /// Coverage of the surfaces; empty when every fragment is opaque.
-    pub(super) alpha: &'a [PaddedPlane],
+    pub(super) alpha: &'a [Padded<1>],
 }
 
 /// Adds the discs of `highlights` to `image`.
-pub(super) fn draw(image: &mut Image, highlights: &[Highlight], aperture: Aperture, occluders: &Occluders<'_>) {
+pub(super) fn draw(
+    image: &mut Image,
+    highlights: &[Highlight],
+    aperture: Aperture,
+    occluders: &Occluders<'_>,
+) {
     let (width, height) = (image.width(), image.height());
     let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, aperture)).collect();
     let [red, green, blue, _] = &mut image.planes;
@@ -125,7 +129,8 @@ pub(super) fn draw(image: &mut Image, highlights: &[Highlight], aperture: Apertu
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
-                    let row = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
+                    let row =
+                        [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
                     disc.draw_row(y, row, occluders, &mut seen);
                 }
             }
@@ -168,7 +173,10 @@ impl<'a> Disc<'a> {
     fn summed_coverage(&self) -> f32 {
         let (place, reach) = (self.highlight.place, self.reach());
         let range = |centre: f32| (centre - reach).ceil() as i32..=(centre + reach).floor() as i32;
-        range(place.y).flat_map(|y| range(place.x).map(move |x| (x, y))).map(|(x, y)| self.coverage(x as f32, y as f32)).sum()
+        range(place.y)
+            .flat_map(|y| range(place.x).map(move |x| (x, y)))
+            .map(|(x, y)| self.coverage(x as f32, y as f32))
+            .sum()
     }
 
     fn touches(&self, first_row: usize, end_row: usize) -> bool {
@@ -225,7 +233,7 @@ impl<'a> Disc<'a> {
             }
             let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
             for run in occluders.runs.rows[row].of_bin(bin) {
-                let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(row));
+                let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(0, row));
                 hide_behind(run, map, first, seen, alpha);
             }
         }

@@ -37,15 +37,19 @@ struct Cluster {
 
 /// Merges `surfaces`, `supersample` samples a pixel along each axis, into as many coverage surfaces.
 pub(super) fn merge(surfaces: &[Surface<'_>], supersample: usize) -> Vec<Surface<'static>> {
-    let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
+    let (width, height) =
+        surfaces.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
     let layers = surfaces.len();
     let mut clusters = vec![Cluster::default(); width * height * layers];
-    clusters.par_chunks_mut((width * layers).max(1)).enumerate().for_each_init(Vec::new, |fragments, (y, row)| {
-        for (x, pixel) in row.chunks_mut(layers).enumerate() {
-            gather(surfaces, x, y, supersample, fragments);
-            cluster(fragments, (supersample * supersample) as f32, pixel);
-        }
-    });
+    clusters.par_chunks_mut((width * layers).max(1)).enumerate().for_each_init(
+        Vec::new,
+        |fragments, (y, row)| {
+            for (x, pixel) in row.chunks_mut(layers).enumerate() {
+                gather(surfaces, x, y, supersample, fragments);
+                cluster(fragments, (supersample * supersample) as f32, pixel);
+            }
+        },
+    );
     (0..layers)
         .map(|layer| {
             let plane = |value: &dyn Fn(&Cluster) -> f32| {
@@ -65,8 +69,13 @@ fn gather(surfaces: &[Surface<'_>], x: usize, y: usize, supersample: usize, frag
             let (sx, sy) = (x * supersample + sample % supersample, y * supersample + sample / supersample);
             let alpha = surface.alpha.get(sx, sy);
             if alpha > 0.0 {
-                let color = surface.color.each_ref().map(|plane| plane.row(sy)[sx]);
-                fragments.push(Fragment { color, alpha, coc_px: surface.coc_px.get(sx, sy), sample: sample as u32 });
+                let color = surface.color.pixel(sx, sy);
+                fragments.push(Fragment {
+                    color,
+                    alpha,
+                    coc_px: surface.coc_px.get(sx, sy),
+                    sample: sample as u32,
+                });
             }
         }
     }
@@ -105,7 +114,10 @@ fn cluster_length(fragments: &[Fragment]) -> usize {
         let gap = GAP_PX.max(GAP_SHARE * fragment.coc_px.abs());
         // Samples past the 64th of a pixel share a bit: at worst a cluster ends early.
         let bit = 1u64 << (fragment.sample % 64);
-        if fragment.coc_px - last >= gap || fragment.coc_px - first.coc_px >= GAPS_DEEP * gap || samples & bit != 0 {
+        if fragment.coc_px - last >= gap
+            || fragment.coc_px - first.coc_px >= GAPS_DEEP * gap
+            || samples & bit != 0
+        {
             // The first fragment has no gap to itself, no depth and no sample before it.
             return i;
         }
@@ -151,7 +163,10 @@ mod tests {
 
     #[test]
     fn an_edge_becomes_coverage_over_what_is_behind() {
-        let found = clusters(&[fragment(0, -9.0, 1.0), fragment(1, 4.0, 0.5), fragment(2, 4.0, 0.5), fragment(3, 4.0, 0.5)], 2);
+        let found = clusters(
+            &[fragment(0, -9.0, 1.0), fragment(1, 4.0, 0.5), fragment(2, 4.0, 0.5), fragment(3, 4.0, 0.5)],
+            2,
+        );
         assert_eq!((found[0].alpha, found[0].color[0]), (0.25, 0.25), "a quarter, premultiplied");
         assert_eq!((found[1].alpha, found[1].color[0]), (0.75, 0.375), "what the samples saw behind");
     }

@@ -42,7 +42,7 @@ use highlights::{Highlight, Occluders};
 use paint::{Canvas, RowSums};
 use pulp::Arch;
 use rayon::prelude::*;
-use surfaces::{PaddedPlane, Surface};
+use surfaces::{Padded, Surface};
 
 /// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
 const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
@@ -104,10 +104,10 @@ fn load<'a>(scene: &'a Scene, plan: &Plan) -> (Vec<Surface<'a>>, Vec<Highlight>)
 }
 
 /// Coverage in padded rows, if any fragment lets light through.
-fn padded_alpha(surfaces: &[Surface<'_>]) -> Vec<PaddedPlane> {
+fn padded_alpha(surfaces: &[Surface<'_>]) -> Vec<Padded<1>> {
     let translucent = |alpha: &f32| *alpha > 0.0 && *alpha < OPAQUE_ALPHA;
     if surfaces.iter().any(|surface| surface.alpha.values().par_iter().any(translucent)) {
-        surfaces.iter().map(|surface| PaddedPlane::copy_of(&surface.alpha)).collect()
+        surfaces.iter().map(|surface| Padded::copy_of([&surface.alpha])).collect()
     } else {
         Vec::new()
     }
@@ -119,15 +119,16 @@ fn paint(canvas: &Canvas<'_>, size: (usize, usize), plan: &Plan, progress: &Prog
     samples.iter_mut().for_each(|view| view.jitter *= plan.jitter);
     let open = plan.does(EffectKind::OpenBackground);
     let arch = Arch::new();
-    let [red, green, blue, alpha, focused_share] = planes_from_rows(size, progress, |y, planes: &mut [_; 5]| {
-        let mut sums = RowSums::new(size.0);
-        sums.add(canvas, y, &samples, arch);
-        for x in 0..size.0 {
-            let [r, g, b, a] = sums.pixel(x, open);
-            for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
-                plane[x] = value;
+    let [red, green, blue, alpha, focused_share] =
+        planes_from_rows(size, progress, |y, planes: &mut [_; 5]| {
+            let mut sums = RowSums::new(size.0);
+            sums.add(canvas, y, &samples, arch);
+            for x in 0..size.0 {
+                let [r, g, b, a] = sums.pixel(x, open);
+                for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
+                    plane[x] = value;
+                }
             }
-        }
-    });
+        });
     (Image { planes: [red, green, blue, alpha] }, focused_share)
 }

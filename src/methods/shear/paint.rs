@@ -15,9 +15,9 @@
 
 use super::bins::Bins;
 use super::runs::{Run, Runs};
-use super::surfaces::{LANES, PaddedPlane, Surface};
+use super::surfaces::{LANES, Padded, Surface};
 use crate::lens::View;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// A bit for each lane of a word.
@@ -38,7 +38,7 @@ pub(super) struct Canvas<'a> {
     /// The surfaces, nearest first.
     pub(super) surfaces: &'a [Surface<'a>],
     /// Their coverage in padded rows; empty when every fragment is opaque.
-    pub(super) alpha: &'a [PaddedPlane],
+    pub(super) alpha: &'a [Padded<1>],
     /// Their runs.
     pub(super) runs: &'a Runs,
     /// The bins of the runs.
@@ -83,18 +83,9 @@ impl RowSums {
         Self { width, words: vec![BLANK; words], rays: vec![Rays::default(); words], views: 0 }
     }
 
-    /// Adds `views` of output row `y`.
+    /// Adds `views` of output row `y`, with the instructions of `arch`.
     pub(super) fn add(&mut self, canvas: &Canvas<'_>, y: usize, views: &[View], arch: Arch) {
-        arch.dispatch(
-            #[inline(always)]
-            || {
-                for view in views {
-                    self.start_view();
-                    self.paint_view(canvas, y, view);
-                    self.count_missed();
-                }
-            },
-        );
+        arch.dispatch(AddViews { sums: self, canvas, y, views });
         self.views += views.len();
     }
 
@@ -118,110 +109,78 @@ impl RowSums {
     }
 
     /// Lets all rays of the row go.
-    #[inline(always)]
     fn start_view(&mut self) {
         for rays in &mut self.rays {
             rays.stopped = 0;
             rays.dimmed = 0;
         }
         let overhang = self.width % LANES;
-        if overhang > 0 && let Some(last) = self.rays.last_mut() {
+        if overhang > 0
+            && let Some(last) = self.rays.last_mut()
+        {
             last.stopped = Mask::MAX << overhang;
         }
     }
 
-    #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, view: &View) {
-        let mut words_left = self.rays.len();
-        let last_row = canvas.runs.rows.len() as i32 - 1;
-        for (bin, &coc) in canvas.bins.centers_px().iter().enumerate() {
-            let row = y as i32 + (coc * view.lens.y + view.jitter.y + 0.5).floor() as i32;
-            let row = row.clamp(0, last_row) as usize;
-            let (first, last) = canvas.runs.rows_of_bin[bin];
-            if row < first || row > last {
-                continue;
-            }
-            let shift = (coc * view.lens.x + view.jitter.x + 0.5).floor() as i32;
-            let focused = coc.abs() < FOCUSED_BELOW_PX;
-            for run in canvas.runs.rows[row].of_bin(bin) {
-                self.paint_run(canvas, run, row, shift, focused, &mut words_left);
-            }
-            if words_left == 0 {
-                return;
-            }
-        }
-    }
-
-    /// Paints one run: its columns, and past the picture's border the border column for ever.
-    #[inline(always)]
-    fn paint_run(
-        &mut self,
-        canvas: &Canvas<'_>,
-        run: &Run,
-        row: usize,
-        shift: i32,
-        focused: bool,
-        words_left: &mut usize,
-    ) {
-        let (start, end) = (run.start as i32 - shift, run.end as i32 - shift);
-        let width = self.width as i32;
-        let surface = &canvas.surfaces[run.layer as usize];
-        let color = surface.color.each_ref().map(|plane| plane.padded_row(row));
-        let alpha = (!run.opaque).then(|| canvas.alpha[run.layer as usize].padded_row(row));
-        let source = |column| SourceRow { color, alpha, column, focused };
-        self.paint_span(start.max(0)..end.min(width), &source(Column::Shifted(shift)), words_left);
-        if run.start == 0 {
-            self.paint_span(0..start.min(width), &source(Column::Border(0)), words_left);
-        }
-        if run.end as i32 == width {
-            self.paint_span(end.max(0)..width, &source(Column::Border(self.width - 1)), words_left);
-        }
-    }
-
-    /// Paints the pixels `span` of the row from `source`.
-    #[inline(always)]
-    fn paint_span(&mut self, span: Range<i32>, source: &SourceRow<'_>, words_left: &mut usize) {
-        if span.is_empty() {
-            return;
-        }
-        let span = span.start as usize..span.end as usize;
-        let (first, last) = (span.start / LANES, (span.end - 1) / LANES);
-        for index in first..=last {
-            let mut wanted = Mask::MAX;
-            if index == first {
-                wanted &= Mask::MAX << (span.start % LANES);
-            }
-            if index == last {
-                wanted &= Mask::MAX >> (LANES - 1 - (span.end - 1) % LANES);
-            }
-            let rays = &mut self.rays[index];
-            let free = wanted & !rays.stopped;
-            if free == 0 {
-                continue;
-            }
-            let word = &mut self.words[index];
-            if source.alpha.is_none() && free & rays.dimmed == 0 {
-                take(word, source, index, free);
-                rays.stopped |= wanted;
-            } else {
-                take_share(word, rays, source, index, free);
-            }
-            *words_left -= usize::from(rays.stopped == Mask::MAX);
-        }
-    }
-
     /// Counts the rays that nothing stopped.
-    #[inline(always)]
     fn count_missed(&mut self) {
         for (word, rays) in self.words.iter_mut().zip(&self.rays) {
-            if rays.stopped != Mask::MAX {
-                for lane in 0..LANES {
-                    let left = if rays.dimmed >> lane & 1 == 1 { rays.left[lane] } else { 1.0 };
-                    word.missed[lane] += if rays.stopped >> lane & 1 == 1 { 0.0 } else { left };
-                }
+            if rays.stopped == Mask::MAX {
+                continue;
+            }
+            for lane in (0..LANES).filter(|&lane| !has(rays.stopped, lane)) {
+                word.missed[lane] += if has(rays.dimmed, lane) { rays.left[lane] } else { 1.0 };
             }
         }
     }
+}
+
+/// Whether `mask` has bit `lane`.
+#[inline(always)]
+fn has(mask: Mask, lane: usize) -> bool {
+    mask >> lane & 1 == 1
+}
+
+/// [`RowSums::add`], to be compiled for each instruction set.
+struct AddViews<'a> {
+    sums: &'a mut RowSums,
+    canvas: &'a Canvas<'a>,
+    y: usize,
+    views: &'a [View],
+}
+
+impl WithSimd for AddViews<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for view in self.views {
+            self.sums.start_view();
+            let mut brush = Brush { simd, words_left: self.sums.rays.len(), sums: self.sums };
+            brush.paint_view(self.canvas, self.y, view);
+            self.sums.count_missed();
+        }
+    }
+}
+
+/// Paints one view of one row.
+struct Brush<'a, S> {
+    simd: S,
+    sums: &'a mut RowSums,
+    /// Words with rays still on their way.
+    words_left: usize,
+}
+
+/// One row of a surface, as a span reads it.
+#[derive(Clone, Copy)]
+struct SourceRow<'a> {
+    /// All three channels.
+    color: &'a [f32],
+    stride: usize,
+    /// `None` for opaque fragments.
+    alpha: Option<&'a [f32]>,
+    column: Column,
+    focused: bool,
 }
 
 /// Where a span's columns come from.
@@ -233,78 +192,161 @@ enum Column {
     Border(usize),
 }
 
-/// One row of a surface, as a span reads it.
-struct SourceRow<'a> {
-    color: [&'a [f32]; 3],
-    /// `None` for opaque fragments.
-    alpha: Option<&'a [f32]>,
-    column: Column,
-    focused: bool,
+impl<S: Simd> Brush<'_, S> {
+    #[inline(always)]
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, view: &View) {
+        let last_row = canvas.runs.rows.len() as i32 - 1;
+        for (bin, &coc) in canvas.bins.centers_px().iter().enumerate() {
+            let row = y as i32 + (coc * view.lens.y + view.jitter.y + 0.5).floor() as i32;
+            let row = row.clamp(0, last_row) as usize;
+            let (first, last) = canvas.runs.rows_of_bin[bin];
+            if row < first || row > last {
+                continue;
+            }
+            let shift = (coc * view.lens.x + view.jitter.x + 0.5).floor() as i32;
+            let focused = coc.abs() < FOCUSED_BELOW_PX;
+            for run in canvas.runs.rows[row].of_bin(bin) {
+                self.paint_run(canvas, run, row, shift, focused);
+            }
+            if self.words_left == 0 {
+                return;
+            }
+        }
+    }
+
+    /// Paints one run: its columns, and past the picture's border the border column for ever.
+    #[inline(always)]
+    fn paint_run(&mut self, canvas: &Canvas<'_>, run: &Run, row: usize, shift: i32, focused: bool) {
+        let (start, end) = (run.start as i32 - shift, run.end as i32 - shift);
+        let width = self.sums.width as i32;
+        let surface = &canvas.surfaces[run.layer as usize];
+        let source = |column| SourceRow {
+            color: surface.color.padded_row(row),
+            stride: surface.color.stride(),
+            alpha: (!run.opaque).then(|| canvas.alpha[run.layer as usize].padded_row(row)),
+            column,
+            focused,
+        };
+        self.paint_span(start.max(0)..end.min(width), source(Column::Shifted(shift)));
+        if run.start == 0 && start > 0 {
+            self.paint_span(0..start.min(width), source(Column::Border(0)));
+        }
+        if run.end as i32 == width && end < width {
+            self.paint_span(end.max(0)..width, source(Column::Border(width as usize - 1)));
+        }
+    }
+
+    /// Paints the pixels `span` of the row from `source`.
+    #[inline(always)]
+    fn paint_span(&mut self, span: Range<i32>, source: SourceRow<'_>) {
+        if span.is_empty() {
+            return;
+        }
+        let span = span.start as usize..span.end as usize;
+        let (first, last) = (span.start / LANES, (span.end - 1) / LANES);
+        let words = self.sums.words[first..=last].iter_mut().zip(&mut self.sums.rays[first..=last]);
+        for (index, (word, rays)) in (first..).zip(words) {
+            let mut wanted = Mask::MAX;
+            if index == first {
+                wanted &= Mask::MAX << (span.start % LANES);
+            }
+            if index == last {
+                wanted &= Mask::MAX >> (LANES - 1 - (span.end - 1) % LANES);
+            }
+            let free = wanted & !rays.stopped;
+            if free == 0 {
+                continue;
+            }
+            if source.alpha.is_none() && free & rays.dimmed == 0 {
+                take(self.simd, word, &source, index, free);
+                rays.stopped |= wanted;
+            } else {
+                take_share(self.simd, word, rays, &source, index, free);
+            }
+            self.words_left -= usize::from(rays.stopped == Mask::MAX);
+        }
+    }
 }
 
 impl SourceRow<'_> {
-    /// The values for the lanes of output word `index`; lanes outside the span may be anything.
+    /// Vector `i` of the source of output word `index`, in the channel that begins at `channel` of `row`; lanes outside the
+    /// span may be anything.
     #[inline(always)]
-    fn lanes(&self, channel: &[f32], index: usize) -> [f32; LANES] {
+    fn vector<S: Simd>(&self, simd: S, row: &[f32], channel: usize, index: usize, i: usize) -> S::f32s {
         match self.column {
             Column::Shifted(shift) => {
                 // A span lies within the picture on both sides, so the word reaches at most one word past its ends.
-                let start = ((index * LANES + LANES) as i32 + shift) as usize;
-                let mut lanes = [0.0; LANES];
-                lanes.copy_from_slice(&channel[start..start + LANES]);
-                lanes
+                let start = (index * LANES + i * S::F32_LANES + LANES) as i32 + shift;
+                let values = &row[channel + start as usize..][..S::F32_LANES];
+                S::as_simd_f32s(values).0[0]
             }
-            Column::Border(column) => [channel[LANES + column]; LANES],
+            Column::Border(column) => simd.splat_f32s(row[channel + LANES + column]),
         }
     }
+}
+
+/// Bit `i` in lane `i`.
+static LANE_BITS: [u32; LANES] =
+    [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768];
+
+/// The lanes of vector `i` of a word that `mask` has.
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
+    let bits = S::as_simd_u32s(&LANE_BITS).0[i];
+    simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
 }
 
 /// Opaque fragments, full rays: adds the source to the lanes in `free`.
 #[inline(always)]
-fn take(word: &mut Word, source: &SourceRow<'_>, index: usize, free: Mask) {
-    for (sum, channel) in word.color.iter_mut().zip(source.color) {
-        let lanes = source.lanes(channel, index);
-        if free == Mask::MAX {
-            for lane in 0..LANES {
-                sum[lane] += lanes[lane];
-            }
-        } else {
-            for lane in 0..LANES {
-                sum[lane] += if free >> lane & 1 == 1 { lanes[lane] } else { 0.0 };
-            }
+fn take<S: Simd>(simd: S, word: &mut Word, source: &SourceRow<'_>, index: usize, free: Mask) {
+    let zero = simd.splat_f32s(0.0);
+    for (k, sum) in word.color.iter_mut().enumerate() {
+        for (i, sum) in S::as_mut_simd_f32s(sum).0.iter_mut().enumerate() {
+            let value = source.vector(simd, source.color, k * source.stride, index, i);
+            // Selected, not multiplied: a lane outside the span may hold anything.
+            let value =
+                if free == Mask::MAX { value } else { simd.select_f32s(lanes(simd, free, i), value, zero) };
+            *sum = simd.add_f32s(*sum, value);
         }
     }
     if source.focused {
-        for lane in 0..LANES {
-            word.focused[lane] += if free >> lane & 1 == 1 { 1.0 } else { 0.0 };
+        let one = simd.splat_f32s(1.0);
+        for (i, sum) in S::as_mut_simd_f32s(&mut word.focused).0.iter_mut().enumerate() {
+            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
         }
     }
 }
 
 /// Translucent fragments or dimmed rays: adds the source times what is left of each ray, and dims the rays.
 #[inline(always)]
-fn take_share(word: &mut Word, rays: &mut Rays, source: &SourceRow<'_>, index: usize, free: Mask) {
-    let mut left = [0.0; LANES];
-    for lane in 0..LANES {
-        let share = if rays.dimmed >> lane & 1 == 1 { rays.left[lane] } else { 1.0 };
-        left[lane] = if free >> lane & 1 == 1 { share } else { 0.0 };
-    }
-    for (sum, channel) in word.color.iter_mut().zip(source.color) {
-        let lanes = source.lanes(channel, index);
-        for lane in 0..LANES {
-            // Selected, not multiplied by 0: a lane outside the span may hold anything.
-            sum[lane] += if free >> lane & 1 == 1 { left[lane] * lanes[lane] } else { 0.0 };
+fn take_share<S: Simd>(
+    simd: S,
+    word: &mut Word,
+    rays: &mut Rays,
+    source: &SourceRow<'_>,
+    index: usize,
+    free: Mask,
+) {
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    for (i, left) in S::as_mut_simd_f32s(&mut rays.left).0.iter_mut().enumerate() {
+        let wanted = lanes(simd, free, i);
+        let before = simd.select_f32s(lanes(simd, rays.dimmed, i), *left, one);
+        for (k, sum) in word.color.iter_mut().enumerate() {
+            let value = source.vector(simd, source.color, k * source.stride, index, i);
+            let value = simd.select_f32s(wanted, simd.mul_f32s(before, value), zero);
+            let sum = &mut S::as_mut_simd_f32s(sum).0[i];
+            *sum = simd.add_f32s(*sum, value);
         }
-    }
-    let alpha = source.alpha.map_or([1.0; LANES], |channel| source.lanes(channel, index));
-    let mut stopped = rays.stopped;
-    for lane in 0..LANES {
-        if free >> lane & 1 == 1 {
-            word.focused[lane] += if source.focused { left[lane] * alpha[lane] } else { 0.0 };
-            rays.left[lane] = left[lane] * (1.0 - alpha[lane]);
-            stopped |= Mask::from(rays.left[lane] < STOPPED_BELOW) << lane;
+        let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, 0, index, i));
+        if source.focused {
+            let sum = &mut S::as_mut_simd_f32s(&mut word.focused).0[i];
+            *sum = simd.add_f32s(*sum, simd.select_f32s(wanted, simd.mul_f32s(before, alpha), zero));
         }
+        let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
+        *left = simd.select_f32s(wanted, after, before);
     }
     rays.dimmed |= free;
-    rays.stopped = stopped;
+    for (lane, &left) in rays.left.iter().enumerate() {
+        rays.stopped |= (Mask::from(left < STOPPED_BELOW) << lane) & free;
+    }
 }

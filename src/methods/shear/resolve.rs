@@ -19,7 +19,8 @@ pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
             for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
                 if share > 0.0 {
                     let a = weight * share;
-                    let neighbours = here[x.saturating_sub(1)] + here[(x + 1).min(width - 1)] + above[x] + below[x];
+                    let neighbours =
+                        here[x.saturating_sub(1)] + here[(x + 1).min(width - 1)] + above[x] + below[x];
                     *value = here[x] * (1.0 - 4.0 * a) + a * neighbours;
                 }
             }

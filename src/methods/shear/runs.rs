@@ -7,7 +7,7 @@
 use super::bins::{Bins, EMPTY};
 use super::surfaces::Surface;
 use crate::scene::OPAQUE_ALPHA;
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
@@ -65,13 +65,14 @@ const NO_KEY: Key = Key::MAX;
 pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
     let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width(), s.height()));
     let indices: Vec<Vec<u16>> = surfaces.iter().map(|surface| bin_indices(surface, bins)).collect();
+    let arch = Arch::new();
     let scratch = || (vec![0; width], Vec::new());
     let rows: Vec<RowRuns> = (0..height)
         .into_par_iter()
         .map_init(scratch, |(keys, found), y| {
             found.clear();
             for (layer, surface) in surfaces.iter().enumerate() {
-                row_keys(surface, &indices[layer], y, keys);
+                arch.dispatch(RowKeys { surface, indices: &indices[layer], y, keys });
                 scan(keys, layer as u8, found);
             }
             sorted_by_bin(found, bins.count())
@@ -104,27 +105,38 @@ fn bin_indices(surface: &Surface<'_>, bins: &Bins) -> Vec<u16> {
     indices
 }
 
-/// Fills `keys` for row `y`.
-fn row_keys(surface: &Surface<'_>, indices: &[u16], y: usize, keys: &mut [Key]) {
-    let width = keys.len();
-    let row = |y: usize| (&indices[y * width..(y + 1) * width], surface.coc_px.row(y));
-    let here = row(y);
-    keys.fill(0);
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for other in [y.checked_sub(1), (y + 1 < surface.height()).then_some(y + 1)].into_iter().flatten() {
-                join(keys, here, row(other));
-            }
-            let (bins, coc) = here;
-            join(&mut keys[1..], (&bins[1..], &coc[1..]), (&bins[..width - 1], &coc[..width - 1]));
-            join(&mut keys[..width - 1], (&bins[..width - 1], &coc[..width - 1]), (&bins[1..], &coc[1..]));
-            for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surface.alpha.row(y)) {
-                let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
-                *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
-            }
-        },
-    );
+/// Fills `keys` for row `y` of a surface; to be compiled for each instruction set.
+struct RowKeys<'a> {
+    surface: &'a Surface<'a>,
+    indices: &'a [u16],
+    y: usize,
+    keys: &'a mut [Key],
+}
+
+impl NullaryFnOnce for RowKeys<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { surface, indices, y, keys } = self;
+        let width = keys.len();
+        let row = |y: usize| (&indices[y * width..(y + 1) * width], surface.coc_px.row(y));
+        let (bins, coc) = row(y);
+        keys.fill(0);
+        if y > 0 {
+            join(keys, (bins, coc), row(y - 1));
+        }
+        if y + 1 < surface.height() {
+            join(keys, (bins, coc), row(y + 1));
+        }
+        let (first, second) = ((&bins[..width - 1], &coc[..width - 1]), (&bins[1..], &coc[1..]));
+        join(&mut keys[1..], second, first);
+        join(&mut keys[..width - 1], first, second);
+        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surface.alpha.row(y)) {
+            let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
+            *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
+        }
+    }
 }
 
 /// Marks in `keys` the bins that neighbours `there` make the fragments `here` join.
@@ -234,8 +246,16 @@ mod tests {
     fn a_slanted_surface_overlaps_itself_from_bin_to_bin() {
         let bins = Bins::new([0.0, 0.4], 0.5);
         let runs = find(&[surface(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
-        assert_eq!(runs.rows[0].of_bin(0), [run(0, 3, true)], "the nearer part and one fragment of the farther");
-        assert_eq!(runs.rows[0].of_bin(1), [run(1, 4, true)], "the farther part and one fragment of the nearer");
+        assert_eq!(
+            runs.rows[0].of_bin(0),
+            [run(0, 3, true)],
+            "the nearer part and one fragment of the farther"
+        );
+        assert_eq!(
+            runs.rows[0].of_bin(1),
+            [run(1, 4, true)],
+            "the farther part and one fragment of the nearer"
+        );
     }
 
     #[test]
