@@ -1,0 +1,217 @@
+//! `thinlens render`.
+
+use super::args::JobArgs;
+use super::console::{Console, print_json};
+use super::report::{Outcome, report};
+use super::write::{self, Codec, ExrOptions};
+use super::{Failure, checks, usage_error};
+use clap::{Args, ValueEnum};
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use thinlens::error::Error;
+use thinlens::render::{Rendered, prepare};
+use thinlens::stack::{Carry, Precision};
+
+const EXAMPLES: &str = "\
+Examples:
+  thinlens render stack.exr -o out.exr --focal-length 85 --f-number 1.4 --focus 6
+  thinlens render beauty.exr --depth-file depth.exr -o out.png --preset portrait --focus-at 960,540
+  thinlens render peel0.exr peel1.exr peel2.exr -o out.exr --preset my-lens.toml --report out.json --force";
+
+/// Put a lens on a stack
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct RenderArgs {
+    #[command(flatten)]
+    job: JobArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// What to write, and where.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+struct OutputArgs {
+    /// The picture: .exr, .png, or - for an EXR on stdout
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Also write a PNG to look at
+    #[arg(long, value_name = "FILE.png")]
+    preview: Option<PathBuf>,
+    /// Brighten PNGs by this much
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+    /// Also write a report of what was done
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Numeric type of the EXR; the input's by default
+    #[arg(long, value_name = "TYPE")]
+    precision: Option<PrecisionArg>,
+    /// How the EXR is compressed, without loss
+    #[arg(long, value_name = "CODEC", default_value = "zip")]
+    codec: Codec,
+    /// Which other channels of the input to keep
+    #[arg(long, value_name = "CHANNELS", default_value = "unused")]
+    carry: CarryArg,
+    /// Print the report on standard output
+    #[arg(long)]
+    json: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    /// 16-bit floating point
+    Half,
+    /// 32-bit floating point
+    Float,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CarryArg {
+    /// Those that no peel uses
+    Unused,
+    /// All, the peels included
+    All,
+    /// None
+    None,
+}
+
+/// Where the picture goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Target {
+    Exr,
+    Png,
+    Stdout,
+}
+
+pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
+    let start = Instant::now();
+    let target = args.output.check(args.job.input.files())?;
+    let job = args.job.job(args.output.carry())?;
+
+    let prepared = prepare(&job)?;
+    console.findings(&prepared.stack.findings);
+    console.plan(&prepared.plan);
+    let bar = console.progress("blurring");
+    let rendered = prepared.blur(&|share| bar.set(share))?;
+    drop(bar);
+
+    let write_start = Instant::now();
+    args.output.write(target, &rendered, console)?;
+    let outcome = Outcome {
+        inputs: &args.job.input.inputs,
+        output: &args.output.output,
+        rendered: &rendered,
+        write_seconds: write_start.elapsed().as_secs_f64(),
+        total_seconds: start.elapsed().as_secs_f64(),
+    };
+    let report = report(&outcome);
+    if let Some(path) = &args.output.report {
+        write::report(path, &report)?;
+        console.wrote(path);
+    }
+    if args.output.json {
+        print_json(&report)?;
+    }
+    Ok(())
+}
+
+impl OutputArgs {
+    /// Checks every output before any work.
+    fn check<'a>(&self, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<Target, Failure> {
+        let target = target(&self.output)?;
+        if target == Target::Stdout {
+            self.check_stdout()?;
+        }
+        let picture = (target != Target::Stdout).then_some(&self.output);
+        let mut seen: Vec<&PathBuf> = Vec::new();
+        for path in picture.into_iter().chain(&self.preview).chain(&self.report) {
+            if seen.contains(&path) {
+                let message = format!("two outputs would go to {}", path.display());
+                return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
+            }
+            seen.push(path);
+            checks::output(path, inputs.clone(), self.force)?;
+        }
+        Ok(target)
+    }
+
+    fn check_stdout(&self) -> Result<(), Failure> {
+        if self.json {
+            let message = "--json and -o - would both write to standard output; use --report FILE.json";
+            return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, message));
+        }
+        if io::stdout().is_terminal() {
+            return Err(Error::output("an EXR is not for the terminal")
+                .help("redirect standard output, or name a file with -o")
+                .into());
+        }
+        Ok(())
+    }
+
+    fn carry(&self) -> Carry {
+        match self.carry {
+            CarryArg::Unused => Carry::Unused,
+            CarryArg::All => Carry::All,
+            CarryArg::None => Carry::None,
+        }
+    }
+
+    fn write(&self, target: Target, rendered: &Rendered, console: &Console) -> Result<(), Failure> {
+        let Rendered { image, stack, .. } = rendered;
+        let precision = match self.precision {
+            None => stack.precision,
+            Some(PrecisionArg::Half) => Precision::Half,
+            Some(PrecisionArg::Float) => Precision::Float,
+        };
+        let options = ExrOptions { precision, codec: self.codec };
+        match target {
+            Target::Exr => write::exr(&self.output, image, &stack.frame, &stack.carried, options)?,
+            Target::Png => write::png(&self.output, image, self.exposure)?,
+            Target::Stdout => write::exr_to_stdout(image, &stack.frame, &stack.carried, options)?,
+        }
+        if target != Target::Stdout {
+            console.wrote(&self.output);
+        }
+        if let Some(preview) = &self.preview {
+            write::png(preview, image, self.exposure)?;
+            console.wrote(preview);
+        }
+        Ok(())
+    }
+}
+
+/// Where `output` means the picture to go, by its extension.
+fn target(output: &Path) -> Result<Target, Error> {
+    let extension = output.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        _ if output == Path::new("-") => Ok(Target::Stdout),
+        Some("exr") => Ok(Target::Exr),
+        Some("png") => Ok(Target::Png),
+        // A folder has a better answer of its own, in the checks that follow.
+        _ if output.is_dir() => Ok(Target::Exr),
+        _ => Err(Error::settings("the output's extension names no format that can be written")
+            .in_file(output)
+            .with("looked for", ".exr, .png")
+            .help("name the output out.exr or out.png, or - for an EXR on standard output")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_extension_decides_the_format() {
+        let target = |name| target(Path::new(name)).ok();
+        assert_eq!(target("a/out.exr"), Some(Target::Exr));
+        assert_eq!(target("out.PNG"), Some(Target::Png));
+        assert_eq!(target("-"), Some(Target::Stdout));
+        assert_eq!(target("out.jpg"), None);
+        assert_eq!(target("out"), None);
+    }
+}
