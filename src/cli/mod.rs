@@ -32,7 +32,7 @@ Examples:
 ///
 /// Puts a real lens on a pinhole render that was kept as a stack of depth peels.
 #[derive(Debug, Parser)]
-#[command(version, after_help = EXAMPLES, propagate_version = true, max_term_width = 110)]
+#[command(version, after_help = EXAMPLES, max_term_width = 110)]
 struct Cli {
     #[command(flatten)]
     global: GlobalArgs,
