@@ -3,6 +3,8 @@
 //! Reads the paths that start at the crate's root (`crate::…`, and `thinlens::…` in the program). Tests inside the modules
 //! are free to use what they like.
 
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};

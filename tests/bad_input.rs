@@ -1,5 +1,7 @@
 //! What cannot be done is refused with what was wanted, what was found and what to do, and leaves nothing behind.
 
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
 mod program;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};

@@ -1,5 +1,7 @@
 //! The program as a user meets it.
 
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
 mod program;
 
 use program::{STACK, names, run, stderr, thinlens};
