@@ -99,3 +99,35 @@ impl Image {
         self.planes.each_ref().map(|plane| plane.get(x, y))
     }
 }
+
+/// The sRGB transfer function: scene-linear to display value. Nothing is clipped: negative values stay on the
+/// linear segment, values above 1 go on along the curve.
+pub fn srgb_encode(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`srgb_encode`].
+pub fn srgb_decode(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_decodes_what_it_encodes() {
+        for i in 0..=1000 {
+            let linear = i as f32 / 1000.0;
+            assert!((srgb_decode(srgb_encode(linear)) - linear).abs() < 1e-6, "{linear}");
+        }
+    }
+
+    #[test]
+    fn srgb_middle_grey_is_the_published_value() {
+        // IEC 61966-2-1: linear 0.18 encodes to 0.4613.
+        assert!((srgb_encode(0.18) - 0.4613).abs() < 1e-4);
+        assert_eq!(srgb_encode(0.0), 0.0);
+        assert!((srgb_encode(1.0) - 1.0).abs() < 1e-6);
+    }
+}

@@ -1,4 +1,9 @@
-//! Lens samples.
+//! Lens samples: pairs of a point on the aperture and a place within the pixel, spread evenly in both at once.
+//!
+//! The tables hold, for 8, 16 … 1024 views, point sets `(u, j)` optimised so that `j + c·u` is evenly spread along every
+//! direction for every CoC radius `c` from 0 (the pixel alone) to ∞ (the lens alone): sliced optimal transport after
+//! Paulin et al. 2020, "Sliced Optimal Transport Sampling". `examples/view_tables.rs` makes them. Each table is ordered
+//! so that its beginnings are well spread too.
 
 use super::Aperture;
 use glam::Vec2;
@@ -12,8 +17,86 @@ pub struct View {
     pub jitter: Vec2,
 }
 
-/// `count` views of `aperture`.
+/// Tables of 8, 16 … 1024 points, one after the other; a point is `u_x, u_y, j_x, j_y`, little-endian.
+static TABLES: &[u8] = include_bytes!("view_tables.bin");
+
+/// Points in the smallest and in the largest table.
+const SMALLEST: usize = 8;
+const LARGEST: usize = 1024;
+
+/// Bytes of a point.
+const POINT: usize = 4 * size_of::<f32>();
+
+/// `count` views of `aperture`, evenly spread.
+///
+/// Counts that are no table's size take the beginning of the next larger one; past the largest, the largest is used again,
+/// turned and shifted.
 pub fn views(count: usize, aperture: Aperture) -> Vec<View> {
-    let _ = (count, aperture);
-    Vec::new()
+    let size = count.next_power_of_two().clamp(SMALLEST, LARGEST);
+    let table = &TABLES[(size - SMALLEST) * POINT..][..size * POINT];
+    (0..count)
+        .map(|i| {
+            let view = point(table, i % size);
+            let turned = turn(view, i / size);
+            View { lens: aperture.from_disc(turned.lens), jitter: turned.jitter }
+        })
+        .collect()
+}
+
+/// Point `i` of a table.
+fn point(table: &[u8], i: usize) -> View {
+    let value = |k: usize| {
+        let start = i * POINT + k * size_of::<f32>();
+        table[start..start + 4].try_into().map_or(0.0, f32::from_le_bytes)
+    };
+    View { lens: Vec2::new(value(0), value(1)), jitter: Vec2::new(value(2), value(3)) }
+}
+
+/// The `round`-th variant of a view: the lens turned by golden angles, the pixel shifted by a Kronecker sequence.
+fn turn(view: View, round: usize) -> View {
+    if round == 0 {
+        return view;
+    }
+    let golden_angle = std::f32::consts::PI * (3.0 - 5f32.sqrt());
+    let shift = Vec2::new(0.754_877_7, 0.569_840_3) * round as f32;
+    let wrapped = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
+    View { lens: Vec2::from_angle(golden_angle * round as f32).rotate(view.lens), jitter: wrapped }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_count_gives_that_many_views_within_lens_and_pixel() {
+        for count in [1, 2, 7, 8, 9, 64, 100, 1024, 1500, 4096] {
+            let samples = views(count, Aperture::Disc);
+            assert_eq!(samples.len(), count, "asked for {count}");
+            for view in samples {
+                assert!(view.lens.length() <= 1.0 + 1e-5, "{view:?} leaves the lens");
+                assert!(view.jitter.abs().max_element() <= 0.5, "{view:?} leaves the pixel");
+            }
+        }
+    }
+
+    #[test]
+    fn more_views_begin_with_the_same_table_only_past_the_largest() {
+        let (once, twice) = (views(1024, Aperture::Disc), views(2048, Aperture::Disc));
+        assert_eq!(once, twice[..1024], "the second thousand comes after the first");
+    }
+
+    #[test]
+    fn views_are_spread_evenly_in_pixel_and_lens_at_once() {
+        // For several CoC radii, the share of points in a half plane through the centre is one half.
+        for count in [64, 256, 1024] {
+            for coc in [0.0f32, 1.0, 4.0] {
+                let positive = views(count, Aperture::Disc)
+                    .iter()
+                    .filter(|v| (v.jitter + coc * v.lens).dot(Vec2::new(0.8, 0.6)) > 0.0)
+                    .count();
+                let share = positive as f32 / count as f32;
+                assert!((share - 0.5).abs() < 2.0 / count as f32 + 0.01, "{count} views, c = {coc}: {share}");
+            }
+        }
+    }
 }

@@ -7,9 +7,11 @@ mod accumulate;
 mod shear;
 
 use crate::error::Error;
-use crate::image::Image;
+use crate::image::{Image, Plane};
 use crate::scene::{Plan, Scene};
+use rayon::prelude::*;
 use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a method is, for `thinlens methods`, the README and the laws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -45,4 +47,55 @@ pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
 /// The method called `name`.
 pub fn by_name(name: &str) -> Option<&'static dyn Method> {
     METHODS.into_iter().find(|method| method.info().name == name)
+}
+
+/// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(y, planes)` writes row `y` of each.
+fn planes_from_rows<const N: usize>(
+    (width, height): (usize, usize),
+    progress: &Progress<'_>,
+    row: impl Fn(usize, &mut [&mut [f32]; N]) + Sync,
+) -> [Plane; N] {
+    let mut planes: [Plane; N] = std::array::from_fn(|_| Plane::zeros(width, height));
+    let mut rests = planes.each_mut().map(Plane::values_mut);
+    let rows: Vec<[&mut [f32]; N]> = (0..height)
+        .map(|_| {
+            rests.each_mut().map(|rest| {
+                let (first, others) = std::mem::take(rest).split_at_mut(width);
+                *rest = others;
+                first
+            })
+        })
+        .collect();
+    let done = AtomicUsize::new(0);
+    rows.into_par_iter().enumerate().for_each(|(y, mut planes)| {
+        row(y, &mut planes);
+        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / height as f32);
+    });
+    planes
+}
+
+/// What the rays of one pixel bring home, summed in double precision: thousands of samples would drift in single.
+#[derive(Debug, Clone, Copy, Default)]
+struct RaySum {
+    color: [f64; 3],
+    missed: f64,
+}
+
+impl RaySum {
+    /// Adds premultiplied `color` seen through `transmitted`.
+    fn add(&mut self, color: [f32; 3], transmitted: f32) {
+        self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmitted));
+    }
+
+    /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of
+    /// the mean where it is closed.
+    fn mean(&self, rays: usize, open_background: bool) -> [f32; 4] {
+        let hit = rays as f64 - self.missed;
+        let weight = if open_background { rays as f64 } else { hit };
+        if hit <= 1e-9 * rays as f64 {
+            return [0.0; 4];
+        }
+        let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);
+        [r, g, b, (hit / weight) as f32]
+    }
 }

@@ -1,1 +1,159 @@
 //! How far one picture is from another.
+//!
+//! All figures are of red, green and blue together; alpha is not compared. NaN counts as 0 in both pictures, so that one
+//! broken pixel costs what a black one would, and does not hide all others.
+
+mod log_psnr;
+mod psnr;
+mod relative_mse;
+mod ssim;
+
+pub use log_psnr::log_psnr_db;
+pub use psnr::psnr_db;
+pub use relative_mse::relative_mse;
+pub use ssim::ssim;
+
+use crate::error::Error;
+use crate::image::{Image, Plane, srgb_encode};
+use rayon::prelude::*;
+
+/// Mean squared errors below this count as this: equal pictures have 200 dB, not infinitely many.
+const MSE_FLOOR: f64 = 1e-20;
+
+/// A border is cut down until this many pixels remain on either side of the middle.
+const KEPT_BY_BORDER_PX: usize = 32;
+
+/// Three planes: red, green, blue.
+pub type Rgb = [Plane; 3];
+
+/// All figures of one comparison.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Score {
+    /// [`psnr_db`] of sRGB values clipped to 0 … 1; 200 for equal pictures.
+    pub psnr_db: f64,
+    /// [`ssim()`] of sRGB values clipped to 0 … 1; `None` for a picture smaller than its window.
+    pub ssim: Option<f64>,
+    /// [`relative_mse()`] of linear values.
+    pub relative_mse: f64,
+    /// [`log_psnr_db`] of linear values.
+    pub log_psnr_db: f64,
+}
+
+/// Compares `image` with `reference`, leaving out `border_px` pixels on every side.
+///
+/// A border that would leave less than 64 pixels of the shorter side is cut down to that; a picture that is smaller
+/// still is compared whole.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Input`] for pictures that differ in size or have no pixels.
+pub fn score(image: &Image, reference: &Image, border_px: usize) -> Result<Score, Error> {
+    let size = |image: &Image| (image.width(), image.height());
+    let text = |image: &Image| format!("{}×{}", image.width(), image.height());
+    if size(image) != size(reference) {
+        return Err(Error::input("the pictures differ in size")
+            .with("image", text(image))
+            .with("reference", text(reference))
+            .help("compare renders of one resolution and one data window"));
+    }
+    if image.width() * image.height() == 0 {
+        return Err(Error::input("the pictures have no pixels").with("size", text(image)));
+    }
+    let room = (image.width().min(image.height()) / 2).saturating_sub(KEPT_BY_BORDER_PX);
+    let border = border_px.min(room);
+    let (image, reference) = (crop(image, border), crop(reference, border));
+    let (shown, shown_reference) = (display(&image), display(&reference));
+    Ok(Score {
+        psnr_db: psnr_db(&shown, &shown_reference),
+        ssim: ssim(&shown, &shown_reference),
+        relative_mse: relative_mse(&image, &reference),
+        log_psnr_db: log_psnr_db(&image, &reference),
+    })
+}
+
+/// The colour of `image` without `border` pixels on every side, and without NaN.
+fn crop(image: &Image, border: usize) -> Rgb {
+    let (width, height) = (image.width() - 2 * border, image.height() - 2 * border);
+    [0, 1, 2].map(|channel| {
+        let plane = &image.planes[channel];
+        Plane::from_fn(width, height, |x, y| {
+            let value = plane.get(x + border, y + border);
+            if value.is_nan() { 0.0 } else { value }
+        })
+    })
+}
+
+/// Linear values as a screen shows them: clipped to 0 … 1 and sRGB-encoded.
+pub fn display(linear: &Rgb) -> Rgb {
+    linear.each_ref().map(|plane| {
+        let mut shown = plane.clone();
+        shown.values_mut().par_iter_mut().for_each(|value| *value = srgb_encode(value.clamp(0.0, 1.0)));
+        shown
+    })
+}
+
+/// The mean of `error(value, reference value)` over all samples, summed in double precision, row by row in a fixed order.
+fn mean(image: &Rgb, reference: &Rgb, error: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
+    let mut sum = 0.0;
+    let mut count = 0;
+    for (plane, reference) in image.iter().zip(reference) {
+        let rows: Vec<f64> = (0..plane.height())
+            .into_par_iter()
+            .map(|y| {
+                let pairs = plane.row(y).iter().zip(reference.row(y));
+                pairs.map(|(&value, &reference)| error(f64::from(value), f64::from(reference))).sum()
+            })
+            .collect();
+        sum += rows.iter().sum::<f64>();
+        count += plane.values().len();
+    }
+    sum / count as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(value: f32) -> Image {
+        Image::from_fn(100, 90, |_, _| [value, value, value, 1.0])
+    }
+
+    #[test]
+    fn equal_pictures_have_no_error() {
+        let score = score(&grey(0.3), &grey(0.3), 0).unwrap();
+        assert_eq!(score.psnr_db, 200.0);
+        assert_eq!(score.relative_mse, 0.0);
+        assert!((score.ssim.unwrap() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn pictures_of_two_sizes_are_refused_with_both_sizes() {
+        let text = score(&grey(0.0), &Image::transparent(3, 4), 0).unwrap_err().to_string();
+        assert!(text.contains("100×90") && text.contains("3×4"), "{text}");
+        assert!(score(&Image::transparent(0, 0), &Image::transparent(0, 0), 0).is_err());
+    }
+
+    #[test]
+    fn a_border_hides_what_lies_in_it_and_only_that() {
+        let mut image = grey(0.5);
+        image.planes[0].set(4, 40, 9.0);
+        assert_eq!(score(&image, &grey(0.5), 5).unwrap().psnr_db, 200.0);
+        assert!(score(&image, &grey(0.5), 4).unwrap().psnr_db < 100.0);
+    }
+
+    #[test]
+    fn a_border_leaves_the_middle() {
+        // 100×90 leaves 90 / 2 − 32 = 13 pixels of border at most.
+        let mut image = grey(0.5);
+        image.planes[0].set(13, 13, 9.0);
+        assert!(score(&image, &grey(0.5), 1000).unwrap().psnr_db < 100.0);
+        assert_eq!(score(&Image::transparent(8, 8), &Image::transparent(8, 8), 3).unwrap().psnr_db, 200.0);
+    }
+
+    #[test]
+    fn a_broken_pixel_costs_what_a_black_one_does() {
+        let (mut broken, mut black) = (grey(0.5), grey(0.5));
+        broken.planes[1].set(7, 7, f32::NAN);
+        black.planes[1].set(7, 7, 0.0);
+        assert_eq!(score(&broken, &grey(0.5), 0).unwrap(), score(&black, &grey(0.5), 0).unwrap());
+    }
+}

@@ -1,1 +1,9 @@
 //! WRITE: pictures and reports. Knows the formats it writes and how to put a file in place whole or not at all.
+//!
+//! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
+
+pub mod atomic;
+pub mod exr;
+pub mod png;
+pub mod report;
+pub mod usage;

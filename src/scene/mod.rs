@@ -1,11 +1,22 @@
 //! LOOK and DECIDE: the stack in CoC space, the facts it shows, and the plan that follows from them.
+//!
+//! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
+//! `(p + c·u, c)` (METHODS section 1), so every question of visibility is asked here and no method needs depth.
 
+mod facts;
 mod plan;
 
+pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use plan::{Effect, EffectKind, Plan};
 
-use crate::image::Plane;
-use crate::stack::StackKind;
+use crate::error::Error;
+use crate::image::{Image, Plane};
+use crate::lens::ThinLens;
+use crate::stack::{Frame, Peel, Stack, StackKind, depth::DepthScale};
+use rayon::prelude::*;
+
+/// Fragments of at least this alpha hide everything behind them.
+pub const OPAQUE_ALPHA: f32 = 0.999;
 
 /// One peel in CoC space.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,17 +25,185 @@ pub struct Layer {
     pub color: [Plane; 3],
     /// Coverage or opacity, 0 … 1; 0 where the peel is empty.
     pub alpha: Plane,
-    /// Signed CoC radius in picture pixels, negative in front of focus; 0 where the peel is empty.
+    /// Signed CoC radius in picture pixels, negative in front of focus; finite.
     pub coc_px: Plane,
 }
 
 /// A stack as the methods see it: fragments `(x, y, c)`, no depth, no units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// The layers, nearest first.
+    /// The layers, nearest first, all of one size.
     pub layers: Vec<Layer>,
     /// What the fragments stand for.
     pub kind: StackKind,
     /// Samples a picture pixel along each axis.
     pub supersample: usize,
+    /// Fragments so near the lens that their CoC was limited to [`coc_limit_px`].
+    pub limited_fragments: usize,
+}
+
+/// Largest CoC radius kept for a picture of this size, in picture pixels; past it a fragment spreads over many frames and
+/// its exact size shows no more.
+pub fn coc_limit_px(width: usize, height: usize) -> f32 {
+    (4 * width.max(height)).max(64) as f32
+}
+
+impl Scene {
+    /// Takes the peels out of `stack` and puts them behind `lens`: depth becomes CoC radius, in place.
+    pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
+        let (kind, supersample) = (stack.kind, stack.supersample);
+        let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
+        let mut limited_fragments = 0;
+        let mut layers = Vec::with_capacity(stack.peels.len());
+        for mut peel in std::mem::take(&mut stack.peels) {
+            limited_fragments += depth_to_coc(&mut peel, &stack.frame, lens, scale, limit);
+            layers.push(Layer { color: peel.color, alpha: peel.alpha, coc_px: peel.depth });
+        }
+        Self { layers, kind, supersample, limited_fragments }
+    }
+
+    /// Width of the layers in samples.
+    pub fn width(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.alpha.width())
+    }
+
+    /// Height of the layers in samples.
+    pub fn height(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.alpha.height())
+    }
+
+    /// Width and height of the picture in pixels.
+    pub fn picture_size(&self) -> (usize, usize) {
+        (self.width() / self.supersample, self.height() / self.supersample)
+    }
+
+    /// The picture without a lens: the layers over one another, averaged over a pixel's samples.
+    ///
+    /// Where the nearest layer is opaque and there is one sample a pixel, this is that layer bit for bit.
+    pub fn pinhole(&self) -> Image {
+        let (width, height) = self.picture_size();
+        let s = self.supersample;
+        Image::from_fn(width, height, |x, y| {
+            if s == 1 {
+                return self.flattened(x, y);
+            }
+            let mut sum = [0.0; 4];
+            for sample in 0..s * s {
+                let value = self.flattened(x * s + sample % s, y * s + sample / s);
+                sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
+            }
+            sum.map(|sum| sum / (s * s) as f32)
+        })
+    }
+
+    /// All layers at one sample, nearest over farther.
+    fn flattened(&self, x: usize, y: usize) -> [f32; 4] {
+        let mut result = [0.0; 4];
+        let mut transmitted = 1.0;
+        for layer in &self.layers {
+            let alpha = layer.alpha.get(x, y);
+            if alpha <= 0.0 {
+                continue;
+            }
+            let [r, g, b] = layer.color.each_ref().map(|plane| plane.get(x, y));
+            for (sum, value) in result.iter_mut().zip([r, g, b, alpha]) {
+                *sum += transmitted * value;
+            }
+            transmitted *= 1.0 - alpha;
+            if alpha >= OPAQUE_ALPHA {
+                break;
+            }
+        }
+        result
+    }
+}
+
+/// Turns a peel's depth into CoC radius and returns how many fragments met the limit.
+fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthScale, limit: f32) -> usize {
+    let width = peel.depth.width();
+    if width == 0 {
+        return 0;
+    }
+    let [x0, y0] = frame.data_origin_from_centre();
+    let rows = peel.depth.values_mut().par_chunks_mut(width).zip(peel.alpha.values().par_chunks(width));
+    rows.enumerate()
+        .map(|(y, (depth, alpha))| {
+            scale.planar_row(depth, y0 + y as f32, x0);
+            let mut limited = 0;
+            for (depth, &alpha) in depth.iter_mut().zip(alpha) {
+                let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
+                // Only the near side is unbounded: behind focus |c| stays below c_inf, which the lens checked.
+                limited += usize::from(coc < -limit);
+                *depth = coc.clamp(-limit, limit);
+            }
+            limited
+        })
+        .sum()
+}
+
+/// Planar distance of what the stack's picture shows at pixel `x, y` of the display window.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] when the point lies outside the picture, or nothing but background is there.
+pub fn focus_distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
+    let s = stack.supersample as f32;
+    let frame = &stack.frame;
+    let column = (point[0] * s).floor() - (frame.data.x - frame.display.x) as f32;
+    let row = (point[1] * s).floor() - (frame.data.y - frame.display.y) as f32;
+    let (width, height) = (stack.width(), stack.height());
+    let place = format!("{}, {}", point[0], point[1]);
+    if !(column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32) {
+        return Err(Error::settings("the focus point lies outside the picture")
+            .with("found", place)
+            .with("picture", format!("{} × {} pixels", width as f32 / s, height as f32 / s))
+            .help("give pixels from the left and from the top: --focus-at X,Y"));
+    }
+    let [x0, y0] = frame.data_origin_from_centre();
+    let shown = stack.peels.iter().find(|peel| peel.alpha.get(column as usize, row as usize) > 0.0);
+    let depth = shown.map_or(f32::INFINITY, |peel| {
+        scale.planar(peel.depth.get(column as usize, row as usize), x0 + column, y0 + row)
+    });
+    if depth.is_finite() {
+        return Ok(depth);
+    }
+    Err(Error::settings("there is only background at the focus point")
+        .with("found", place)
+        .help("pick a point on an object with --focus-at X,Y, or give the distance with --focus"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layer(pixel: [f32; 4]) -> Layer {
+        let plane = |value| Plane::filled(2, 2, value);
+        Layer {
+            color: [plane(pixel[0]), plane(pixel[1]), plane(pixel[2])],
+            alpha: plane(pixel[3]),
+            coc_px: plane(0.0),
+        }
+    }
+
+    #[test]
+    fn without_a_lens_an_opaque_layer_hides_the_rest_bit_for_bit() {
+        let front = [0.1, 0.2, 70000.0, 1.0];
+        let scene = Scene {
+            layers: vec![layer(front), layer([5.0, 5.0, 5.0, 1.0])],
+            kind: StackKind::PointSampled,
+            supersample: 1,
+            limited_fragments: 0,
+        };
+        assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, untouched");
+    }
+
+    #[test]
+    fn without_a_lens_coverage_adds_up_front_to_back() {
+        let scene = Scene {
+            layers: vec![layer([0.25, 0.0, 0.0, 0.25]), layer([0.0, 1.0, 0.0, 1.0])],
+            kind: StackKind::Coverage,
+            supersample: 1,
+            limited_fragments: 0,
+        };
+        assert_eq!(scene.pinhole().pixel(0, 0), [0.25, 0.75, 0.0, 1.0], "a quarter red over green");
+    }
 }

@@ -1,7 +1,10 @@
-//! The plan: what will be simulated, what will not, and why.
+//! DECIDE: what will be simulated, what will not, and why.
 
+use super::{Facts, bright_step_floor};
+use crate::error::Error;
 use crate::lens::Aperture;
-use crate::settings::MethodParameters;
+use crate::settings::{MethodParameters, Settings};
+use crate::stack::StackKind;
 
 /// An effect that a plan switches on or off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -9,12 +12,16 @@ use crate::settings::MethodParameters;
 pub enum EffectKind {
     /// Any blur at all; off, the picture is the input.
     Blur,
+    /// Samples of a supersampled stack gathered into coverage peels.
+    Merge,
     /// Exact discs for bright fragments.
     Highlights,
-    /// Guessed surfaces behind the last peel.
+    /// Guessed surfaces where the stack knows of none.
     Fill,
     /// Fragments that let light through.
     Translucency,
+    /// Background through which the output stays transparent.
+    OpenBackground,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
     /// Anti-aliasing of point-sampled, in-focus pixels.
@@ -33,18 +40,202 @@ pub struct Effect {
 }
 
 /// What a method is to do: a pure function of facts and settings, and the only thing it reads beside the scene.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Plan {
     /// Name of the method.
-    pub method: &'static str,
+    pub method: String,
     /// Why this method.
     pub method_reason: String,
     /// Lens samples a pixel.
     pub views: usize,
+    /// Where in the pixel the views lie, as a share of its width: 1 for samples at points, less for colours that are
+    /// averages over the pixel already.
+    pub jitter: f32,
     /// The aperture's shape.
     pub aperture: Aperture,
+    /// Smallest and largest signed CoC radius in picture pixels.
+    pub coc_range_px: [f32; 2],
+    /// Brightness from which a fragment is drawn as an exact disc; infinite when none is.
+    pub highlight_threshold: f32,
     /// Every effect, on or off.
     pub effects: Vec<Effect>,
     /// The methods' own parameters.
     pub parameters: MethodParameters,
+}
+
+/// No fragment reaches beyond its own pixel below this CoC radius.
+const BLUR_FROM_PX: f32 = 0.5;
+
+/// Exact discs may cover this many times the picture's area: past it they would cost more than the views themselves.
+const HIGHLIGHT_COVER: f64 = 8.0;
+
+/// Exact discs may be this many for each pixel of the picture.
+const HIGHLIGHT_SHARE: f64 = 0.05;
+
+/// Stacks of this many layers rarely lack a surface that a lens ray could meet.
+const COMPLETE_LAYERS: usize = 3;
+
+impl Plan {
+    /// Decides what to do about a scene that shows `facts` under `settings`.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, or zero views.
+    pub fn decide(facts: &Facts, settings: &Settings) -> Result<Self, Error> {
+        let parameters = settings.parameters.clone();
+        let (method, method_reason) = match settings.method.value.as_str() {
+            "auto" => ("shear".to_owned(), "auto: nothing known is as accurate in as little time".to_owned()),
+            named => (named.to_owned(), format!("asked for by {}", settings.method.origin)),
+        };
+        let own_count = if method == "accumulate" { parameters.accumulate.rays } else { parameters.shear.views };
+        let views = settings.views.value.unwrap_or(own_count);
+        if views == 0 || views > MAX_VIEWS {
+            return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
+                .with("found", views.to_string())
+                .help("set it with --views, or in the preset's [method]"));
+        }
+        let (highlight_threshold, highlights) = highlights(facts, parameters.shear.highlight_threshold);
+        let effects = vec![
+            blur(facts),
+            merge(facts),
+            highlights,
+            fill(facts, parameters.shear.fill),
+            translucency(facts),
+            open_background(facts),
+            prefilter(&parameters),
+            resolve(facts, &parameters),
+        ];
+        Ok(Self {
+            method,
+            method_reason,
+            views,
+            jitter: if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 },
+            aperture: Aperture::new(settings.blades.value, settings.rotation_deg.value)?,
+            coc_range_px: facts.coc_range_px,
+            highlight_threshold,
+            effects,
+            parameters,
+        })
+    }
+
+    /// Whether the plan asks for `kind`.
+    pub fn does(&self, kind: EffectKind) -> bool {
+        self.effects.iter().any(|effect| effect.name == kind && effect.on)
+    }
+
+    /// The same plan with `kind` switched on or off, whatever the facts say.
+    #[must_use]
+    pub fn forced(mut self, kind: EffectKind, on: bool) -> Self {
+        for effect in self.effects.iter_mut().filter(|effect| effect.name == kind && effect.on != on) {
+            effect.on = on;
+            effect.reason = format!("asked for; the plan's own choice was the other: {}", effect.reason);
+        }
+        self
+    }
+}
+
+/// Views beyond this change nothing that a float can hold.
+const MAX_VIEWS: usize = 1 << 20;
+
+fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
+    Effect { name, on, reason: reason.into() }
+}
+
+/// The larger of the two ends of the CoC range.
+fn largest_coc(facts: &Facts) -> f32 {
+    facts.coc_range_px[1].abs().max(facts.coc_range_px[0].abs())
+}
+
+fn blur(facts: &Facts) -> Effect {
+    let largest = largest_coc(facts);
+    let [near, far] = facts.coc_range_px;
+    if largest <= BLUR_FROM_PX {
+        let reason = format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
+        return effect(EffectKind::Blur, false, reason);
+    }
+    effect(EffectKind::Blur, true, format!("CoC radii from {near:.1} (near) to {far:.1} px (far)"))
+}
+
+fn merge(facts: &Facts) -> Effect {
+    let s = facts.supersample;
+    let reason = match s {
+        1 => "one sample a pixel".to_owned(),
+        _ => format!("{s} × {s} samples a pixel become coverage peels"),
+    };
+    effect(EffectKind::Merge, s > 1, reason)
+}
+
+/// The threshold that keeps the discs within their budget, and the decision.
+fn highlights(facts: &Facts, wanted: f32) -> (f32, Effect) {
+    let off = |reason: &str| (f32::INFINITY, effect(EffectKind::Highlights, false, reason));
+    if wanted <= 0.0 {
+        return off("switched off: highlight_threshold is 0");
+    }
+    let pixels = (facts.picture_size.0 * facts.picture_size.1) as f64;
+    let (mut area, mut count, mut threshold) = (0.0, 0, f32::INFINITY);
+    for (step, bright) in facts.bright.iter().enumerate().rev() {
+        let floor = bright_step_floor(step);
+        let (with_area, with_count) = (area + bright.disc_area_px, count + bright.fragments);
+        let affordable = with_area <= HIGHLIGHT_COVER * pixels
+            && with_count as f64 <= HIGHLIGHT_SHARE * pixels * (facts.supersample as f64).powi(2);
+        if bright_step_floor(step + 1) <= wanted || !affordable {
+            break;
+        }
+        (area, count, threshold) = (with_area, with_count, floor.max(wanted));
+    }
+    if count == 0 {
+        let any = facts.bright.iter().enumerate().any(|(i, b)| bright_step_floor(i + 1) > wanted && b.fragments > 0);
+        return off(if any {
+            "the bright parts are areas, not points: the views carry them"
+        } else {
+            "no blurred fragment is brighter than the threshold"
+        });
+    }
+    let raised = if threshold > wanted { format!(" (raised from {wanted} to stay within budget)") } else { String::new() };
+    let reason = format!("{count} blurred fragments brighter than {threshold:.2}{raised}");
+    (threshold, effect(EffectKind::Highlights, true, reason))
+}
+
+fn fill(facts: &Facts, allowed: bool) -> Effect {
+    let layers = facts.layers;
+    let (on, reason) = if !allowed {
+        (false, "switched off".to_owned())
+    } else if layers >= COMPLETE_LAYERS {
+        (false, format!("{layers} layers know what lies behind"))
+    } else if facts.coc_range_px[0] > -BLUR_FROM_PX {
+        (true, format!("{layers} layer(s): what far edges uncover is guessed from their surroundings"))
+    } else {
+        (true, format!("{layers} layer(s): what the near blur uncovers is guessed from its surroundings"))
+    };
+    effect(EffectKind::Fill, on, reason)
+}
+
+fn translucency(facts: &Facts) -> Effect {
+    let count = facts.translucent_fragments;
+    effect(EffectKind::Translucency, count > 0, format!("{count} fragments let light through"))
+}
+
+fn open_background(facts: &Facts) -> Effect {
+    let count = facts.open_samples;
+    let reason = match count {
+        0 => "something is behind every pixel: lens rays that find nothing are left out of the mean".to_owned(),
+        _ => format!("{count} pixels show nothing at all: the picture keeps its transparency"),
+    };
+    effect(EffectKind::OpenBackground, count > 0, reason)
+}
+
+fn prefilter(parameters: &MethodParameters) -> Effect {
+    let strength = parameters.shear.prefilter;
+    effect(EffectKind::Prefilter, strength > 0.0, format!("{strength} × half the gap between lens samples"))
+}
+
+fn resolve(facts: &Facts, parameters: &MethodParameters) -> Effect {
+    let weight = parameters.shear.resolve;
+    let (on, reason) = if weight <= 0.0 {
+        (false, "switched off".to_owned())
+    } else if facts.kind != StackKind::PointSampled {
+        (false, "the input is anti-aliased already".to_owned())
+    } else {
+        (true, format!("one sample a pixel, {} fragments in focus", facts.focused_fragments))
+    };
+    effect(EffectKind::Resolve, on, reason)
 }

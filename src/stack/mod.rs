@@ -140,6 +140,17 @@ impl Finding {
     }
 }
 
+impl Frame {
+    /// Place of the data window's first pixel centre, from the centre of the display window, in pixels right and down.
+    pub fn data_origin_from_centre(&self) -> [f32; 2] {
+        let (data, display) = (self.data, self.display);
+        [
+            (data.x - display.x) as f32 + 0.5 - 0.5 * display.width as f32,
+            (data.y - display.y) as f32 + 0.5 - 0.5 * display.height as f32,
+        ]
+    }
+}
+
 impl Stack {
     /// Width of the planes in samples.
     pub fn width(&self) -> usize {

@@ -1,11 +1,56 @@
-//! Shear.
+//! `shear`: the default method. The stack in slices of equal CoC radius, sheared for each lens sample.
+//!
+//! In `(x, y, c)` space a lens ray is straight, so all fragments of one CoC radius, seen from lens point `u`, are their own
+//! image shifted by `−c·u`. The picture is the mean over `N` views `(u, j)`, lens point and place in the pixel, of the first
+//! fragment each ray meets. That is what casting `N` rays a pixel gives, visibility correlated over the lens included, at
+//! the price of about one masked add for each visible pixel and view. It converges to [`super::accumulate`].
+//!
+//! Passes, each a function of its own:
+//!
+//! | pass | module | does |
+//! | --- | --- | --- |
+//! | load | [`surfaces`] | working copies of the layers |
+//! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
+//! | merge | [`merge`] | samples of a supersampled stack → coverage peels |
+//! | fill | [`fill`] | a guessed surface where the stack has none |
+//! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
+//! | prefilter | [`prefilter`] | closes the gaps between lens samples |
+//! | paint | [`paint`] | the views |
+//! | draw | [`highlights`] | the discs |
+//! | resolve | [`resolve`] | anti-aliasing in focus |
+//!
+//! Cost: rows × views × (bins + pixels). Memory: a copy of the colours, the runs, the picture. Limits: knows only what the
+//! peels know; content past the frame is its border repeated.
 
-use super::{Method, MethodInfo, Progress};
+mod bins;
+mod fill;
+mod highlights;
+mod merge;
+mod paint;
+mod prefilter;
+mod resolve;
+mod runs;
+mod surfaces;
+
+use super::{Method, MethodInfo, Progress, planes_from_rows};
 use crate::error::Error;
-use crate::image::Image;
-use crate::scene::{Plan, Scene};
+use crate::image::{Image, Plane};
+use crate::lens::views;
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use bins::Bins;
+use highlights::{Highlight, Occluders};
+use paint::{Canvas, RowSums};
+use pulp::Arch;
+use rayon::prelude::*;
+use surfaces::{PaddedPlane, Surface};
 
-/// The reference.
+/// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
+const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
+
+/// From this number of views on, bins are narrow.
+const MANY_VIEWS: usize = 128;
+
+/// Ours.
 #[derive(Debug)]
 pub(super) struct Shear;
 
@@ -13,13 +58,76 @@ impl Method for Shear {
     fn info(&self) -> MethodInfo {
         MethodInfo {
             name: "shear",
-            source: "ours",
+            source: "this project",
             role: "default",
-            summary: "lens rays against the stack, one by one, no shortcut",
+            summary: "slices of equal blur, sheared for each lens sample and painted front to back",
         }
     }
 
-    fn blur(&self, _scene: &Scene, _plan: &Plan, _progress: &Progress<'_>) -> Result<Image, Error> {
-        Err(Error::unsupported("not written yet"))
+    fn blur(&self, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+        if !plan.does(EffectKind::Blur) {
+            return Ok(scene.pinhole());
+        }
+        let (mut surfaces, highlights) = load(scene, plan);
+        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(plan.views >= MANY_VIEWS)]);
+        let runs = runs::find(&surfaces, &bins);
+        if plan.does(EffectKind::Prefilter) {
+            prefilter::smooth(&mut surfaces, plan.views, plan.parameters.shear.prefilter);
+        }
+        let alpha = padded_alpha(&surfaces);
+        let canvas = Canvas { surfaces: &surfaces, alpha: &alpha, runs: &runs, bins: &bins };
+        let (mut image, focused_share) = paint(&canvas, scene.picture_size(), plan, progress);
+        let occluders = Occluders { runs: &runs, bins: &bins, alpha: &alpha };
+        highlights::draw(&mut image, &highlights, plan.aperture, &occluders);
+        if plan.does(EffectKind::Resolve) {
+            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
+        }
+        Ok(image)
     }
+}
+
+/// The surfaces to paint, at picture resolution, and the highlights taken out of them.
+fn load<'a>(scene: &'a Scene, plan: &Plan) -> (Vec<Surface<'a>>, Vec<Highlight>) {
+    let mut surfaces: Vec<Surface<'a>> = scene.layers.iter().map(Surface::of).collect();
+    let highlights = if plan.does(EffectKind::Highlights) {
+        highlights::extract(&mut surfaces, plan.highlight_threshold, scene.supersample)
+    } else {
+        Vec::new()
+    };
+    if plan.does(EffectKind::Merge) {
+        surfaces = merge::merge(&surfaces, scene.supersample);
+    }
+    if plan.does(EffectKind::Fill) {
+        surfaces.extend(fill::guess(&surfaces));
+    }
+    (surfaces, highlights)
+}
+
+/// Coverage in padded rows, if any fragment lets light through.
+fn padded_alpha(surfaces: &[Surface<'_>]) -> Vec<PaddedPlane> {
+    let translucent = |alpha: &f32| *alpha > 0.0 && *alpha < OPAQUE_ALPHA;
+    if surfaces.iter().any(|surface| surface.alpha.values().par_iter().any(translucent)) {
+        surfaces.iter().map(|surface| PaddedPlane::copy_of(&surface.alpha)).collect()
+    } else {
+        Vec::new()
+    }
+}
+
+/// Paints all views of `plan`: the picture, and for each pixel the share of rays that met something in focus.
+fn paint(canvas: &Canvas<'_>, size: (usize, usize), plan: &Plan, progress: &Progress<'_>) -> (Image, Plane) {
+    let mut samples = views(plan.views, plan.aperture);
+    samples.iter_mut().for_each(|view| view.jitter *= plan.jitter);
+    let open = plan.does(EffectKind::OpenBackground);
+    let arch = Arch::new();
+    let [red, green, blue, alpha, focused_share] = planes_from_rows(size, progress, |y, planes: &mut [_; 5]| {
+        let mut sums = RowSums::new(size.0);
+        sums.add(canvas, y, &samples, arch);
+        for x in 0..size.0 {
+            let [r, g, b, a] = sums.pixel(x, open);
+            for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
+                plane[x] = value;
+            }
+        }
+    });
+    (Image { planes: [red, green, blue, alpha] }, focused_share)
 }

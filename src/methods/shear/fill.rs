@@ -1,0 +1,156 @@
+//! A guessed surface behind the last fragment, for stacks of one or two layers.
+//!
+//! Where a lens ray passes what the stack knows, it should meet something plausible: what lies farther away nearby. A
+//! pyramid over the nearest layer keeps, in each cell, only the farthest cluster of CoC radii below it; each pixel takes
+//! the finest cell around it that lies behind its own last fragment, unless that is so coarse that no ray would get there.
+
+use super::surfaces::Surface;
+use crate::image::Plane;
+use rayon::prelude::*;
+
+/// What lies within this of the farthest radius belongs to the farthest cluster, in picture pixels.
+const CLUSTER_PX: f32 = 2.5;
+
+/// Levels of the pyramid at most.
+const LEVELS: usize = 9;
+
+/// The farthest cluster of a cell: mean colour and radius, and the share of the cell it fills.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    color: [f32; 3],
+    coc_px: f32,
+    weight: f32,
+}
+
+/// One level: `width × height` cells, row by row.
+struct Level {
+    width: usize,
+    height: usize,
+    cells: Vec<Cell>,
+}
+
+/// The guessed surface, empty where nothing farther is near; `None` without surfaces.
+pub(super) fn guess(surfaces: &[Surface<'_>]) -> Option<Surface<'static>> {
+    let nearest = surfaces.first()?;
+    let (width, height) = (nearest.width(), nearest.height());
+    let mut levels = vec![base(nearest)];
+    while let Some(last) = levels.last()
+        && last.width.max(last.height) > 2
+        && levels.len() < LEVELS
+    {
+        levels.push(coarser(last));
+    }
+    let cells: Vec<Cell> = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let (x, y) = (i % width, i / width);
+            last_coc(surfaces, x, y).map_or(Cell::default(), |coc| behind(&levels, x, y, coc))
+        })
+        .collect();
+    let plane = |value: &dyn Fn(&Cell) -> f32| Plane::from_fn(width, height, |x, y| value(&cells[y * width + x]));
+    let color = std::array::from_fn(|k| plane(&|cell| cell.color[k]));
+    Some(Surface::made(&color, plane(&|cell| cell.weight), plane(&|cell| cell.coc_px)))
+}
+
+/// CoC radius of the last fragment at `x, y`.
+fn last_coc(surfaces: &[Surface<'_>], x: usize, y: usize) -> Option<f32> {
+    surfaces.iter().rev().find(|surface| surface.alpha.get(x, y) > 0.0).map(|surface| surface.coc_px.get(x, y))
+}
+
+fn base(surface: &Surface<'_>) -> Level {
+    let (width, height) = (surface.width(), surface.height());
+    let cells = (0..width * height)
+        .map(|i| {
+            let (x, y) = (i % width, i / width);
+            let alpha = surface.alpha.get(x, y);
+            if alpha <= 0.0 {
+                return Cell::default();
+            }
+            let color = surface.color.each_ref().map(|plane| plane.row(y)[x] / alpha);
+            Cell { color, coc_px: surface.coc_px.get(x, y), weight: 1.0 }
+        })
+        .collect();
+    Level { width, height, cells }
+}
+
+/// The next level: each cell keeps the farthest cluster of four.
+fn coarser(level: &Level) -> Level {
+    let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
+    let cells = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let (x, y) = (i % width * 2, i / width * 2);
+            let children = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| {
+                level.cells[(y + dy).min(level.height - 1) * level.width + (x + dx).min(level.width - 1)]
+            });
+            farthest_cluster(&children)
+        })
+        .collect();
+    Level { width, height, cells }
+}
+
+fn farthest_cluster(children: &[Cell]) -> Cell {
+    let present = || children.iter().filter(|cell| cell.weight > 0.0);
+    let farthest = present().map(|cell| cell.coc_px).fold(f32::NEG_INFINITY, f32::max);
+    let mut mean = Mean::default();
+    present().filter(|cell| cell.coc_px >= farthest - CLUSTER_PX).for_each(|cell| mean.add(cell, cell.weight));
+    // A cluster of one far pixel still counts a little on the coarsest level.
+    mean.cell((mean.weight / children.len() as f32).max(0.05))
+}
+
+/// The finest cell around `x, y` that lies behind `coc`.
+fn behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
+    let mut size = 1.0;
+    for level in &levels[1..] {
+        size *= 2.0;
+        let mean = level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CLUSTER_PX);
+        if mean.weight > 1e-4 {
+            let cell = mean.cell(1.0);
+            // A ray that passes a fragment at `coc` reaches `coc_px` at most their difference away.
+            return if 0.7 * size > (cell.coc_px - coc).abs() + 2.0 { Cell::default() } else { cell };
+        }
+    }
+    Cell::default()
+}
+
+impl Level {
+    /// Bilinear mean, at cell coordinates `x, y`, of the cells behind `coc`.
+    fn sample(&self, x: f32, y: f32, coc: f32) -> Mean {
+        let mut mean = Mean::default();
+        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (cx, cy) = (x.floor() + dx, y.floor() + dy);
+            let column = cx.clamp(0.0, self.width as f32 - 1.0) as usize;
+            let row = cy.clamp(0.0, self.height as f32 - 1.0) as usize;
+            let cell = self.cells[row * self.width + column];
+            if cell.weight > 0.0 && cell.coc_px > coc {
+                let weight = (1.0 - (x - cx).abs()) * (1.0 - (y - cy).abs());
+                mean.add(&cell, weight * cell.weight + 1e-5);
+            }
+        }
+        mean
+    }
+}
+
+/// A weighted mean of cells in the making.
+#[derive(Default)]
+struct Mean {
+    color: [f32; 3],
+    coc_px: f32,
+    weight: f32,
+}
+
+impl Mean {
+    fn add(&mut self, cell: &Cell, weight: f32) {
+        self.color.iter_mut().zip(cell.color).for_each(|(sum, value)| *sum += weight * value);
+        self.coc_px += weight * cell.coc_px;
+        self.weight += weight;
+    }
+
+    /// The mean, as a cell of `weight`; an empty cell when nothing was added.
+    fn cell(&self, weight: f32) -> Cell {
+        if self.weight <= 0.0 {
+            return Cell::default();
+        }
+        Cell { color: self.color.map(|sum| sum / self.weight), coc_px: self.coc_px / self.weight, weight }
+    }
+}

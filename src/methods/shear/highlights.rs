@@ -1,0 +1,261 @@
+//! Bright points as exact discs: a few views would show a point a thousand times brighter than its surroundings as dots.
+//!
+//! [`extract`] takes the excess of a bright, blurred fragment over its surroundings out of its surface; [`draw`] adds it
+//! back as the aperture's shape of radius `|c|`, with a linear edge one pixel wide, energy `e / (A c²)` a pixel (`A` the
+//! aperture's area at radius 1). Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray
+//! of picture point `p` and highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine
+//! in `p`: a run stays a run.
+
+use super::bins::Bins;
+use super::runs::{Run, Runs};
+use super::surfaces::{PaddedPlane, Surface};
+use crate::image::Image;
+use crate::lens::Aperture;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// A fragment with a smaller CoC radius is no disc, in picture pixels.
+const LEAST_COC_PX: f32 = 1.0;
+
+/// Half the side of the square whose unflagged fragments give a highlight its surroundings, in samples.
+const SURROUNDINGS: usize = 4;
+
+/// Rows that one task draws.
+const STRIP: usize = 16;
+
+/// Discs up to this radius are normalised by the sum of their own pixels, larger ones by their area.
+const SUMMED_BELOW_PX: f32 = 8.0;
+
+/// The excess light of one fragment.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Highlight {
+    /// Where it is, in picture pixels; pixel centres are at whole numbers.
+    pub(super) place: Vec2,
+    /// Its CoC radius in picture pixels.
+    pub(super) coc_px: f32,
+    /// Light over that of its surroundings, summed over the fragment's area in picture pixels.
+    pub(super) energy: [f32; 3],
+}
+
+/// Takes what is brighter than `threshold` out of `surfaces`, `supersample` samples a picture pixel along each axis.
+pub(super) fn extract(surfaces: &mut [Surface<'_>], threshold: f32, supersample: usize) -> Vec<Highlight> {
+    surfaces.iter_mut().flat_map(|surface| extract_from(surface, threshold, supersample)).collect()
+}
+
+fn extract_from(surface: &mut Surface<'_>, threshold: f32, supersample: usize) -> Vec<Highlight> {
+    let view = &*surface;
+    let found: Vec<(usize, usize, [f32; 3])> = (0..view.height())
+        .into_par_iter()
+        .flat_map_iter(|y| flagged(view, y, threshold).into_iter().map(move |x| (x, y)))
+        .map(|(x, y)| (x, y, surroundings(view, x, y, threshold)))
+        .collect();
+    let (scale, samples) = (1.0 / supersample as f32, (supersample * supersample) as f32);
+    found
+        .into_iter()
+        .map(|(x, y, base)| {
+            let color = surface.color.each_ref().map(|plane| plane.row(y)[x]);
+            surface.color.iter_mut().zip(base).for_each(|(plane, value)| plane.set(x, y, value));
+            Highlight {
+                place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
+                coc_px: surface.coc_px.get(x, y),
+                energy: std::array::from_fn(|k| (color[k] - base[k]) / samples),
+            }
+        })
+        .collect()
+}
+
+fn brightness(color: [f32; 3]) -> f32 {
+    color[0].max(color[1]).max(color[2])
+}
+
+/// Columns of row `y` that hold a highlight.
+fn flagged(surface: &Surface<'_>, y: usize, threshold: f32) -> Vec<usize> {
+    let [red, green, blue] = surface.color.each_ref().map(|plane| plane.row(y));
+    let (alpha, coc) = (surface.alpha.row(y), surface.coc_px.row(y));
+    let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
+    (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > LEAST_COC_PX).collect()
+}
+
+/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, never more than the fragment's own;
+/// where there are none, the fragment's own colour at the threshold.
+fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f32; 3] {
+    let color = |x: usize, y: usize| surface.color.each_ref().map(|plane| plane.row(y)[x]);
+    let own = color(x, y);
+    let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
+    for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(surface.height() - 1) {
+        for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(surface.width() - 1) {
+            let (near, alpha) = (color(nx, ny), surface.alpha.get(nx, ny));
+            if alpha > 0.0 && brightness(near) <= threshold {
+                sum.iter_mut().zip(near).for_each(|(sum, value)| *sum += value);
+                alpha_sum += alpha;
+            }
+        }
+    }
+    // Premultiplied colours over their alpha, at the fragment's own alpha.
+    let scale = surface.alpha.get(x, y) / alpha_sum;
+    std::array::from_fn(|k| {
+        if alpha_sum > 0.0 { (sum[k] * scale).min(own[k]) } else { own[k] * threshold / brightness(own) }
+    })
+}
+
+/// What [`draw`] reads beside the highlights.
+#[derive(Debug)]
+pub(super) struct Occluders<'a> {
+    /// The runs of all surfaces.
+    pub(super) runs: &'a Runs,
+    /// Their bins.
+    pub(super) bins: &'a Bins,
+    /// Coverage of the surfaces; empty when every fragment is opaque.
+    pub(super) alpha: &'a [PaddedPlane],
+}
+
+/// Adds the discs of `highlights` to `image`.
+pub(super) fn draw(image: &mut Image, highlights: &[Highlight], aperture: Aperture, occluders: &Occluders<'_>) {
+    let (width, height) = (image.width(), image.height());
+    let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, aperture)).collect();
+    let [red, green, blue, _] = &mut image.planes;
+    red.values_mut()
+        .par_chunks_mut(width * STRIP)
+        .zip(green.values_mut().par_chunks_mut(width * STRIP))
+        .zip(blue.values_mut().par_chunks_mut(width * STRIP))
+        .enumerate()
+        .for_each(|(strip, ((red, green), blue))| {
+            let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
+            let mut seen = Vec::new();
+            for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
+                for y in rows.clone() {
+                    let start = (y - rows.start) * width;
+                    let row = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
+                    disc.draw_row(y, row, occluders, &mut seen);
+                }
+            }
+        });
+}
+
+/// A highlight about to be drawn.
+struct Disc<'a> {
+    highlight: &'a Highlight,
+    aperture: Aperture,
+    /// Light of one fully covered pixel.
+    light: [f32; 3],
+}
+
+impl<'a> Disc<'a> {
+    fn new(highlight: &'a Highlight, aperture: Aperture) -> Self {
+        let mut disc = Self { highlight, aperture, light: [0.0; 3] };
+        let coc = highlight.coc_px;
+        let pixels = if coc.abs() < SUMMED_BELOW_PX {
+            disc.summed_coverage()
+        } else {
+            // The linear edge adds 1/12 to the squared radius of a disc.
+            aperture.area() * (coc * coc + 1.0 / 12.0)
+        };
+        disc.light = highlight.energy.map(|energy| energy / pixels);
+        disc
+    }
+
+    /// Radius within which the disc and its edge lie.
+    fn reach(&self) -> f32 {
+        self.highlight.coc_px.abs() + 0.5
+    }
+
+    /// Share of the pixel at `x, y` that the unhidden disc covers.
+    fn coverage(&self, x: f32, y: f32) -> f32 {
+        let lens = self.highlight.place - Vec2::new(x, y); // q − p = c·u
+        (self.aperture.depth_inside(lens, self.highlight.coc_px) + 0.5).clamp(0.0, 1.0)
+    }
+
+    fn summed_coverage(&self) -> f32 {
+        let (place, reach) = (self.highlight.place, self.reach());
+        let range = |centre: f32| (centre - reach).ceil() as i32..=(centre + reach).floor() as i32;
+        range(place.y).flat_map(|y| range(place.x).map(move |x| (x, y))).map(|(x, y)| self.coverage(x as f32, y as f32)).sum()
+    }
+
+    fn touches(&self, first_row: usize, end_row: usize) -> bool {
+        let (y, reach) = (self.highlight.place.y, self.reach());
+        y + reach >= first_row as f32 && y - reach <= (end_row - 1) as f32
+    }
+
+    fn draw_row(&self, y: usize, mut row: [&mut [f32]; 3], occluders: &Occluders<'_>, seen: &mut Vec<f32>) {
+        let place = self.highlight.place;
+        let dy = y as f32 - place.y;
+        let half_width_squared = self.reach() * self.reach() - dy * dy;
+        if half_width_squared <= 0.0 {
+            return;
+        }
+        let half_width = half_width_squared.sqrt();
+        let first = (place.x - half_width).ceil().max(0.0) as usize;
+        let end = (place.x + half_width).floor() as i64 + 1;
+        let end = end.clamp(0, row[0].len() as i64) as usize;
+        if first >= end {
+            return;
+        }
+        seen.clear();
+        seen.resize(end - first, 1.0);
+        self.hide(y, first, seen, occluders);
+        for (x, &seen) in (first..end).zip(seen.iter()) {
+            let share = seen * self.coverage(x as f32, y as f32);
+            if share > 0.0 {
+                for (plane, light) in row.iter_mut().zip(self.light) {
+                    plane[x] += light * share;
+                }
+            }
+        }
+    }
+
+    /// Takes from `seen`, columns from `first` of row `y`, what nearer fragments hide.
+    fn hide(&self, y: usize, first: usize, seen: &mut [f32], occluders: &Occluders<'_>) {
+        let Highlight { place, coc_px, .. } = *self.highlight;
+        let height = occluders.runs.rows.len();
+        // Nearer by less than this is the highlight's own surface.
+        let own = f32::max(0.75, 0.06 * coc_px.abs());
+        for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
+            if bin_coc >= coc_px - own {
+                break;
+            }
+            let f = bin_coc / coc_px;
+            let row = ((y as f32) * (1.0 - f) + place.y * f + 0.5).floor();
+            if row < 0.0 || row >= height as f32 {
+                continue;
+            }
+            let row = row as usize;
+            let (first_row, last_row) = occluders.runs.rows_of_bin[bin];
+            if row < first_row || row > last_row {
+                continue;
+            }
+            let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
+            for run in occluders.runs.rows[row].of_bin(bin) {
+                let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(row));
+                hide_behind(run, map, first, seen, alpha);
+            }
+        }
+    }
+}
+
+/// `p = offset + scale · s`: where a column of an occluder's row lies in the picture, seen from the highlight.
+#[derive(Clone, Copy)]
+struct Affine {
+    offset: f32,
+    scale: f32,
+}
+
+/// Takes what `run` hides from `seen`, with fractional ends; `alpha` is the coverage of a translucent run's row.
+fn hide_behind(run: &Run, map: Affine, first: usize, seen: &mut [f32], alpha: Option<&[f32]>) {
+    let ends = [run.start as f32 - 0.5, run.end as f32 - 0.5].map(|s| map.offset + map.scale * s);
+    let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+    let last = first + seen.len() - 1;
+    if to < first as f32 - 0.5 || from > last as f32 + 0.5 {
+        return;
+    }
+    let begin = (from + 0.5).floor().max(first as f32) as usize;
+    let end = (to + 0.5).floor().min(last as f32) as usize;
+    for x in begin..=end {
+        let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
+        let opacity = alpha.map_or(1.0, |row| {
+            let source = (x as f32 - map.offset) / map.scale;
+            row[(source + 0.5).floor().clamp(run.start as f32, run.end as f32 - 1.0) as usize]
+        });
+        let seen = &mut seen[x - first];
+        *seen = (*seen - covered * opacity).max(0.0);
+    }
+}

@@ -1,0 +1,172 @@
+//! Merging: the samples of a supersampled stack become coverage surfaces at picture resolution.
+//!
+//! For each pixel its `S²·M` fragments are sorted by CoC radius and gathered into clusters, nearest first. A cluster's
+//! coverage is the sum of its fragments' alpha over `S²`, its colour the same sum (premultiplied), its radius the mean
+//! (`1/z` is affine in `c`). Of more clusters than layers, the least visible are dropped.
+
+use super::surfaces::Surface;
+use crate::image::Plane;
+use rayon::prelude::*;
+
+/// A fragment joins the cluster if it lies within this of the cluster's last radius, in picture pixels …
+const GAP_PX: f32 = 0.5;
+
+/// … or within this share of its own radius, whichever is more.
+const GAP_SHARE: f32 = 0.02;
+
+/// A cluster is never deeper than this many gaps.
+const GAPS_DEEP: f32 = 2.0;
+
+/// One sample of one layer.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Fragment {
+    color: [f32; 3],
+    alpha: f32,
+    coc_px: f32,
+    /// Which of the pixel's samples it is of.
+    sample: u32,
+}
+
+/// Fragments gathered, or the empty place of none.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Cluster {
+    color: [f32; 3],
+    alpha: f32,
+    coc_px: f32,
+}
+
+/// Merges `surfaces`, `supersample` samples a pixel along each axis, into as many coverage surfaces.
+pub(super) fn merge(surfaces: &[Surface<'_>], supersample: usize) -> Vec<Surface<'static>> {
+    let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
+    let layers = surfaces.len();
+    let mut clusters = vec![Cluster::default(); width * height * layers];
+    clusters.par_chunks_mut((width * layers).max(1)).enumerate().for_each_init(Vec::new, |fragments, (y, row)| {
+        for (x, pixel) in row.chunks_mut(layers).enumerate() {
+            gather(surfaces, x, y, supersample, fragments);
+            cluster(fragments, (supersample * supersample) as f32, pixel);
+        }
+    });
+    (0..layers)
+        .map(|layer| {
+            let plane = |value: &dyn Fn(&Cluster) -> f32| {
+                Plane::from_fn(width, height, |x, y| value(&clusters[(y * width + x) * layers + layer]))
+            };
+            let color = std::array::from_fn(|k| plane(&|cluster| cluster.color[k]));
+            Surface::made(&color, plane(&|cluster| cluster.alpha), plane(&|cluster| cluster.coc_px))
+        })
+        .collect()
+}
+
+/// Collects the fragments of picture pixel `x, y`, nearest first.
+fn gather(surfaces: &[Surface<'_>], x: usize, y: usize, supersample: usize, fragments: &mut Vec<Fragment>) {
+    fragments.clear();
+    for surface in surfaces {
+        for sample in 0..supersample * supersample {
+            let (sx, sy) = (x * supersample + sample % supersample, y * supersample + sample / supersample);
+            let alpha = surface.alpha.get(sx, sy);
+            if alpha > 0.0 {
+                let color = surface.color.each_ref().map(|plane| plane.row(sy)[sx]);
+                fragments.push(Fragment { color, alpha, coc_px: surface.coc_px.get(sx, sy), sample: sample as u32 });
+            }
+        }
+    }
+    fragments.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
+}
+
+/// Gathers sorted `fragments` into clusters and writes the most visible to `pixel`, nearest first, the rest empty.
+fn cluster(fragments: &[Fragment], samples: f32, pixel: &mut [Cluster]) {
+    let mut kept: Vec<Cluster> = Vec::with_capacity(pixel.len() + 1);
+    let mut rest = fragments;
+    while !rest.is_empty() {
+        let count = cluster_length(rest);
+        let (own, others) = rest.split_at(count);
+        let mut sum = Cluster::default();
+        for fragment in own {
+            sum.color.iter_mut().zip(fragment.color).for_each(|(sum, value)| *sum += value / samples);
+            sum.alpha += fragment.alpha / samples;
+            sum.coc_px += fragment.coc_px / count as f32;
+        }
+        kept.push(sum);
+        rest = others;
+    }
+    while kept.len() > pixel.len() {
+        let least = least_visible(&kept);
+        kept.remove(least);
+    }
+    pixel[..kept.len()].copy_from_slice(&kept);
+}
+
+/// How many of the first `fragments` make one cluster.
+fn cluster_length(fragments: &[Fragment]) -> usize {
+    let first = fragments[0];
+    let mut last = first.coc_px;
+    let mut samples = 0u64;
+    for (i, fragment) in fragments.iter().enumerate() {
+        let gap = GAP_PX.max(GAP_SHARE * fragment.coc_px.abs());
+        // Samples past the 64th of a pixel share a bit: at worst a cluster ends early.
+        let bit = 1u64 << (fragment.sample % 64);
+        if fragment.coc_px - last >= gap || fragment.coc_px - first.coc_px >= GAPS_DEEP * gap || samples & bit != 0 {
+            // The first fragment has no gap to itself, no depth and no sample before it.
+            return i;
+        }
+        last = fragment.coc_px;
+        samples |= bit;
+    }
+    fragments.len()
+}
+
+/// The cluster that shows least through those before it.
+fn least_visible(clusters: &[Cluster]) -> usize {
+    let mut transmitted = 1.0;
+    let shows = clusters.iter().map(|cluster| {
+        let share = transmitted * cluster.alpha;
+        transmitted *= 1.0 - cluster.alpha;
+        share
+    });
+    shows.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fragment(sample: u32, coc_px: f32, color: f32) -> Fragment {
+        Fragment { color: [color; 3], alpha: 1.0, coc_px, sample }
+    }
+
+    fn clusters(fragments: &[Fragment], places: usize) -> Vec<Cluster> {
+        let mut pixel = vec![Cluster::default(); places];
+        cluster(fragments, 4.0, &mut pixel);
+        pixel
+    }
+
+    #[test]
+    fn four_samples_of_one_surface_are_one_opaque_cluster_of_their_mean() {
+        let found = clusters(&[0, 1, 2, 3].map(|i| fragment(i, 5.0 + 0.1 * i as f32, i as f32)), 2);
+        assert_eq!(found[0].alpha, 1.0, "all of the pixel");
+        assert_eq!(found[0].color, [1.5; 3], "mean colour");
+        assert!((found[0].coc_px - 5.15).abs() < 1e-5, "mean radius");
+        assert_eq!(found[1], Cluster::default(), "nothing else");
+    }
+
+    #[test]
+    fn an_edge_becomes_coverage_over_what_is_behind() {
+        let found = clusters(&[fragment(0, -9.0, 1.0), fragment(1, 4.0, 0.5), fragment(2, 4.0, 0.5), fragment(3, 4.0, 0.5)], 2);
+        assert_eq!((found[0].alpha, found[0].color[0]), (0.25, 0.25), "a quarter, premultiplied");
+        assert_eq!((found[1].alpha, found[1].color[0]), (0.75, 0.375), "what the samples saw behind");
+    }
+
+    #[test]
+    fn two_fragments_of_one_sample_are_two_surfaces_however_near() {
+        let found = clusters(&[fragment(0, 3.0, 1.0), fragment(0, 3.1, 0.0)], 2);
+        assert_eq!([found[0].alpha, found[1].alpha], [0.25, 0.25], "two clusters");
+    }
+
+    #[test]
+    fn of_too_many_clusters_the_least_visible_goes() {
+        let mut fragments: Vec<Fragment> = (0..3).map(|i| fragment(i, -20.0, 1.0)).collect();
+        fragments.extend([fragment(3, 0.0, 0.5), fragment(0, 10.0, 0.2), fragment(1, 10.0, 0.2)]);
+        let found = clusters(&fragments, 2);
+        assert_eq!([found[0].coc_px, found[1].coc_px], [-20.0, 0.0], "the farthest showed least");
+    }
+}

@@ -1,0 +1,197 @@
+//! Smoothing within a surface by the gap between lens samples, so that few views show no copies.
+//!
+//! `N` lens samples on a disc of `|c|` pixels lie `|c|·√(π/N)` apart; what is finer than that in a blurred surface would
+//! show as `N` separate copies. A box of half that gap times a strength is what the blur would hide anyway. It is
+//! applied as an edge-aware recursive filter of the same variance, along rows, then along columns, each way once:
+//! `y_i = x_i + a (y_{i−1} − x_i)`, `a = 0` wherever the surface ends. Always a convex mix of the surface's own colours.
+
+use super::surfaces::Surface;
+use pulp::Arch;
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
+const SURFACE_PX: f32 = 0.6;
+
+/// A variance below this, in squared pixels, is not worth the work.
+const LEAST_VARIANCE: f32 = 0.03;
+
+/// Columns that one task smooths.
+const STRIP: usize = 128;
+
+/// Smooths `surfaces` for `views` lens samples; `strength` scales the box's radius.
+pub(super) fn smooth(surfaces: &mut [Surface<'_>], views: usize, strength: f32) {
+    let radius_per_coc = 0.5 * strength * (PI / views as f32).sqrt();
+    for surface in surfaces {
+        along_rows(surface, radius_per_coc);
+        along_columns(surface, radius_per_coc);
+    }
+}
+
+/// The weight `a` between two neighbours, from the farther one's CoC radius.
+///
+/// A box of radius `r` has variance `v = r²/3`; the two-way recursion with weight `a` has `2a/(1 − a)²`.
+#[inline(always)]
+fn weight(coc: f32, other_coc: f32, same_surface: bool, radius_per_coc: f32) -> f32 {
+    let radius = coc.abs() * radius_per_coc;
+    let variance = radius * radius * (1.0 / 3.0);
+    let v = variance.max(1e-4);
+    let a = (v + 1.0 - (1.0 + 2.0 * v).sqrt()) / v;
+    let smooth = same_surface & ((coc - other_coc).abs() < SURFACE_PX) & (variance > LEAST_VARIANCE);
+    if smooth { a } else { 0.0 }
+}
+
+/// Fills `weights` with the weight between `here` and `there` (alpha and CoC radius each) and says whether any is not 0.
+#[inline(always)]
+fn fill_weights(
+    weights: &mut [f32],
+    there: (&[f32], &[f32]),
+    here: (&[f32], &[f32]),
+    radius_per_coc: f32,
+) -> bool {
+    let mut most = 0f32;
+    let pairs = there.0.iter().zip(there.1).zip(here.0.iter().zip(here.1));
+    for (out, ((&other_alpha, &other_coc), (&alpha, &coc))) in weights.iter_mut().zip(pairs) {
+        let same = (alpha > 0.0) & (alpha == other_alpha);
+        *out = weight(coc, other_coc, same, radius_per_coc);
+        most = most.max(*out);
+    }
+    most > 0.0
+}
+
+fn along_rows(surface: &mut Surface<'_>, radius_per_coc: f32) {
+    let (alpha, coc) = (&surface.alpha, &surface.coc_px);
+    let width = alpha.width();
+    let [red, green, blue] = &mut surface.color;
+    let rows = red.rows_mut().zip(green.rows_mut()).zip(blue.rows_mut()).enumerate();
+    rows.for_each_init(
+        || vec![0.0; width],
+        |weights, (y, ((red, green), blue))| {
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let (alpha, coc) = (alpha.row(y), coc.row(y));
+                    let (there, here) = ((&alpha[..width - 1], &coc[..width - 1]), (&alpha[1..], &coc[1..]));
+                    if fill_weights(&mut weights[1..], there, here, radius_per_coc) {
+                        recurse([red, green, blue], weights);
+                    }
+                },
+            );
+        },
+    );
+}
+
+/// Both passes over one row; `weights[x]` lies between `x − 1` and `x`.
+#[inline(always)]
+fn recurse([red, green, blue]: [&mut [f32]; 3], weights: &[f32]) {
+    let width = weights.len();
+    let (red, green, blue) = (&mut red[..width], &mut green[..width], &mut blue[..width]);
+    let mut last = [red[0], green[0], blue[0]];
+    let mut step = |x: usize, a: f32| {
+        let keep = 1.0 - a;
+        last = [keep * red[x] + a * last[0], keep * green[x] + a * last[1], keep * blue[x] + a * last[2]];
+        [red[x], green[x], blue[x]] = last;
+    };
+    for x in 1..width {
+        step(x, weights[x]);
+    }
+    for x in (0..width - 1).rev() {
+        step(x, weights[x + 1]);
+    }
+}
+
+fn along_columns(surface: &mut Surface<'_>, radius_per_coc: f32) {
+    let (alpha, coc) = (&surface.alpha, &surface.coc_px);
+    let height = alpha.height();
+    let [red, green, blue] = surface.color.each_mut().map(|plane| plane.strips_mut(STRIP));
+    let strips: Vec<_> = red.into_iter().zip(green).zip(blue).enumerate().collect();
+    strips.into_par_iter().for_each_init(
+        || vec![0.0; STRIP * height],
+        |weights, (i, ((red, green), blue))| {
+            let columns = i * STRIP..(i * STRIP + STRIP).min(alpha.width());
+            let row = |y: usize| (&alpha.row(y)[columns.clone()], &coc.row(y)[columns.clone()]);
+            let blurred: Vec<bool> = (0..height)
+                .map(|y| {
+                    let weights = &mut weights[y * STRIP..y * STRIP + columns.len()];
+                    y > 0
+                        && Arch::new().dispatch(
+                            #[inline(always)]
+                            || fill_weights(weights, row(y - 1), row(y), radius_per_coc),
+                        )
+                })
+                .collect();
+            for mut channel in [red, green, blue] {
+                down_and_up(&mut channel, weights, &blurred);
+            }
+        },
+    );
+}
+
+/// Both passes over one strip of one channel; row `y` of `weights` lies between rows `y − 1` and `y`, and is all 0 where
+/// `blurred` says no.
+fn down_and_up(rows: &mut [&mut [f32]], weights: &[f32], blurred: &[bool]) {
+    let mut mix = |from: usize, to: usize, weight_row: usize| {
+        let [source, target] = rows.get_disjoint_mut([from, to]).unwrap_or_else(|_| unreachable!("two rows"));
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let weights = &weights[weight_row * STRIP..][..target.len()];
+                for ((value, &other), &a) in target.iter_mut().zip(source.iter()).zip(weights) {
+                    *value += a * (other - *value);
+                }
+            },
+        );
+    };
+    for y in (1..blurred.len()).filter(|&y| blurred[y]) {
+        mix(y - 1, y, y);
+    }
+    for y in (1..blurred.len()).rev().filter(|&y| blurred[y]) {
+        mix(y, y - 1, y);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    fn smoothed(width: usize, height: usize, color: impl Fn(usize, usize) -> f32, coc: impl Fn(usize, usize) -> f32) -> Plane {
+        let channel = Plane::from_fn(width, height, &color);
+        let surface =
+            Surface::made(&std::array::from_fn(|_| channel.clone()), Plane::filled(width, height, 1.0), Plane::from_fn(width, height, &coc));
+        let mut surfaces = [surface];
+        smooth(&mut surfaces, 64, 1.4);
+        Plane::from_fn(width, height, |x, y| surfaces[0].color[1].row(y)[x])
+    }
+
+    #[test]
+    fn one_colour_stays_one_colour() {
+        let result = smoothed(300, 9, |_, _| 0.7, |x, _| x as f32 * 0.3);
+        assert!(result.values().iter().all(|v| (v - 0.7).abs() < 1e-6), "0.7 everywhere");
+    }
+
+    #[test]
+    fn a_point_keeps_its_sum_and_gets_the_variance_of_the_box() {
+        let coc = 40.0;
+        let result = smoothed(201, 201, |x, y| f32::from(x == 100 && y == 100), |_, _| coc);
+        let moment = |power: i32| {
+            result.values().iter().enumerate().map(|(i, v)| f64::from(*v) * ((i % 201) as f64 - 100.0).powi(power)).sum::<f64>()
+        };
+        let radius = 0.5 * 1.4 * f64::from(coc) * (std::f64::consts::PI / 64.0).sqrt();
+        assert!((moment(0) - 1.0).abs() < 1e-4, "sum {}", moment(0));
+        assert!(moment(1).abs() < 1e-3, "centroid {}", moment(1));
+        assert!((moment(2) / (radius * radius / 3.0) - 1.0).abs() < 1e-2, "variance {}", moment(2));
+    }
+
+    #[test]
+    fn nothing_crosses_an_edge_in_depth() {
+        let result = smoothed(40, 5, |x, _| f32::from(x >= 20), |x, _| if x < 20 { 30.0 } else { 28.0 });
+        assert!((0..20).all(|x| result.get(x, 2) == 0.0) && (20..40).all(|x| result.get(x, 2) == 1.0), "both sides untouched");
+    }
+
+    #[test]
+    fn what_is_in_focus_is_left_alone() {
+        let result = smoothed(16, 16, |x, y| ((x + y) % 2) as f32, |_, _| 0.5);
+        assert_eq!(result, Plane::from_fn(16, 16, |x, y| ((x + y) % 2) as f32), "untouched");
+    }
+}

@@ -1,0 +1,51 @@
+//! Anti-aliasing of what is in focus: point samples there have no blur to hide behind.
+//!
+//! A five-tap cross whose weight is the share of the pixel's rays that met something in focus.
+
+use crate::image::{Image, Plane};
+use rayon::prelude::*;
+
+/// Softens `image` where `focused_share` is not 0; `weight` is that of each of the four neighbours.
+pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
+    let (width, height) = (image.width(), image.height());
+    if width == 0 {
+        return;
+    }
+    for plane in &mut image.planes {
+        let before = plane.clone();
+        plane.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
+            let here = before.row(y);
+            for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
+                if share > 0.0 {
+                    let a = weight * share;
+                    let neighbours = here[x.saturating_sub(1)] + here[(x + 1).min(width - 1)] + above[x] + below[x];
+                    *value = here[x] * (1.0 - 4.0 * a) + a * neighbours;
+                }
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_colour_stays_and_a_point_keeps_its_sum() {
+        let point = |x, y| if (x, y) == (4, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
+        let mut image = Image::from_fn(9, 9, point);
+        soften(&mut image, &Plane::filled(9, 9, 1.0), 0.08);
+        let sum: f32 = image.planes[0].values().iter().sum();
+        assert!((sum - 1.0).abs() < 1e-6, "sum {sum}");
+        assert!((image.planes[0].get(4, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 stays");
+    }
+
+    #[test]
+    fn what_is_out_of_focus_is_left_alone() {
+        let mut image = Image::from_fn(5, 5, |x, y| [(x * y) as f32; 4]);
+        let before = image.clone();
+        soften(&mut image, &Plane::zeros(5, 5), 0.08);
+        assert_eq!(image, before, "untouched");
+    }
+}

@@ -1,0 +1,262 @@
+//! Rows as runs: for each row and each bin, the stretches of fragments that move together.
+//!
+//! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours in the peel lies
+//! that way, less than [`JOIN_PX`] off. Surfaces then have no cracks where they pass from bin to bin; joining wider would
+//! thicken edges. A translucent fragment never joins twice: it would count twice.
+
+use super::bins::{Bins, EMPTY};
+use super::surfaces::Surface;
+use crate::scene::OPAQUE_ALPHA;
+use pulp::Arch;
+use rayon::prelude::*;
+
+/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
+const JOIN_PX: f32 = 0.5;
+
+/// A stretch of fragments of one row, one layer and one bin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Run {
+    /// First column.
+    pub(super) start: u32,
+    /// Column past the last.
+    pub(super) end: u32,
+    /// Its layer.
+    pub(super) layer: u8,
+    /// Whether its fragments hide what is behind.
+    pub(super) opaque: bool,
+}
+
+/// The runs of one row, sorted by bin and, within a bin, by layer and column.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RowRuns {
+    /// `starts[b] .. starts[b + 1]` are the runs of bin `b`.
+    starts: Vec<u32>,
+    runs: Vec<Run>,
+}
+
+impl RowRuns {
+    /// The runs of bin `bin`.
+    pub(super) fn of_bin(&self, bin: usize) -> &[Run] {
+        &self.runs[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+}
+
+/// All rows, and where each bin occurs.
+#[derive(Debug, Clone)]
+pub(super) struct Runs {
+    /// The rows from the top.
+    pub(super) rows: Vec<RowRuns>,
+    /// For each bin, the first and last row that has it; first past last for a bin that no row has.
+    pub(super) rows_of_bin: Vec<(usize, usize)>,
+}
+
+/// What the scan compares from column to column: the bin, and two bits for the neighbouring bins joined and one for opacity.
+///
+/// Equal keys are one run.
+type Key = u16;
+
+const NEARER: Key = 1;
+const FARTHER: Key = 2;
+const OPAQUE: Key = 4;
+const BIN_SHIFT: u32 = 3;
+const NO_KEY: Key = Key::MAX;
+
+/// Finds the runs of `surfaces`.
+pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
+    let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width(), s.height()));
+    let indices: Vec<Vec<u16>> = surfaces.iter().map(|surface| bin_indices(surface, bins)).collect();
+    let scratch = || (vec![0; width], Vec::new());
+    let rows: Vec<RowRuns> = (0..height)
+        .into_par_iter()
+        .map_init(scratch, |(keys, found), y| {
+            found.clear();
+            for (layer, surface) in surfaces.iter().enumerate() {
+                row_keys(surface, &indices[layer], y, keys);
+                scan(keys, layer as u8, found);
+            }
+            sorted_by_bin(found, bins.count())
+        })
+        .collect();
+    let mut rows_of_bin = vec![(height, 0); bins.count()];
+    for (y, row) in rows.iter().enumerate() {
+        for (bin, (first, last)) in rows_of_bin.iter_mut().enumerate() {
+            if !row.of_bin(bin).is_empty() {
+                *first = (*first).min(y);
+                *last = y;
+            }
+        }
+    }
+    Runs { rows, rows_of_bin }
+}
+
+/// The bin of every fragment, [`EMPTY`] where there is none.
+fn bin_indices(surface: &Surface<'_>, bins: &Bins) -> Vec<u16> {
+    let width = surface.width();
+    let mut indices = vec![EMPTY; width * surface.height()];
+    indices.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let fragments = surface.alpha.row(y).iter().zip(surface.coc_px.row(y));
+        for (index, (&alpha, &coc)) in row.iter_mut().zip(fragments) {
+            if alpha > 0.0 {
+                *index = bins.index(coc);
+            }
+        }
+    });
+    indices
+}
+
+/// Fills `keys` for row `y`.
+fn row_keys(surface: &Surface<'_>, indices: &[u16], y: usize, keys: &mut [Key]) {
+    let width = keys.len();
+    let row = |y: usize| (&indices[y * width..(y + 1) * width], surface.coc_px.row(y));
+    let here = row(y);
+    keys.fill(0);
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for other in [y.checked_sub(1), (y + 1 < surface.height()).then_some(y + 1)].into_iter().flatten() {
+                join(keys, here, row(other));
+            }
+            let (bins, coc) = here;
+            join(&mut keys[1..], (&bins[1..], &coc[1..]), (&bins[..width - 1], &coc[..width - 1]));
+            join(&mut keys[..width - 1], (&bins[..width - 1], &coc[..width - 1]), (&bins[1..], &coc[1..]));
+            for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surface.alpha.row(y)) {
+                let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
+                *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
+            }
+        },
+    );
+}
+
+/// Marks in `keys` the bins that neighbours `there` make the fragments `here` join.
+#[inline(always)]
+fn join(keys: &mut [Key], here: (&[u16], &[f32]), there: (&[u16], &[f32])) {
+    let fragments = here.0.iter().zip(here.1).zip(there.0.iter().zip(there.1));
+    for (key, ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(fragments) {
+        let near = (other_coc - coc).abs() < JOIN_PX;
+        *key |= Key::from(near & (other_bin < bin)) * NEARER;
+        *key |= Key::from(near & (other_bin > bin) & (other_bin != EMPTY)) * FARTHER;
+    }
+}
+
+/// Finds the runs of one row of keys.
+fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Run)>) {
+    let mut open = OpenRuns::default();
+    let mut last = NO_KEY;
+    for (x, &key) in keys.iter().enumerate() {
+        if key != last {
+            open.change(key, x as u32, layer, found);
+            last = key;
+        }
+    }
+    open.change(NO_KEY, keys.len() as u32, layer, found);
+}
+
+/// The runs that are open at a column: of the fragments' bin and those it joins.
+#[derive(Default)]
+struct OpenRuns {
+    /// Bins `first .. first + starts.len()`, with the column each run began at.
+    first: u16,
+    starts: [u32; 3],
+    count: u16,
+    opaque: bool,
+}
+
+impl OpenRuns {
+    /// Closes the runs that `key` does not go on with and opens those it begins.
+    fn change(&mut self, key: Key, x: u32, layer: u8, found: &mut Vec<(u16, Run)>) {
+        let opaque = key & OPAQUE != 0;
+        let (first, count) = if key == NO_KEY {
+            (0, 0)
+        } else {
+            let nearer = key & NEARER; // bit 0: a count of one
+            let farther = (key & FARTHER) / FARTHER;
+            ((key >> BIN_SHIFT) - nearer, 1 + nearer + farther)
+        };
+        let goes_on = |bin: u16| opaque == self.opaque && bin >= first && bin < first + count;
+        for k in 0..self.count {
+            let bin = self.first + k;
+            if !goes_on(bin) {
+                let run = Run { start: self.starts[k as usize], end: x, layer, opaque: self.opaque };
+                found.push((bin, run));
+            }
+        }
+        let mut starts = [x; 3];
+        for k in 0..count {
+            let bin = first + k;
+            if opaque == self.opaque && bin >= self.first && bin < self.first + self.count {
+                starts[k as usize] = self.starts[(bin - self.first) as usize];
+            }
+        }
+        *self = Self { first, starts, count, opaque };
+    }
+}
+
+/// A stable counting sort.
+fn sorted_by_bin(found: &[(u16, Run)], bins: usize) -> RowRuns {
+    let mut starts = vec![0u32; bins + 1];
+    for (bin, _) in found {
+        starts[*bin as usize + 1] += 1;
+    }
+    for bin in 0..bins {
+        starts[bin + 1] += starts[bin];
+    }
+    let mut next = starts.clone();
+    let mut runs = vec![Run { start: 0, end: 0, layer: 0, opaque: false }; found.len()];
+    for (bin, run) in found {
+        let place = &mut next[*bin as usize];
+        runs[*place as usize] = *run;
+        *place += 1;
+    }
+    RowRuns { starts, runs }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    fn surface(alpha: &[f32], coc: &[f32]) -> Surface<'static> {
+        let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
+        Surface::made(&std::array::from_fn(|_| plane(alpha)), plane(alpha), plane(coc))
+    }
+
+    fn run(start: u32, end: u32, opaque: bool) -> Run {
+        Run { start, end, layer: 0, opaque }
+    }
+
+    #[test]
+    fn fragments_of_one_bin_are_one_run() {
+        let runs = find(&[surface(&[1.0; 4], &[3.0; 4])], &Bins::new([3.0, 3.0], 0.5));
+        assert_eq!(runs.rows[0].of_bin(0), [run(0, 4, true)], "the whole row");
+    }
+
+    #[test]
+    fn a_slanted_surface_overlaps_itself_from_bin_to_bin() {
+        let bins = Bins::new([0.0, 0.4], 0.5);
+        let runs = find(&[surface(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
+        assert_eq!(runs.rows[0].of_bin(0), [run(0, 3, true)], "the nearer part and one fragment of the farther");
+        assert_eq!(runs.rows[0].of_bin(1), [run(1, 4, true)], "the farther part and one fragment of the nearer");
+    }
+
+    #[test]
+    fn an_edge_in_depth_does_not_join() {
+        let bins = Bins::new([0.0, 5.0], 0.5);
+        let runs = find(&[surface(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
+        assert_eq!(runs.rows[0].of_bin(0), [run(0, 2, true)], "in front");
+        assert_eq!(runs.rows[0].of_bin(10), [run(2, 4, true)], "behind");
+    }
+
+    #[test]
+    fn a_translucent_fragment_stays_in_its_bin() {
+        let bins = Bins::new([0.0, 0.4], 0.5);
+        let runs = find(&[surface(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
+        assert_eq!(runs.rows[0].of_bin(0), [run(0, 1, true), run(1, 2, false)], "bin of focus");
+        assert_eq!(runs.rows[0].of_bin(1), [run(2, 3, true)], "joined by nothing");
+    }
+
+    #[test]
+    fn empty_samples_end_runs() {
+        let runs = find(&[surface(&[1.0, 0.0, 1.0], &[3.0; 3])], &Bins::new([3.0, 3.0], 0.5));
+        assert_eq!(runs.rows[0].of_bin(0), [run(0, 1, true), run(2, 3, true)], "two runs");
+    }
+}

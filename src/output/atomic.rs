@@ -1,0 +1,310 @@
+//! Files that appear whole or not at all.
+//!
+//! A file is filled under a temporary name in the folder of its destination and then renamed over it, so that a reader
+//! never sees half a picture and a failed run leaves the previous one as it was. What cannot be replaced by a rename
+//! (standard output, named `-`; devices and pipes) is filled in memory and sent in one go.
+//!
+//! Limits: no `fsync`; a power cut may lose the newest file. A process that is killed leaves `.thinlens-*.tmp`.
+
+use crate::error::Error;
+use std::fs::{File, Metadata, OpenOptions, Permissions};
+use std::io::{self, BufWriter, Cursor, Seek, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// What a writer fills.
+pub trait Target: Write + Seek {}
+
+impl<T: Write + Seek> Target for T {}
+
+/// Where the bytes go.
+enum Destination {
+    Stdout,
+    /// Neither a file nor a folder: a device or a pipe, which a rename would destroy.
+    Device,
+    /// A file in an existing folder, with links followed.
+    File {
+        path: PathBuf,
+        replaced: Option<Permissions>,
+    },
+}
+
+/// Writes the file `path` with `fill`; `-` is standard output.
+///
+/// A new file has the permissions of the process's mask, a replaced one keeps its own. If `fill` or the disk fails, the
+/// file at `path` is what it was before.
+///
+/// # Errors
+/// Those of [`check_writable`], those of `fill`, and those of the disk.
+pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Target) -> Result<(), Error>) -> Result<(), Error> {
+    let send = |stream: io::Result<&mut dyn Write>, bytes: &[u8]| {
+        stream
+            .and_then(|stream| stream.write_all(bytes).and_then(|()| stream.flush()))
+            .map_err(|error| failed(path, error))
+    };
+    match destination(path)? {
+        Destination::Stdout => {
+            let mut buffer = Cursor::new(Vec::new());
+            fill(&mut buffer)?;
+            send(Ok(&mut io::stdout().lock()), buffer.get_ref())
+        }
+        Destination::Device => {
+            let mut buffer = Cursor::new(Vec::new());
+            fill(&mut buffer)?;
+            let mut device =
+                OpenOptions::new().write(true).open(path).map_err(|error| failed(path, error))?;
+            send(Ok(&mut device), buffer.get_ref())
+        }
+        Destination::File { path: file, replaced } => replace(path, &file, replaced, fill),
+    }
+}
+
+/// Checks, before the work begins, that [`write()`] can put a file at `path`.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Output`] if the folder is missing, is no folder or takes no new file, and if `path` is a
+/// folder or a write-protected file.
+pub fn check_writable(path: &Path) -> Result<(), Error> {
+    match destination(path)? {
+        Destination::Stdout | Destination::Device => Ok(()),
+        Destination::File { path: file, .. } => {
+            temporary(&file).map(drop).map_err(|error| failed(path, error))
+        }
+    }
+}
+
+/// The error of a write to `path` that the operating system refused.
+pub(super) fn failed(path: &Path, error: io::Error) -> Error {
+    let (what, help) = match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            ("no space left for the output file", Some("free some space, or write to another disk with -o"))
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => (
+            "the output file may not be written",
+            Some("write to another folder with -o, or change the folder's permissions"),
+        ),
+        io::ErrorKind::BrokenPipe => ("the reader of the output has gone", None),
+        _ => ("the output file cannot be written", None),
+    };
+    let error = Error::output(what).in_file(path).caused_by(error);
+    match help {
+        Some(help) => error.help(help),
+        None => error,
+    }
+}
+
+/// Fills a temporary beside `file` and renames it; `path` is the name in errors.
+fn replace(
+    path: &Path,
+    file: &Path,
+    replaced: Option<Permissions>,
+    fill: impl FnOnce(&mut dyn Target) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut temporary = temporary(file).map_err(|error| failed(path, error))?;
+    let mut writer = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
+    fill(&mut writer)?;
+    writer.flush().map_err(|error| failed(path, error))?;
+    drop(writer);
+    if let Some(permissions) = replaced {
+        temporary.as_file().set_permissions(permissions).map_err(|error| failed(path, error))?;
+    }
+    temporary.persist(file).map(|_: File| ()).map_err(|error| failed(path, error.error))
+}
+
+/// An empty file in the folder of `path`, removed when dropped.
+fn temporary(path: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".thinlens-").suffix(".tmp");
+    // The crate's own default is 0600: right for secrets, not for a frame that the rest of the farm reads.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder(path))
+}
+
+fn destination(path: &Path) -> Result<Destination, Error> {
+    if path == Path::new("-") {
+        return Ok(Destination::Stdout);
+    }
+    if path.to_string_lossy().ends_with(std::path::is_separator) {
+        return Err(is_a_folder(path));
+    }
+    match path.metadata() {
+        Ok(metadata) => existing(path, &metadata),
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            check_folder(path)?;
+            Ok(Destination::File { path: path.to_owned(), replaced: None })
+        }
+        Err(error) => Err(failed(path, error)),
+    }
+}
+
+fn is_a_folder(path: &Path) -> Error {
+    Error::output("the output is a folder").in_file(path).help("give -o the name of a file in that folder")
+}
+
+fn existing(path: &Path, metadata: &Metadata) -> Result<Destination, Error> {
+    if metadata.is_dir() {
+        return Err(is_a_folder(path));
+    }
+    if !metadata.is_file() {
+        return Ok(Destination::Device);
+    }
+    if metadata.permissions().readonly() {
+        return Err(Error::output("the output file exists and is write-protected")
+            .in_file(path)
+            .help("remove it, lift its protection, or write another file with -o"));
+    }
+    // A rename onto a link would replace the link, not the file it leads to.
+    let path = path.canonicalize().map_err(|error| failed(path, error))?;
+    Ok(Destination::File { path, replaced: Some(metadata.permissions()) })
+}
+
+/// The folder that `path` lies in.
+fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn check_folder(path: &Path) -> Result<(), Error> {
+    let folder = folder(path);
+    match folder.metadata() {
+        Ok(metadata) if metadata.is_dir() => Ok(()),
+        Ok(_) => Err(Error::output("the output's folder is not a folder").in_file(path)),
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            Err(Error::output("the output's folder does not exist")
+                .in_file(path)
+                .help(format!("create it: mkdir -p {}", folder.display())))
+        }
+        Err(error) => Err(failed(path, error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn names(folder: &Path) -> Vec<String> {
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let result = write(&path, |target| {
+            target.write_all(b"half of the n").unwrap();
+            Err(Error::output("stop"))
+        });
+        assert!(result.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_write_replaces_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old and long").unwrap();
+        write(&path, |target| {
+            target.write_all(b"new").unwrap();
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_new_file_has_the_permissions_of_the_mask_and_an_old_one_keeps_its_own() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
+        let (plain, ours) = (folder.path().join("plain"), folder.path().join("ours"));
+        fs::write(&plain, "").unwrap();
+        write(&ours, |_| Ok(())).unwrap();
+        assert_eq!(mode(&ours), mode(&plain));
+        fs::set_permissions(&ours, Permissions::from_mode(0o640)).unwrap();
+        write(&ours, |_| Ok(())).unwrap();
+        assert_eq!(mode(&ours), 0o640);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link_and_its_file_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write(&link, |target| {
+            target.write_all(b"new").unwrap();
+            Ok(())
+        })
+        .unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_device_is_named_and_stays_a_device() {
+        let path = Path::new("/dev/full");
+        let error = write(path, |target| {
+            target.write_all(b"something").unwrap();
+            Ok(())
+        })
+        .unwrap_err();
+        assert!(
+            error.to_string().starts_with("no space left for the output file\n  in: /dev/full"),
+            "{error}"
+        );
+        assert!(!path.is_file() && path.exists());
+    }
+
+    #[test]
+    fn a_missing_folder_is_found_before_the_work_with_its_cure() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing/a.exr");
+        let text = check_writable(&path).unwrap_err().to_string();
+        assert!(text.contains("does not exist") && text.contains("mkdir -p"), "{text}");
+        assert!(text.contains(&path.display().to_string()), "{text}");
+    }
+
+    #[test]
+    fn a_folder_or_a_protected_file_is_no_output() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(check_writable(folder.path()).unwrap_err().to_string().contains("is a folder"));
+        let named_as_one = folder.path().join("new/");
+        assert!(check_writable(&named_as_one).unwrap_err().to_string().contains("is a folder"));
+        let file = folder.path().join("file");
+        fs::write(&file, "kept").unwrap();
+        assert!(check_writable(&file.join("a.exr")).unwrap_err().to_string().contains("folder"));
+        let mut permissions = file.metadata().unwrap().permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&file, permissions).unwrap();
+        assert!(check_writable(&file).unwrap_err().to_string().contains("write-protected"));
+        assert!(write(&file, |_| Ok(())).is_err());
+        assert_eq!(fs::read(&file).unwrap(), b"kept");
+    }
+
+    #[test]
+    fn checking_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        check_writable(&folder.path().join("a.exr")).unwrap();
+        check_writable(Path::new("-")).unwrap();
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_refused_folder_says_what_to_do() {
+        let error = failed(Path::new("a/b.exr"), io::Error::from(io::ErrorKind::PermissionDenied));
+        assert!(
+            error.to_string().contains("  in: a/b.exr") && error.to_string().contains("help:"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,107 @@
+//! PNG: an 8-bit sRGB preview, for eyes. What a pipeline reads is the EXR.
+
+use super::atomic;
+use crate::error::Error;
+use crate::image::{Image, srgb_encode};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder as _};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Width of the strip between pictures side by side, in pixels.
+const GAP_PX: usize = 8;
+
+/// Grey of that strip, an 8-bit value.
+const GAP_GREY: u8 = 32;
+
+/// 8-bit pixels, ready to encode.
+struct Pixels {
+    width: usize,
+    height: usize,
+    color: ExtendedColorType,
+    bytes: Vec<u8>,
+}
+
+/// Writes `image`, made brighter by `exposure_stops`, as sRGB to the file `path` (`-`: standard output).
+///
+/// Values are clipped to 0 … 1; NaN is black. An opaque picture is written as RGB, any other as RGBA with the colour
+/// divided by alpha, because PNG keeps the two apart; light without any alpha is lost there.
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Error> {
+    let gain = exposure_stops.exp2();
+    let opaque = image.planes[3].values().iter().all(|&alpha| to_8_bit(alpha) == u8::MAX);
+    let (color, channels) = if opaque { (ExtendedColorType::Rgb8, 3) } else { (ExtendedColorType::Rgba8, 4) };
+    let mut bytes = vec![0; image.width() * image.height() * channels];
+    fill_rows(&mut bytes, image.width() * channels, image.height(), |y, row| {
+        for (x, out) in row.chunks_exact_mut(channels).enumerate() {
+            let [r, g, b, alpha] = image.pixel(x, y);
+            let straight = if opaque || alpha <= 0.0 { gain } else { gain / alpha.min(1.0) };
+            let pixel = [encode(r * straight), encode(g * straight), encode(b * straight), to_8_bit(alpha)];
+            out.copy_from_slice(&pixel[..channels]);
+        }
+    });
+    write_pixels(path, &Pixels { width: image.width(), height: image.height(), color, bytes })
+}
+
+/// Writes `images` from left to right with a narrow grey strip between them, over black, aligned at the top.
+///
+/// # Errors
+/// As [`atomic::write()`], and if there is no picture.
+pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -> Result<(), Error> {
+    let gain = exposure_stops.exp2();
+    let height = images.iter().map(|image| image.height()).max().unwrap_or(0);
+    let width = images.iter().map(|image| image.width() + GAP_PX).sum::<usize>().saturating_sub(GAP_PX);
+    let mut bytes = vec![GAP_GREY; width * height * 3];
+    fill_rows(&mut bytes, width * 3, height, |y, row| {
+        let mut left = 0;
+        for image in images.iter() {
+            if y < image.height() {
+                for x in 0..image.width() {
+                    let [r, g, b, _] = image.pixel(x, y);
+                    let at = (left + x) * 3;
+                    row[at..at + 3].copy_from_slice(&[r, g, b].map(|value| encode(value * gain)));
+                }
+            }
+            left += image.width() + GAP_PX;
+        }
+    });
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
+}
+
+/// Calls `fill` with every row in parallel. (`par_chunks` cannot cut into rows of nothing.)
+fn fill_rows(bytes: &mut [u8], row_bytes: usize, height: usize, fill: impl Fn(usize, &mut [u8]) + Sync) {
+    if row_bytes * height > 0 {
+        bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| fill(y, row));
+    }
+}
+
+fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
+    let side = |length: usize| {
+        u32::try_from(length).ok().filter(|&length| length > 0).ok_or_else(|| {
+            Error::output("PNG cannot hold a picture of this size")
+                .in_file(path)
+                .with("size", format!("{}×{}", pixels.width, pixels.height))
+        })
+    };
+    let (width, height) = (side(pixels.width)?, side(pixels.height)?);
+    atomic::write(path, |target| {
+        PngEncoder::new(target).write_image(&pixels.bytes, width, height, pixels.color).map_err(|error| {
+            match error {
+                image::ImageError::IoError(error) => atomic::failed(path, error),
+                other => Error::output("the picture cannot be written as PNG").in_file(path).caused_by(other),
+            }
+        })
+    })
+}
+
+/// A linear value as an 8-bit sRGB value.
+fn encode(linear: f32) -> u8 {
+    to_8_bit(srgb_encode(linear))
+}
+
+/// 0 … 1 to 0 … 255, rounded and clipped; NaN is 0.
+fn to_8_bit(value: f32) -> u8 {
+    (value * 255.0).round() as u8
+}

@@ -1,0 +1,188 @@
+//! The report of a run, as JSON: what was read, understood, decided and spent. Other people's scripts read it, so keys are
+//! only ever added.
+
+use super::atomic;
+use super::usage::Seconds;
+use crate::error::Error;
+use crate::lens::ThinLens;
+use crate::scene::{Effect, Plan};
+use crate::settings::{DepthConvention, Focus, MethodParameters, SensorDistance, Settings, Sourced};
+use crate::stack::{Finding, Precision, Stack, StackKind};
+use serde::Serialize;
+use std::path::Path;
+
+/// One run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of this tool.
+    pub version: &'static str,
+    /// The files read.
+    pub input: Vec<String>,
+    /// The file written.
+    pub output: String,
+    /// Name of the method.
+    pub method: String,
+    /// What the blur ran on.
+    pub device: Device,
+    /// The lens, each value with its origin.
+    pub lens: LensReport,
+    /// What was read.
+    pub stack: StackReport,
+    /// What was decided.
+    pub plan: PlanReport,
+    /// Lens samples a pixel.
+    pub views: usize,
+    /// Wall time by stage.
+    pub seconds: Seconds,
+    /// Processor time in all.
+    pub cpu_seconds: f64,
+    /// Processor time by stage.
+    pub cpu_seconds_by_stage: Seconds,
+    /// Threads of the pool.
+    pub threads: usize,
+    /// The most memory held, where the system says.
+    pub peak_memory_bytes: Option<u64>,
+    /// The measured sampling error, where one was asked for.
+    pub probe: Option<serde_json::Value>,
+    /// Every conclusion drawn from the input.
+    pub findings: Vec<Finding>,
+    /// Texts of the findings that the user should look at.
+    pub warnings: Vec<String>,
+}
+
+/// What the blur ran on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Device {
+    /// `cpu` or `gpu`.
+    pub kind: &'static str,
+    /// The device's own name.
+    pub name: String,
+}
+
+/// The lens as it was set, and what follows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LensReport {
+    /// Focal length in millimetres.
+    pub focal_length_mm: Sourced<f32>,
+    /// Focal length over aperture diameter; `null` for a pinhole.
+    pub f_number: Sourced<f32>,
+    /// What was asked to be in focus.
+    pub focus: Sourced<Focus>,
+    /// Sensor width in millimetres.
+    pub sensor_width_mm: Sourced<f32>,
+    /// How far behind the lens the sensor stands.
+    pub sensor_distance: Sourced<SensorDistance>,
+    /// Number of aperture blades, 0 for a disc.
+    pub blades: Sourced<u32>,
+    /// Rotation of the aperture in degrees.
+    pub rotation_deg: Sourced<f32>,
+    /// Length of one depth unit in metres.
+    pub metres_per_unit: Sourced<f32>,
+    /// Where a depth along the ray starts to count.
+    pub near_clip: Sourced<f32>,
+    /// Planar depth of a normalised 0.
+    pub near: Sourced<f32>,
+    /// Planar depth of a normalised 1.
+    pub far: Sourced<f32>,
+    /// The planar distance that came out as in focus, in depth units.
+    pub focus_distance: f32,
+    /// CoC radius at infinity in pixels.
+    pub c_inf: f32,
+}
+
+/// What was decided.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlanReport {
+    /// Why this method.
+    pub method_reason: String,
+    /// Every effect, on or off, with its reason.
+    pub effects: Vec<Effect>,
+    /// The methods' own parameters.
+    pub parameters: MethodParameters,
+}
+
+/// What was read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StackReport {
+    /// Width of the data window in samples.
+    pub width: usize,
+    /// Height of the data window in samples.
+    pub height: usize,
+    /// Number of peels.
+    pub peels: usize,
+    /// What the fragments stand for.
+    pub kind: StackKind,
+    /// Samples a picture pixel along each axis.
+    pub supersample: usize,
+    /// How depth is written.
+    pub convention: DepthConvention,
+    /// Numeric type of the colour channels.
+    pub precision: Precision,
+}
+
+impl LensReport {
+    /// The lens of `settings`, resolved to `lens`.
+    pub fn new(settings: &Settings, lens: &ThinLens) -> Self {
+        let set = settings.clone();
+        Self {
+            focal_length_mm: set.focal_length_mm,
+            f_number: set.f_number,
+            focus: set.focus,
+            sensor_width_mm: set.sensor_width_mm,
+            sensor_distance: set.sensor_distance,
+            blades: set.blades,
+            rotation_deg: set.rotation_deg,
+            metres_per_unit: set.metres_per_unit,
+            near_clip: set.near_clip,
+            near: set.near,
+            far: set.far,
+            focus_distance: lens.focus_distance,
+            c_inf: lens.coc_infinity_px,
+        }
+    }
+}
+
+impl From<&Plan> for PlanReport {
+    fn from(plan: &Plan) -> Self {
+        Self {
+            method_reason: plan.method_reason.clone(),
+            effects: plan.effects.clone(),
+            parameters: plan.parameters.clone(),
+        }
+    }
+}
+
+impl From<&Stack> for StackReport {
+    fn from(stack: &Stack) -> Self {
+        Self {
+            width: stack.width(),
+            height: stack.height(),
+            peels: stack.peels.len(),
+            kind: stack.kind,
+            supersample: stack.supersample,
+            convention: stack.convention,
+            precision: stack.precision,
+        }
+    }
+}
+
+impl Report {
+    /// The texts of `findings` that the user should look at.
+    pub fn warnings(findings: &[Finding]) -> Vec<String> {
+        findings.iter().filter(|finding| finding.warning).map(|finding| finding.text.clone()).collect()
+    }
+}
+
+/// Writes `value` as indented JSON to the file `path` (`-`: standard output). Numbers that JSON lacks become `null`.
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
+    let mut text = serde_json::to_string_pretty(value).map_err(|error| {
+        Error::output("the report cannot be written as JSON").in_file(path).caused_by(error)
+    })?;
+    text.push('\n');
+    atomic::write(path, |target| {
+        target.write_all(text.as_bytes()).map_err(|error| atomic::failed(path, error))
+    })
+}

@@ -1,0 +1,174 @@
+//! What a run costs: wall time and processor time by stage, and memory.
+
+use std::time::Instant;
+
+/// A stage of the pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Files to stack.
+    Read,
+    /// Stack to scene and plan.
+    Plan,
+    /// Plan to picture.
+    Blur,
+    /// Picture to files.
+    Write,
+}
+
+/// Seconds by stage.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct Seconds {
+    /// [`Stage::Read`].
+    pub read: f64,
+    /// [`Stage::Plan`].
+    pub plan: f64,
+    /// [`Stage::Blur`].
+    pub blur: f64,
+    /// [`Stage::Write`].
+    pub write: f64,
+    /// From the start of the clock, time between the stages included.
+    pub total: f64,
+}
+
+impl Seconds {
+    fn add(&mut self, stage: Stage, seconds: f64) {
+        match stage {
+            Stage::Read => self.read += seconds,
+            Stage::Plan => self.plan += seconds,
+            Stage::Blur => self.blur += seconds,
+            Stage::Write => self.write += seconds,
+        }
+    }
+}
+
+/// Wall time and processor time since some moment.
+#[derive(Debug, Clone, Copy)]
+pub struct Stopwatch {
+    started: Instant,
+    cpu_at_start: f64,
+}
+
+impl Stopwatch {
+    /// Starts now.
+    pub fn start() -> Self {
+        Self { started: Instant::now(), cpu_at_start: cpu_seconds() }
+    }
+
+    /// Seconds on the wall.
+    pub fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Seconds of processor time of the whole process, all threads together.
+    pub fn cpu_seconds(&self) -> f64 {
+        cpu_seconds() - self.cpu_at_start
+    }
+}
+
+/// Sums up the cost of each stage. Processor time is the whole process's: stages that overlap count one another's.
+#[derive(Debug, Clone)]
+pub struct StageClock {
+    whole: Stopwatch,
+    seconds: Seconds,
+    cpu_seconds: Seconds,
+}
+
+impl StageClock {
+    /// Starts now.
+    pub fn start() -> Self {
+        Self { whole: Stopwatch::start(), seconds: Seconds::default(), cpu_seconds: Seconds::default() }
+    }
+
+    /// Does `work` on the account of `stage`.
+    pub fn time<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
+        let watch = Stopwatch::start();
+        let result = work();
+        self.seconds.add(stage, watch.seconds());
+        self.cpu_seconds.add(stage, watch.cpu_seconds());
+        result
+    }
+
+    /// Wall time by stage, and in all until now.
+    pub fn seconds(&self) -> Seconds {
+        Seconds { total: self.whole.seconds(), ..self.seconds }
+    }
+
+    /// Processor time by stage, and in all until now.
+    pub fn cpu_seconds(&self) -> Seconds {
+        Seconds { total: self.whole.cpu_seconds(), ..self.cpu_seconds }
+    }
+}
+
+/// Processor time of this process so far, user and system, all threads together; 0 where the system does not say.
+#[cfg(unix)]
+pub fn cpu_seconds() -> f64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    use nix::sys::time::TimeVal;
+    let seconds = |time: TimeVal| time.tv_sec() as f64 + time.tv_usec() as f64 * 1e-6;
+    getrusage(UsageWho::RUSAGE_SELF)
+        .map_or(0.0, |usage| seconds(usage.user_time()) + seconds(usage.system_time()))
+}
+
+/// Processor time of this process so far: not known on this system, 0.
+#[cfg(not(unix))]
+pub fn cpu_seconds() -> f64 {
+    0.0
+}
+
+/// The most memory this process has held, in bytes.
+#[cfg(target_os = "linux")]
+pub fn peak_memory_bytes() -> Option<u64> {
+    // `getrusage` would count what the parent held when it started us: a large script makes a small tool look large.
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    kibibytes.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|value| value * 1024)
+}
+
+/// The most memory this process has held, in bytes.
+#[cfg(all(unix, not(target_os = "linux")))]
+pub fn peak_memory_bytes() -> Option<u64> {
+    use nix::sys::resource::{UsageWho, getrusage};
+    // Bytes on macOS, kibibytes on the other systems.
+    let unit = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
+    getrusage(UsageWho::RUSAGE_SELF).ok().map(|usage| usage.max_rss() as u64 * unit)
+}
+
+/// The most memory this process has held: not known on this system.
+#[cfg(not(unix))]
+pub fn peak_memory_bytes() -> Option<u64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_is_charged_for_its_own_work_and_the_total_covers_all() {
+        let mut clock = StageClock::start();
+        clock.time(Stage::Read, || std::thread::sleep(std::time::Duration::from_millis(20)));
+        clock.time(Stage::Read, || std::thread::sleep(std::time::Duration::from_millis(20)));
+        let seconds = clock.seconds();
+        assert!(seconds.read >= 0.04, "{seconds:?}");
+        assert_eq!((seconds.plan, seconds.blur, seconds.write), (0.0, 0.0, 0.0));
+        assert!(seconds.total >= seconds.read);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn peak_memory_covers_what_was_held() {
+        let held = vec![1_u8; 32 << 20];
+        assert!(peak_memory_bytes().unwrap() >= std::hint::black_box(&held).len() as u64);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn work_takes_processor_time_and_sleep_does_not() {
+        let watch = Stopwatch::start();
+        let mut sum = 0.0_f64;
+        while watch.cpu_seconds() < 0.01 {
+            sum += std::hint::black_box(1.0_f64).sqrt();
+        }
+        assert!(sum > 0.0 && watch.seconds() > 0.0);
+    }
+}

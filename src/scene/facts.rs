@@ -1,0 +1,160 @@
+//! LOOK: what a scene shows, in one parallel pass.
+
+use super::{Layer, OPAQUE_ALPHA, Scene};
+use crate::stack::StackKind;
+use rayon::prelude::*;
+
+/// Number of half-stop steps of brightness that [`Facts::bright`] counts, from 1/4 up.
+pub const BRIGHT_STEPS: usize = 32;
+
+/// Bright, blurred fragments of one half stop of brightness.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct BrightStep {
+    /// How many there are.
+    pub fragments: usize,
+    /// Sum of their discs' areas, `π c²`, in picture pixels.
+    pub disc_area_px: f64,
+}
+
+/// What a scene shows: everything a plan is decided from, beside the settings.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Facts {
+    /// Width and height of the picture in pixels.
+    pub picture_size: (usize, usize),
+    /// Number of layers.
+    pub layers: usize,
+    /// What the fragments stand for.
+    pub kind: StackKind,
+    /// Samples a picture pixel along each axis.
+    pub supersample: usize,
+    /// Smallest and largest signed CoC radius of any fragment in picture pixels; `0, 0` without fragments.
+    pub coc_range_px: [f32; 2],
+    /// Number of fragments.
+    pub fragments: usize,
+    /// Fragments that let light through.
+    pub translucent_fragments: usize,
+    /// Fragments with a CoC radius below one pixel.
+    pub focused_fragments: usize,
+    /// Samples where no layer has a fragment: the picture's transparent background.
+    pub open_samples: usize,
+    /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
+    pub bright: [BrightStep; BRIGHT_STEPS],
+    /// See [`Scene::limited_fragments`].
+    pub limited_fragments: usize,
+}
+
+/// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
+pub fn bright_step_floor(step: usize) -> f32 {
+    0.25 * (0.5 * step as f32).exp2()
+}
+
+/// The step that `brightness` falls into.
+fn bright_step(brightness: f32) -> Option<usize> {
+    let step = ((brightness * 4.0).log2() * 2.0).floor();
+    (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
+}
+
+/// Facts of a row of one layer.
+struct Tally {
+    coc_range_px: [f32; 2],
+    fragments: usize,
+    translucent: usize,
+    focused: usize,
+    bright: [BrightStep; BRIGHT_STEPS],
+}
+
+impl Scene {
+    /// Looks at every fragment once.
+    pub fn facts(&self) -> Facts {
+        let rows: Vec<(&Layer, usize)> =
+            self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
+        // Summed in row order, so that no number depends on how the rows were shared out among threads.
+        let tallies: Vec<Tally> = rows.par_iter().map(|&(layer, y)| row(layer, y)).collect();
+        let tally = tallies.into_iter().fold(Tally::default(), Tally::add);
+        let range = tally.coc_range_px;
+        Facts {
+            picture_size: self.picture_size(),
+            layers: self.layers.len(),
+            kind: self.kind,
+            supersample: self.supersample,
+            coc_range_px: if tally.fragments > 0 { range } else { [0.0; 2] },
+            fragments: tally.fragments,
+            translucent_fragments: tally.translucent,
+            focused_fragments: tally.focused,
+            open_samples: self.open_samples(),
+            bright: tally.bright,
+            limited_fragments: self.limited_fragments,
+        }
+    }
+
+    fn open_samples(&self) -> usize {
+        let open = |y: usize| {
+            let rows: Vec<&[f32]> = self.layers.iter().map(|layer| layer.alpha.row(y)).collect();
+            (0..self.width()).filter(|&x| rows.iter().all(|row| row[x] <= 0.0)).count()
+        };
+        (0..self.height()).into_par_iter().map(open).sum()
+    }
+}
+
+/// Looks at row `y` of `layer`.
+fn row(layer: &Layer, y: usize) -> Tally {
+    let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
+    let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
+    let mut tally = Tally::default();
+    let mut brightest = 0f32;
+    for x in 0..alpha.len() {
+        let present = alpha[x] > 0.0;
+        let [near, far] = &mut tally.coc_range_px;
+        *near = near.min(if present { coc[x] } else { f32::INFINITY });
+        *far = far.max(if present { coc[x] } else { f32::NEG_INFINITY });
+        tally.fragments += usize::from(present);
+        tally.translucent += usize::from(present & (alpha[x] < OPAQUE_ALPHA));
+        tally.focused += usize::from(present & (coc[x].abs() < 1.0));
+        brightest = brightest.max(red[x]).max(green[x]).max(blue[x]);
+    }
+    if brightest >= bright_step_floor(0) {
+        tally.count_bright([red, green, blue], alpha, coc);
+    }
+    tally
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            coc_range_px: [f32::INFINITY, f32::NEG_INFINITY],
+            fragments: 0,
+            translucent: 0,
+            focused: 0,
+            bright: [BrightStep::default(); BRIGHT_STEPS],
+        }
+    }
+}
+
+impl Tally {
+    fn count_bright(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
+        for x in 0..alpha.len() {
+            let brightness = red[x].max(green[x]).max(blue[x]);
+            if brightness >= bright_step_floor(0)
+                && alpha[x] > 0.0
+                && coc[x].abs() > 1.0
+                && let Some(step) = bright_step(brightness)
+            {
+                self.bright[step].fragments += 1;
+                self.bright[step].disc_area_px += std::f64::consts::PI * f64::from(coc[x]).powi(2);
+            }
+        }
+    }
+
+    fn add(mut self, other: Self) -> Self {
+        self.coc_range_px[0] = self.coc_range_px[0].min(other.coc_range_px[0]);
+        self.coc_range_px[1] = self.coc_range_px[1].max(other.coc_range_px[1]);
+        self.fragments += other.fragments;
+        self.translucent += other.translucent;
+        self.focused += other.focused;
+        for (sum, step) in self.bright.iter_mut().zip(other.bright) {
+            sum.fragments += step.fragments;
+            sum.disc_area_px += step.disc_area_px;
+        }
+        self
+    }
+}
