@@ -8,11 +8,13 @@ use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::Image;
 use crate::lens::{LensSpec, ThinLens};
 use crate::methods::{self, METHODS, Progress};
-use crate::scene::{Plan, Scene};
-use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values, nearest};
+use crate::output;
+use crate::output::report::{LensReport, PlanReport, Report, StackReport};
+use crate::output::usage::{Stage, StageClock};
+use crate::scene::{self, Facts, Plan, Scene};
+use crate::settings::{Focus, Origin, Preset, Settings, Values, nearest};
 use crate::stack::depth::DepthScale;
-use crate::stack::{self, Carried, Finding, Frame, Precision, ReadOptions, Source, Stack, StackKind, Window};
-use std::time::Instant;
+use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
 
 /// A preset and the name it was asked for by.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,55 +40,27 @@ pub struct Job {
     pub device: DeviceChoice,
 }
 
-/// What is known of a stack once its pixels have gone into the scene.
-#[derive(Debug, Clone)]
-pub struct StackInfo {
-    /// Number of peels.
-    pub peels: usize,
-    /// Data and display window in picture pixels.
-    pub frame: Frame,
-    /// How depth was written.
-    pub convention: DepthConvention,
-    /// What the fragments stand for.
-    pub kind: StackKind,
-    /// Samples a picture pixel along each axis.
-    pub supersample: usize,
-    /// Numeric type of the colour channels.
-    pub precision: Precision,
-    /// Channels and attributes to hand on.
-    pub carried: Carried,
-    /// What was concluded on the way, with reasons.
-    pub findings: Vec<Finding>,
-}
-
-/// Wall-clock seconds of each step.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct Seconds {
-    /// Reading and understanding the files.
-    pub read: f64,
-    /// From stack to plan.
-    pub plan: f64,
-    /// Carrying out the plan.
-    pub blur: f64,
-}
-
 /// A job up to its plan.
 #[derive(Debug)]
 pub struct Prepared {
-    /// What was read.
-    pub stack: StackInfo,
+    /// What was read; its peels have moved into the scene.
+    pub stack: Stack,
+    /// What was read, in figures.
+    pub summary: StackReport,
     /// Every value with its origin.
     pub settings: Settings,
     /// The lens in picture pixels.
     pub lens: ThinLens,
     /// The stack in CoC space.
     pub scene: Scene,
+    /// What the scene shows.
+    pub facts: Facts,
     /// What will be simulated, and why.
     pub plan: Plan,
     /// Where.
     pub device: Device,
-    /// How long it took.
-    pub seconds: Seconds,
+    /// What it has cost.
+    pub clock: StageClock,
 }
 
 /// A job carried out.
@@ -94,8 +68,12 @@ pub struct Prepared {
 pub struct Rendered {
     /// The picture, of the size of the frame's data window.
     pub image: Image,
-    /// What was read.
-    pub stack: StackInfo,
+    /// Data and display window in picture pixels.
+    pub frame: Frame,
+    /// What was read; its peels are gone.
+    pub stack: Stack,
+    /// What was read, in figures.
+    pub summary: StackReport,
     /// Every value with its origin.
     pub settings: Settings,
     /// The lens in picture pixels.
@@ -104,8 +82,8 @@ pub struct Rendered {
     pub plan: Plan,
     /// Where.
     pub device: Device,
-    /// How long it took.
-    pub seconds: Seconds,
+    /// What it has cost; writing goes on its account too.
+    pub clock: StageClock,
 }
 
 /// Reads the job's stack and decides what to do with it.
@@ -113,22 +91,14 @@ pub struct Rendered {
 /// # Errors
 /// Those of reading, of the lens and of the plan; an unknown method, before anything is read.
 pub fn prepare(job: &Job) -> Result<Prepared, Error> {
+    let mut clock = StageClock::start();
     let device = gpu::choose(job.device)?;
     check_methods(job)?;
-    let start = Instant::now();
-    let stack = stack::read(&job.sources, &read_options(job))?;
-    let read = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
+    let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera);
-    let scale = depth_scale(&stack, &settings);
-    let focus_distance = focus_distance(&stack, &scale, settings.focus.value)?;
-    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
-    let lens = ThinLens::new(&lens_spec(&settings, focus_distance), picture_width)?;
-    let (stack, scene) = look(stack, &lens, &scale)?;
-    let plan = decide(&scene, &settings)?;
-    let seconds = Seconds { read, plan: start.elapsed().as_secs_f64(), blur: 0.0 };
-    Ok(Prepared { stack, settings, lens, scene, plan, device, seconds })
+    let summary = StackReport::from(&stack);
+    let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
+    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, clock })
 }
 
 impl Prepared {
@@ -137,12 +107,11 @@ impl Prepared {
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { stack, settings, lens, scene, plan, device, mut seconds } = self;
-        let start = Instant::now();
-        let method = methods::by_name(plan.method).ok_or_else(|| unknown_method(plan.method))?;
-        let image = method.blur(&scene, &plan, progress)?;
-        seconds.blur = start.elapsed().as_secs_f64();
-        Ok(Rendered { image, stack, settings, lens, plan, device, seconds })
+        let Self { stack, summary, settings, lens, scene, plan, device, mut clock, .. } = self;
+        let method = methods::by_name(&plan.method).ok_or_else(|| unknown_method(&plan.method))?;
+        let image = clock.time(Stage::Blur, || method.blur(&scene, &plan, progress))?;
+        let frame = picture_frame(&stack.frame, stack.supersample);
+        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, clock })
     }
 }
 
@@ -152,6 +121,43 @@ impl Prepared {
 /// Those of [`prepare`] and of the method.
 pub fn render(job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
     prepare(job)?.blur(progress)
+}
+
+impl Rendered {
+    /// The report of the run so far, which read `input` and wrote `output`.
+    pub fn report(&self, input: Vec<String>, output: String) -> Report {
+        Report {
+            version: env!("CARGO_PKG_VERSION"),
+            input,
+            output,
+            method: self.plan.method.clone(),
+            device: output::report::Device { kind: self.device.kind.name(), name: self.device.name.clone() },
+            lens: LensReport::new(&self.settings, &self.lens),
+            stack: self.summary.clone(),
+            plan: PlanReport::from(&self.plan),
+            views: self.plan.views,
+            seconds: self.clock.seconds(),
+            cpu_seconds: self.clock.cpu_seconds().total,
+            cpu_seconds_by_stage: self.clock.cpu_seconds(),
+            threads: rayon::current_num_threads(),
+            peak_memory_bytes: output::usage::peak_memory_bytes(),
+            probe: None,
+            findings: self.stack.findings.clone(),
+            warnings: Report::warnings(&self.stack.findings),
+        }
+    }
+}
+
+/// From stack to plan; the stack's peels move into the scene.
+fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
+    let scale = depth_scale(stack, settings);
+    let focus_distance = focus_distance(stack, &scale, settings.focus.value)?;
+    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
+    let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
+    let scene = Scene::from_stack(stack, &lens, &scale);
+    let facts = scene.facts();
+    let plan = Plan::decide(&facts, settings)?;
+    Ok((lens, scene, facts, plan))
 }
 
 /// The layers that the user gave, lowest first.
@@ -225,49 +231,7 @@ fn focus_distance(stack: &Stack, scale: &DepthScale, focus: Focus) -> Result<f32
             [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32)
         }
     };
-    focus_distance_at(stack, scale, point)
-}
-
-// The four steps below await `scene`.
-
-fn focus_distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
-    // scene::focus_distance_at(stack, scale, point)
-    let _ = (stack, scale, point);
-    Err(Error::unsupported("focusing on a point is not written yet"))
-}
-
-fn look(mut stack: Stack, lens: &ThinLens, scale: &DepthScale) -> Result<(StackInfo, Scene), Error> {
-    let info = take_info(&mut stack);
-    // Ok((info, Scene::from_stack(stack, lens, scale)))
-    let _ = (info, lens, scale);
-    Err(Error::unsupported("looking at the stack is not written yet"))
-}
-
-fn decide(scene: &Scene, settings: &Settings) -> Result<Plan, Error> {
-    // Plan::decide(&scene.facts(), settings)
-    let _ = (scene, settings);
-    Err(Error::unsupported("deciding is not written yet"))
-}
-
-/// What is known of `stack`; moves what its scene does not need.
-fn take_info(stack: &mut Stack) -> StackInfo {
-    let mut findings = std::mem::take(&mut stack.findings);
-    let mut carried = std::mem::take(&mut stack.carried);
-    if stack.supersample > 1 && !carried.channels.is_empty() {
-        // They have one value a sample, the picture one a pixel.
-        findings.push(Finding::warning("channels", "other channels of a supersampled stack are left out"));
-        carried.channels.clear();
-    }
-    StackInfo {
-        peels: stack.peels.len(),
-        frame: picture_frame(&stack.frame, stack.supersample),
-        convention: stack.convention,
-        kind: stack.kind,
-        supersample: stack.supersample,
-        precision: stack.precision,
-        carried,
-        findings,
-    }
+    scene::focus_distance_at(stack, scale, point)
 }
 
 /// `frame` in picture pixels, from samples.
@@ -285,6 +249,7 @@ fn picture_frame(frame: &Frame, supersample: usize) -> Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::DepthConvention;
 
     fn preset(values: Values) -> Option<NamedPreset> {
         Some(NamedPreset { name: "p".to_owned(), preset: Preset { values, ..Preset::default() } })

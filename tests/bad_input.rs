@@ -169,7 +169,8 @@ fn an_unknown_method_in_a_preset() {
 fn an_output_folder_that_does_not_exist() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = [&["render", STACK, "-o", "no/such/out.exr"], &LENS[..]].concat();
-    let words = ["the output folder does not exist", "no such folder: no/such", "help: create the folder"];
+    let words =
+        ["the output's folder does not exist", "in: no/such/out.exr", "help: create it: mkdir -p no/such"];
     assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
 }
 
@@ -178,7 +179,7 @@ fn an_output_folder_that_is_a_file() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("file"), "").unwrap();
     let arguments = [&["render", STACK, "-o", "file/out.exr"], &LENS[..]].concat();
-    let words = ["the output folder does not exist", "a file in the folder's place", "help: "];
+    let words = ["the output's folder is not a folder", "in: file/out.exr"];
     assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["file"]);
 }
 
@@ -231,21 +232,13 @@ fn an_output_of_an_unknown_format() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn an_output_that_is_a_device_is_left_alone() {
+fn a_full_disk_behind_a_file_and_behind_standard_output() {
     let folder = tempfile::tempdir().unwrap();
-    std::os::unix::fs::symlink("/dev/full", folder.path().join("device.exr")).unwrap();
-    let arguments = [&["render", STACK, "--force", "-o", "device.exr"], &LENS[..]].concat();
-    let words = ["not an ordinary file", "help: "];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["device.exr"]);
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn a_full_disk_behind_standard_output() {
-    let folder = tempfile::tempdir().unwrap();
+    let words = ["no space left for the output file", "help: free some space"];
+    let render = |output: &str| [&["render", STACK, "--views", "4", "-o", output], &LENS[..]].concat();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
+    assert_refused(&run(folder.path(), &render("full.exr")), &words, folder.path(), &["full.exr"]);
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let arguments = [&["render", STACK, "--views", "4", "-o", "-"], &LENS[..]].concat();
-    let output = thinlens(folder.path(), &arguments).stdout(full).output().unwrap();
-    let words = ["standard output cannot be written", "No space left"];
-    assert_refused(&output, &words, folder.path(), &[]);
+    let output = thinlens(folder.path(), &render("-")).stdout(full).output().unwrap();
+    assert_refused(&output, &words, folder.path(), &["full.exr"]);
 }

@@ -1,11 +1,11 @@
 //! Checks on output files, made before any work: a render must not fail at its last step for a reason known at its first.
 
-use super::write;
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
+use thinlens::output::atomic;
 
-/// Checks that `output` can become a file: it is not one of `inputs`, its folder exists and can be written, and nothing
-/// stands in its place, unless it is a file that `force` allows to replace.
+/// Checks that `output` can become a file: it is not one of `inputs`, nothing stands in its place that `force` does not
+/// allow to replace, and its folder can be written.
 ///
 /// # Errors
 /// Which of these does not hold.
@@ -15,23 +15,13 @@ pub(super) fn output<'a>(
     force: bool,
 ) -> Result<(), Error> {
     not_an_input(output, inputs)?;
-    if output.is_dir() {
-        return Err(Error::output("the output is a folder")
-            .in_file(output)
-            .help("name the file as well, such as out.exr in that folder"));
-    }
-    folder_exists(output)?;
-    if output.exists() && !output.is_file() {
-        return Err(Error::output("the output is not an ordinary file")
-            .in_file(output)
-            .help("to write an EXR to a pipe or a device, use -o - and redirect standard output"));
-    }
-    if output.exists() && !force {
+    atomic::check_writable(output)?;
+    if output.is_file() && !force {
         return Err(Error::output("the output exists already")
             .in_file(output)
             .help("add --force to replace it, or choose another name"));
     }
-    write::check_writable(output)
+    Ok(())
 }
 
 fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
@@ -44,21 +34,6 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
             .help("write to another file; the input stays as it is")),
         None => Ok(()),
     }
-}
-
-fn folder_exists(output: &Path) -> Result<(), Error> {
-    let folder = match output.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    if folder.is_dir() {
-        return Ok(());
-    }
-    let found = if folder.exists() { "a file in the folder's place" } else { "no such folder" };
-    Err(Error::output("the output folder does not exist")
-        .in_file(output)
-        .with("found", format!("{found}: {}", folder.display()))
-        .help("create the folder, or write somewhere else"))
 }
 
 #[cfg(test)]

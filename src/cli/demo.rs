@@ -2,17 +2,20 @@
 
 use super::Failure;
 use super::console::{Console, print};
-use super::report::{Outcome, report};
-use super::write::{self, Codec, ExrOptions};
 use clap::Args;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::image::Image;
+use thinlens::metrics;
+use thinlens::output::exr::{self, Codec, ExrOptions};
+use thinlens::output::png;
+use thinlens::output::report::{self, Report};
+use thinlens::output::usage::Stage;
 use thinlens::render::{Job, NamedPreset, Rendered, render};
 use thinlens::settings::{Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
+const STACK_NAME: &str = "samples/fence/stack.exr";
 static STACK: &[u8] = include_bytes!("../../samples/fence/stack.exr");
 static PRESET: &str = include_str!("../../samples/fence/preset.toml");
 static REFERENCE: &[u8] = include_bytes!("../../samples/fence/reference.exr");
@@ -35,7 +38,6 @@ pub(super) struct DemoArgs {
 }
 
 pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
-    let start = Instant::now();
     std::fs::create_dir_all(&args.output).map_err(|cause| {
         Error::output("the demo's folder cannot be created")
             .in_file(&args.output)
@@ -43,30 +45,25 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
             .help("name another one with -o")
     })?;
     let job = job()?;
-    let rendered = show_progress(&job, console)?;
     let pinhole = pinhole(&job)?;
+    let mut rendered = show_progress(&job, console)?;
 
-    let write_start = Instant::now();
-    let file = |name: &str| args.output.join(name);
-    let written = [file("fence.exr"), file("fence.png"), file("side-by-side.png"), file("report.json")];
-    write_pictures(&written, &rendered, &pinhole)?;
-    let outcome = Outcome {
-        inputs: &[PathBuf::from("samples/fence/stack.exr")],
-        output: &written[0],
-        rendered: &rendered,
-        write_seconds: write_start.elapsed().as_secs_f64(),
-        total_seconds: start.elapsed().as_secs_f64(),
-    };
-    write::report(&written[3], &report(&outcome))?;
-    let psnr_db = write::score(&rendered.image, &reference()?, 0)?.psnr_db;
-    print(&summary(&written, &rendered, psnr_db))?;
+    let files =
+        ["fence.exr", "fence.png", "side-by-side.png", "report.json"].map(|name| args.output.join(name));
+    let mut clock = rendered.clock.clone();
+    clock.time(Stage::Write, || write_pictures(&files, &rendered, &pinhole))?;
+    rendered.clock = clock;
+    let report = rendered.report(vec![STACK_NAME.to_owned()], files[0].display().to_string());
+    report::write_json(&files[3], &report)?;
+    let psnr_db = metrics::score(&rendered.image, &reference()?, 0)?.psnr_db;
+    print(&summary(&files, &report, psnr_db))?;
     Ok(())
 }
 
 fn job() -> Result<Job, Error> {
     let name = "samples/fence/preset.toml";
     Ok(Job {
-        sources: vec![Source::Embedded { name: "samples/fence/stack.exr", bytes: STACK }],
+        sources: vec![Source::Embedded { name: STACK_NAME, bytes: STACK }],
         preset: Some(NamedPreset { name: name.to_owned(), preset: Preset::parse(PRESET, name)? }),
         ..Job::default()
     })
@@ -88,11 +85,11 @@ fn write_pictures(
     rendered: &Rendered,
     pinhole: &Image,
 ) -> Result<(), Error> {
-    let Rendered { image, stack, .. } = rendered;
-    let options = ExrOptions { precision: stack.precision, codec: Codec::Zip };
-    write::exr(exr, image, &stack.frame, &stack.carried, options)?;
-    write::png(png, image, 0.0)?;
-    write::png_side_by_side(side_by_side, &[pinhole, image], 0.0)
+    let Rendered { image, frame, stack, .. } = rendered;
+    let options = ExrOptions { precision: stack.precision, codec: Codec::default() };
+    exr::write(exr, image, frame, &stack.carried, &options)?;
+    png::write(png, image, 0.0)?;
+    png::write_side_by_side(side_by_side, &[pinhole, image], 0.0)
 }
 
 /// The sample as a true thin lens saw it.
@@ -103,19 +100,14 @@ fn reference() -> Result<Image, Error> {
     read_picture(file.path())
 }
 
-fn summary(written: &[PathBuf], rendered: &Rendered, psnr_db: f64) -> String {
-    let wrote = |path: &PathBuf| format!("wrote {}\n", Path::display(path));
-    let files: String = written.iter().map(wrote).collect();
+fn summary(files: &[PathBuf], report: &Report, psnr_db: f64) -> String {
+    let wrote = |path: &PathBuf| format!("wrote {}\n", path.display());
+    let files: String = files.iter().map(wrote).collect();
+    let Report { stack, seconds, method, views, .. } = report;
     format!(
-        "{files}{}×{} pixels, {} peels, method {}, {} views\nread {:.3} s, plan {:.3} s, blur {:.3} s\nPSNR {psnr_db:.1} \
-         dB against a true thin-lens render of the scene\n",
-        rendered.image.width(),
-        rendered.image.height(),
-        rendered.stack.peels,
-        rendered.plan.method,
-        rendered.plan.views,
-        rendered.seconds.read,
-        rendered.seconds.plan,
-        rendered.seconds.blur,
+        "{files}{}×{} pixels, {} peels, method {method}, {views} views\n\
+         read {:.3} s, plan {:.3} s, blur {:.3} s, write {:.3} s\n\
+         PSNR {psnr_db:.1} dB against a true thin-lens render of the scene\n",
+        stack.width, stack.height, stack.peels, seconds.read, seconds.plan, seconds.blur, seconds.write,
     )
 }

@@ -3,15 +3,15 @@
 use super::Failure;
 use super::args::JobArgs;
 use super::console::{kebab, print, print_json};
-use super::report;
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
 use thinlens::lens::ThinLens;
-use thinlens::render::{Prepared, StackInfo, prepare};
-use thinlens::scene::{Plan, Scene};
+use thinlens::output::report::{LensReport, StackReport};
+use thinlens::render::{Prepared, prepare};
+use thinlens::scene::{Facts, Plan};
 use thinlens::settings::{Focus, Settings, Sourced};
-use thinlens::stack::{Carry, Window};
+use thinlens::stack::{Carry, Stack, Window};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -42,25 +42,33 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), Failure> {
 }
 
 fn to_json(prepared: &Prepared) -> serde_json::Value {
-    let Prepared { stack, settings, lens, scene, plan, device, .. } = prepared;
-    let ranges = Ranges::of(scene, lens);
+    let Prepared { stack, summary, settings, lens, facts, plan, device, .. } = prepared;
+    let carried: Vec<_> = stack.carried.channels.iter().map(|channel| &channel.name).collect();
     json!({
-        "stack": report::stack(stack),
+        "stack": summary,
+        "data_window": window_json(stack.frame.data),
+        "display_window": window_json(stack.frame.display),
+        "pixel_aspect": stack.frame.pixel_aspect,
+        "other_channels": carried,
         "findings": stack.findings,
-        "lens": report::lens(settings, lens),
-        "coc_px": ranges.map(|ranges| ranges.coc_px),
-        "depth": ranges.map(|ranges| ranges.depth),
-        "plan": report::plan(plan),
+        "lens": LensReport::new(settings, lens),
+        "facts": facts,
+        "depth_range": depth_range(facts, lens),
+        "plan": plan,
         "device": device,
     })
 }
 
+fn window_json(Window { x, y, width, height }: Window) -> serde_json::Value {
+    json!({ "x": x, "y": y, "width": width, "height": height })
+}
+
 fn to_text(prepared: &Prepared) -> Result<String, fmt::Error> {
-    let Prepared { stack, settings, lens, scene, plan, device, .. } = prepared;
+    let Prepared { stack, summary, settings, lens, facts, plan, device, .. } = prepared;
     let mut text = String::new();
-    write_stack(&mut text, stack)?;
+    write_stack(&mut text, stack, summary)?;
     write_lens(&mut text, settings, lens)?;
-    write_ranges(&mut text, Ranges::of(scene, lens))?;
+    write_ranges(&mut text, facts, lens)?;
     write_plan(&mut text, plan)?;
     line(&mut text, "device", &device.name)?;
     Ok(text)
@@ -71,10 +79,10 @@ fn line(text: &mut String, name: &str, value: impl Display) -> fmt::Result {
     writeln!(text, "  {name:<16} {value}")
 }
 
-fn write_stack(text: &mut String, stack: &StackInfo) -> fmt::Result {
+fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::Result {
     let window = |Window { x, y, width, height }: Window| format!("{width}×{height} at {x},{y}");
     writeln!(text, "stack")?;
-    line(text, "peels", stack.peels)?;
+    line(text, "peels", summary.peels)?;
     line(text, "kind", kebab(&stack.kind))?;
     line(text, "depth", kebab(&stack.convention))?;
     line(text, "data window", window(stack.frame.data))?;
@@ -115,37 +123,19 @@ fn write_lens(text: &mut String, settings: &Settings, lens: &ThinLens) -> fmt::R
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
 }
 
-/// What the stack's fragments span, nearest to farthest.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Ranges {
-    /// Signed CoC radius in pixels.
-    coc_px: [f32; 2],
-    /// Planar depth in depth units; `None` for background.
-    depth: [Option<f32>; 2],
+/// Planar depth of the nearest and the farthest fragment; `None` for background.
+fn depth_range(facts: &Facts, lens: &ThinLens) -> [Option<f32>; 2] {
+    facts.coc_range_px.map(|coc_px| lens.depth_planar(coc_px))
 }
 
-impl Ranges {
-    /// `None` for an empty stack.
-    fn of(scene: &Scene, lens: &ThinLens) -> Option<Self> {
-        let mut coc_px = [f32::INFINITY, f32::NEG_INFINITY];
-        for layer in &scene.layers {
-            for (&coc, &alpha) in layer.coc_px.values().iter().zip(layer.alpha.values()) {
-                if alpha > 0.0 {
-                    coc_px = [coc_px[0].min(coc), coc_px[1].max(coc)];
-                }
-            }
-        }
-        (coc_px[0] <= coc_px[1]).then(|| Self { coc_px, depth: coc_px.map(|coc| lens.depth_planar(coc)) })
-    }
-}
-
-fn write_ranges(text: &mut String, ranges: Option<Ranges>) -> fmt::Result {
+fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Result {
     writeln!(text, "ranges")?;
-    let Some(Ranges { coc_px: [near, far], depth }) = ranges else {
+    if facts.fragments == 0 {
         return line(text, "depth", "the stack is empty");
-    };
-    let [nearest, farthest] =
-        depth.map(|depth| depth.map_or("background".to_owned(), |depth| format!("{depth:.3}")));
+    }
+    let [nearest, farthest] = depth_range(facts, lens)
+        .map(|depth| depth.map_or("background".to_owned(), |depth| format!("{depth:.3}")));
+    let [near, far] = facts.coc_range_px;
     line(text, "depth", format_args!("{nearest} … {farthest}"))?;
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
 }

@@ -12,9 +12,7 @@ mod man;
 mod methods;
 mod presets;
 mod render;
-mod report;
 mod score;
-mod write;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use console::Console;
@@ -77,18 +75,18 @@ enum Failure {
 
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
-        Self::Failed(error)
+        let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<io::Error>());
+        match cause.map(io::Error::kind) {
+            Some(io::ErrorKind::BrokenPipe) => Self::BrokenPipe,
+            _ => Self::Failed(error),
+        }
     }
 }
 
 impl From<io::Error> for Failure {
     /// From writing to standard output, the only I/O of this module that is not the library's.
     fn from(error: io::Error) -> Self {
-        if error.kind() == io::ErrorKind::BrokenPipe {
-            Self::BrokenPipe
-        } else {
-            Self::Failed(Error::output("standard output cannot be written").caused_by(error))
-        }
+        Error::output("standard output cannot be written").caused_by(error).into()
     }
 }
 

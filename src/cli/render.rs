@@ -2,16 +2,17 @@
 
 use super::args::JobArgs;
 use super::console::{Console, print_json};
-use super::report::{Outcome, report};
-use super::write::{self, Codec, ExrOptions};
 use super::{Failure, checks, usage_error};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 use thinlens::error::Error;
+use thinlens::output::exr::{Codec, ExrOptions};
+use thinlens::output::usage::Stage;
+use thinlens::output::{exr, png, report};
 use thinlens::render::{Rendered, prepare};
-use thinlens::stack::{Carry, Precision};
+use thinlens::stack::{Carry, Finding, Precision};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -48,8 +49,8 @@ struct OutputArgs {
     /// Numeric type of the EXR; the input's by default
     #[arg(long, value_name = "TYPE")]
     precision: Option<PrecisionArg>,
-    /// How the EXR is compressed, without loss
-    #[arg(long, value_name = "CODEC", default_value = "zip")]
+    /// How the EXR is compressed
+    #[arg(long, value_name = "CODEC", default_value = Codec::default().name(), value_parser = codecs())]
     codec: Codec,
     /// Which other channels of the input to keep
     #[arg(long, value_name = "CHANNELS", default_value = "unused")]
@@ -89,7 +90,6 @@ enum Target {
 }
 
 pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
-    let start = Instant::now();
     let target = args.output.check(args.job.input.files())?;
     let job = args.job.job(args.output.carry())?;
 
@@ -97,25 +97,17 @@ pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     console.findings(&prepared.stack.findings);
     console.plan(&prepared.plan);
     let bar = console.progress("blurring");
-    let rendered = prepared.blur(&|share| bar.set(share))?;
+    let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
 
-    let write_start = Instant::now();
-    args.output.write(target, &rendered, console)?;
-    let outcome = Outcome {
-        inputs: &args.job.input.inputs,
-        output: &args.output.output,
-        rendered: &rendered,
-        write_seconds: write_start.elapsed().as_secs_f64(),
-        total_seconds: start.elapsed().as_secs_f64(),
-    };
-    let report = report(&outcome);
-    if let Some(path) = &args.output.report {
-        write::report(path, &report)?;
-        console.wrote(path);
-    }
-    if args.output.json {
-        print_json(&report)?;
+    let mut clock = rendered.clock.clone();
+    let findings = clock.time(Stage::Write, || args.output.write(target, &rendered))?;
+    rendered.clock = clock;
+    console.findings(&findings);
+    rendered.stack.findings.extend(findings);
+    args.output.report(&args.job, &rendered)?;
+    for file in args.output.files(target) {
+        console.wrote(file);
     }
     Ok(())
 }
@@ -127,9 +119,8 @@ impl OutputArgs {
         if target == Target::Stdout {
             self.check_stdout()?;
         }
-        let picture = (target != Target::Stdout).then_some(&self.output);
         let mut seen: Vec<&PathBuf> = Vec::new();
-        for path in picture.into_iter().chain(&self.preview).chain(&self.report) {
+        for path in self.files(target) {
             if seen.contains(&path) {
                 let message = format!("two outputs would go to {}", path.display());
                 return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
@@ -161,28 +152,50 @@ impl OutputArgs {
         }
     }
 
-    fn write(&self, target: Target, rendered: &Rendered, console: &Console) -> Result<(), Failure> {
-        let Rendered { image, stack, .. } = rendered;
+    /// Every file that is written.
+    fn files(&self, target: Target) -> impl Iterator<Item = &PathBuf> {
+        let picture = (target != Target::Stdout).then_some(&self.output);
+        picture.into_iter().chain(&self.preview).chain(&self.report)
+    }
+
+    /// Writes the pictures; returns what was concluded on the way.
+    fn write(&self, target: Target, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
+        let Rendered { image, frame, stack, .. } = rendered;
         let precision = match self.precision {
             None => stack.precision,
             Some(PrecisionArg::Half) => Precision::Half,
             Some(PrecisionArg::Float) => Precision::Float,
         };
         let options = ExrOptions { precision, codec: self.codec };
+        let mut findings = Vec::new();
         match target {
-            Target::Exr => write::exr(&self.output, image, &stack.frame, &stack.carried, options)?,
-            Target::Png => write::png(&self.output, image, self.exposure)?,
-            Target::Stdout => write::exr_to_stdout(image, &stack.frame, &stack.carried, options)?,
-        }
-        if target != Target::Stdout {
-            console.wrote(&self.output);
+            Target::Exr | Target::Stdout => {
+                findings = exr::write(&self.output, image, frame, &stack.carried, &options)?;
+            }
+            Target::Png => png::write(&self.output, image, self.exposure)?,
         }
         if let Some(preview) = &self.preview {
-            write::png(preview, image, self.exposure)?;
-            console.wrote(preview);
+            png::write(preview, image, self.exposure)?;
+        }
+        Ok(findings)
+    }
+
+    /// Writes and prints the report, where asked for.
+    fn report(&self, job: &JobArgs, rendered: &Rendered) -> Result<(), Failure> {
+        let inputs = job.input.files().map(|input| input.display().to_string()).collect();
+        let content = rendered.report(inputs, self.output.display().to_string());
+        if let Some(path) = &self.report {
+            report::write_json(path, &content)?;
+        }
+        if self.json {
+            print_json(&content)?;
         }
         Ok(())
     }
+}
+
+fn codecs() -> impl TypedValueParser<Value = Codec> {
+    PossibleValuesParser::new(Codec::ALL.map(Codec::name)).try_map(|name| name.parse::<Codec>())
 }
 
 /// Where `output` means the picture to go, by its extension.

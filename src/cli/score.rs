@@ -1,9 +1,10 @@
 //! `thinlens score`.
 
+use super::Failure;
 use super::console::{print, print_json};
-use super::{Failure, write};
 use clap::Args;
 use std::path::PathBuf;
+use thinlens::metrics;
 use thinlens::stack::read_picture;
 
 const EXAMPLES: &str = "\
@@ -31,7 +32,7 @@ pub(super) struct ScoreArgs {
 pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
     let image = read_picture(&args.image)?;
     let reference = read_picture(&args.reference)?;
-    let score = write::score(&image, &reference, args.border)?;
+    let score = metrics::score(&image, &reference, args.border)?;
     if args.json {
         print_json(&score)?;
     } else {

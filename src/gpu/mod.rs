@@ -28,6 +28,16 @@ pub enum DeviceKind {
     Gpu,
 }
 
+impl DeviceKind {
+    /// The name that reports use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        }
+    }
+}
+
 /// The device that was chosen.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Device {
