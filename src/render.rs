@@ -12,7 +12,7 @@ use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::scene::{self, Facts, Plan, Scene};
-use crate::settings::{Focus, Origin, Preset, Settings, Values, nearest};
+use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values, nearest};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
 
@@ -150,7 +150,7 @@ impl Rendered {
 
 /// From stack to plan; the stack's peels move into the scene.
 fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
-    let scale = depth_scale(stack, settings);
+    let scale = depth_scale(stack, settings)?;
     let focus_distance = focus_distance(stack, &scale, settings.focus.value)?;
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
     let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
@@ -200,14 +200,20 @@ fn unknown_method(name: &str) -> Error {
 }
 
 /// Everything that turns the stack's depth into planar depth.
-fn depth_scale(stack: &Stack, settings: &Settings) -> DepthScale {
-    DepthScale {
+fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
+    let [near, far] = [settings.near.value, settings.far.value];
+    if stack.convention == DepthConvention::Normalised && far <= near {
+        return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
+            .with("found", format!("near {near}, far {far}"))
+            .help("set the distances of depth 0 and depth 1 with --near and --far"));
+    }
+    let focal_lengths = settings.focal_length_mm.value / settings.sensor_width_mm.value;
+    Ok(DepthScale {
         convention: stack.convention,
         near_clip: settings.near_clip.value,
-        near_far: [settings.near.value, settings.far.value],
-        focal_px: settings.focal_length_mm.value / settings.sensor_width_mm.value
-            * stack.frame.display.width as f32,
-    }
+        near_far: [near, far],
+        focal_px: focal_lengths * stack.frame.display.width as f32,
+    })
 }
 
 fn lens_spec(settings: &Settings, focus_distance: f32) -> LensSpec {
@@ -249,7 +255,6 @@ fn picture_frame(frame: &Frame, supersample: usize) -> Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::DepthConvention;
 
     fn preset(values: Values) -> Option<NamedPreset> {
         Some(NamedPreset { name: "p".to_owned(), preset: Preset { values, ..Preset::default() } })

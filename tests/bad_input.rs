@@ -147,6 +147,24 @@ fn an_f_number_of_0() {
 }
 
 #[test]
+fn a_negative_focal_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["render", STACK, "-o", "out.exr", "--focal-length", "-50", "--focus", "6"];
+    let words =
+        ["the focal length must be a positive number", "found: -50", "help: set it with --focal-length"];
+    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+}
+
+#[test]
+fn a_normalised_depth_that_ends_before_it_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let depth = ["--depth-convention", "normalised", "--near", "5", "--far", "1"];
+    let arguments = [&["render", STACK, "-o", "out.exr"], &LENS[..], &depth].concat();
+    let words = ["must lie beyond its near end", "found: near 5, far 1", "help: "];
+    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+}
+
+#[test]
 fn an_unknown_key_in_a_preset() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("my.toml"), "[lens]\nf_numbr = 2\n").unwrap();
@@ -235,7 +253,7 @@ fn an_output_of_an_unknown_format() {
 fn a_full_disk_behind_a_file_and_behind_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     let words = ["no space left for the output file", "help: free some space"];
-    let render = |output: &str| [&["render", STACK, "--views", "4", "-o", output], &LENS[..]].concat();
+    let render = |output| [&["render", STACK, "--views", "4", "-o", output], &LENS[..]].concat();
     std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
     assert_refused(&run(folder.path(), &render("full.exr")), &words, folder.path(), &["full.exr"]);
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();

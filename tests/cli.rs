@@ -35,6 +35,8 @@ fn a_wrong_call_exits_with_2_and_a_failure_with_1() {
     assert_eq!(code(&["render", STACK, "-o", "a.exr", "--focus", "1", "--focus-at", "1,1"]), Some(2));
     assert_eq!(code(&["render", STACK, "-o", "-", "--json"]), Some(2));
     assert_eq!(code(&["render", STACK, "-o", "a.png", "--preview", "a.png"]), Some(2));
+    assert_eq!(code(&["render", STACK, "-o", "a.exr", "--exposure", "1"]), Some(2), "nothing to brighten");
+    assert_eq!(code(&["render", STACK, "-o", "a.png", "--codec", "piz"]), Some(2), "nothing to compress");
     assert_eq!(code(&["render", "no-such.exr", "-o", "a.exr"]), Some(1));
     assert_eq!(code(&["presets", "show", "no-such"]), Some(1));
     assert_eq!(code(&["--version"]), Some(0));

@@ -41,16 +41,16 @@ pub(super) struct InputArgs {
     #[arg(long, value_name = "CONVENTION")]
     depth_convention: Option<ConventionArg>,
     /// Depth at which the renderer starts to count (ray depth)
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
     near_clip: Option<f32>,
     /// Planar distance of depth 0 (normalised depth)
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
     near: Option<f32>,
     /// Planar distance of depth 1 (normalised depth)
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
     far: Option<f32>,
     /// Length of one depth unit
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     metres_per_unit: Option<f32>,
     /// Samples a picture pixel along each axis
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(1..=64))]
@@ -65,19 +65,19 @@ struct LensArgs {
     #[arg(long, value_name = "NAME|FILE")]
     preset: Option<String>,
     /// Focal length
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     focal_length: Option<f32>,
     /// Focal length over aperture diameter; inf is a pinhole
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     f_number: Option<f32>,
     /// Distance in focus, in the stack's depth units
-    #[arg(long, value_name = "DISTANCE", conflicts_with = "focus_at")]
+    #[arg(long, value_name = "DISTANCE", conflicts_with = "focus_at", allow_negative_numbers = true)]
     focus: Option<f32>,
     /// Focus on what this pixel shows; the centre by default
     #[arg(long, value_name = "X,Y", value_parser = parse_point)]
     focus_at: Option<[f32; 2]>,
     /// Width of the sensor
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     sensor_width: Option<f32>,
     /// How far behind the lens the sensor stands
     ///
@@ -224,6 +224,11 @@ fn parse_point(text: &str) -> Result<[f32; 2], String> {
     point.ok_or_else(|| "a pixel is two numbers with a comma between them, such as 960,540".to_owned())
 }
 
+fn parse_not_negative(text: &str) -> Result<f32, String> {
+    let number = text.parse::<f32>().ok().filter(|x| *x >= 0.0 && x.is_finite());
+    number.ok_or_else(|| "a distance from the lens is a number, 0 or more".to_owned())
+}
+
 fn parse_blades(text: &str) -> Result<u32, String> {
     let blades = text.parse().ok().filter(|blades| !matches!(blades, 1 | 2));
     blades.ok_or_else(|| "an aperture has 0 blades, which makes it a disc, or at least 3".to_owned())
@@ -238,6 +243,14 @@ mod tests {
         assert_eq!(parse_point("960, 540.5"), Ok([960.0, 540.5]));
         for text in ["960", "960,", "a,b", "1,2,3", "nan,1"] {
             assert!(parse_point(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_distance_from_the_lens_is_0_or_more() {
+        assert_eq!(parse_not_negative("0.01"), Ok(0.01));
+        for text in ["-1", "nan", "inf", "near"] {
+            assert!(parse_not_negative(text).is_err(), "{text}");
         }
     }
 

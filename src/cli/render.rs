@@ -41,20 +41,20 @@ struct OutputArgs {
     #[arg(long, value_name = "FILE.png")]
     preview: Option<PathBuf>,
     /// Brighten PNGs by this much
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
-    exposure: f32,
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    exposure: Option<f32>,
     /// Also write a report of what was done
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
     /// Numeric type of the EXR; the input's by default
     #[arg(long, value_name = "TYPE")]
     precision: Option<PrecisionArg>,
-    /// How the EXR is compressed
-    #[arg(long, value_name = "CODEC", default_value = Codec::default().name(), value_parser = codecs())]
-    codec: Codec,
-    /// Which other channels of the input to keep
-    #[arg(long, value_name = "CHANNELS", default_value = "unused")]
-    carry: CarryArg,
+    /// How the EXR is compressed; zip by default
+    #[arg(long, value_name = "CODEC", value_parser = codecs())]
+    codec: Option<Codec>,
+    /// Other channels that go into the EXR; unused by default
+    #[arg(long, value_name = "CHANNELS")]
+    carry: Option<CarryArg>,
     /// Print the report on standard output
     #[arg(long)]
     json: bool,
@@ -116,6 +116,7 @@ impl OutputArgs {
     /// Checks every output before any work.
     fn check<'a>(&self, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<Target, Failure> {
         let target = target(&self.output)?;
+        self.check_idle_flags(target)?;
         if target == Target::Stdout {
             self.check_stdout()?;
         }
@@ -129,6 +130,25 @@ impl OutputArgs {
             checks::output(path, inputs.clone(), self.force)?;
         }
         Ok(target)
+    }
+
+    /// A flag that would do nothing is a mistake: its user expects it to do something.
+    fn check_idle_flags(&self, target: Target) -> Result<(), Failure> {
+        let writes_exr = target != Target::Png;
+        let writes_png = target == Target::Png || self.preview.is_some();
+        let flags = [
+            ("--exposure", self.exposure.is_some(), writes_png, "PNG"),
+            ("--precision", self.precision.is_some(), writes_exr, "EXR"),
+            ("--codec", self.codec.is_some(), writes_exr, "EXR"),
+            ("--carry", self.carry.is_some(), writes_exr, "EXR"),
+        ];
+        match flags.into_iter().find(|(_, given, has_use, _)| *given && !has_use) {
+            None => Ok(()),
+            Some((flag, _, _, format)) => {
+                let message = format!("{flag} has no effect, for no {format} is written");
+                Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message))
+            }
+        }
     }
 
     fn check_stdout(&self) -> Result<(), Failure> {
@@ -146,9 +166,9 @@ impl OutputArgs {
 
     fn carry(&self) -> Carry {
         match self.carry {
-            CarryArg::Unused => Carry::Unused,
-            CarryArg::All => Carry::All,
-            CarryArg::None => Carry::None,
+            None | Some(CarryArg::Unused) => Carry::Unused,
+            Some(CarryArg::All) => Carry::All,
+            Some(CarryArg::None) => Carry::None,
         }
     }
 
@@ -166,16 +186,17 @@ impl OutputArgs {
             Some(PrecisionArg::Half) => Precision::Half,
             Some(PrecisionArg::Float) => Precision::Float,
         };
-        let options = ExrOptions { precision, codec: self.codec };
+        let options = ExrOptions { precision, codec: self.codec.unwrap_or_default() };
+        let exposure = self.exposure.unwrap_or(0.0);
         let mut findings = Vec::new();
         match target {
             Target::Exr | Target::Stdout => {
                 findings = exr::write(&self.output, image, frame, &stack.carried, &options)?;
             }
-            Target::Png => png::write(&self.output, image, self.exposure)?,
+            Target::Png => png::write(&self.output, image, exposure)?,
         }
         if let Some(preview) = &self.preview {
-            png::write(preview, image, self.exposure)?;
+            png::write(preview, image, exposure)?;
         }
         Ok(findings)
     }
