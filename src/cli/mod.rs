@@ -200,4 +200,28 @@ mod tests {
             }
         }
     }
+
+    /// The commands that a page of documentation shows: indented lines, and code in the cells of tables.
+    fn commands(page: &str) -> impl Iterator<Item = &str> {
+        let indented = page.lines().filter_map(|line| line.strip_prefix("    thinlens "));
+        let quoted = page.split('`').filter_map(|code| code.strip_prefix("thinlens "));
+        indented.chain(quoted).filter(|command| !command.contains("SHELL") && !command.contains("COMMAND"))
+    }
+
+    #[test]
+    fn every_command_in_the_documentation_is_understood() {
+        let pages = [
+            include_str!("../../README.md"),
+            include_str!("../../samples/fence/README.md"),
+            include_str!("../../samples/table/README.md"),
+        ];
+        for page in pages {
+            assert!(commands(page).count() > 0, "no command in: {page}");
+            for command in commands(page) {
+                let words = command.split_whitespace();
+                let parsed = Cli::try_parse_from(std::iter::once("thinlens").chain(words));
+                assert!(parsed.is_ok(), "thinlens {command}: {parsed:?}");
+            }
+        }
+    }
 }

@@ -554,6 +554,15 @@ mod tests {
     }
 
     #[test]
+    fn the_preset_in_the_readme_is_valid() {
+        let readme = include_str!("../../README.md");
+        let (_, rest) = readme.split_once("    [lens]").unwrap();
+        let (block, _) = rest.split_once("\nThe flags").unwrap();
+        let preset = Preset::parse(&format!("[lens]{block}"), "README.md").unwrap();
+        assert_eq!(preset.values.views, Some(64));
+    }
+
+    #[test]
     fn every_preset_on_board_is_valid_says_where_it_comes_from_and_leaves_the_focus_open() {
         for built_in in BUILT_IN {
             let preset = Preset::load(built_in.name).unwrap();
