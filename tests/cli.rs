@@ -57,6 +57,16 @@ fn methods_lists_every_method() {
 }
 
 #[test]
+fn the_readme_lists_every_method_as_the_program_does() {
+    let readme = include_str!("../README.md");
+    for method in METHODS {
+        let info = method.info();
+        let row = format!("| `{}` | {} | {} | {} |", info.name, info.role, info.summary, info.source);
+        assert!(readme.contains(&row), "the README's methods table lacks: {row}");
+    }
+}
+
+#[test]
 fn presets_are_listed_and_shown_as_files_to_start_from() {
     let folder = tempfile::tempdir().unwrap();
     let list = stdout(&run(folder.path(), &["presets"]));

@@ -1,6 +1,6 @@
 //! Presets: a TOML file becomes a layer of [`Values`].
 //!
-//! [`schema`] is the one list of keys: what may be written, how it is checked and where it goes. The `[method.NAME]`
+//! [`SCHEMA`] is the one list of keys: what may be written, how it is checked and where it goes. The `[method.NAME]`
 //! tables follow from the fields of [`MethodParameters`] themselves, so that a new method needs no line here.
 
 use super::{DepthConvention, Focus, MethodParameters, SensorDistance, Values, nearest};
