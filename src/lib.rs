@@ -10,6 +10,8 @@
 //! | look, decide | [`scene`] | stack + lens → [`scene::Scene`] → [`scene::Plan`] |
 //! | blur | [`methods`] | scene + plan → [`image::Image`] |
 //! | write | [`output`] | picture → EXR, PNG, report |
+//!
+//! [`render`](mod@render) runs the steps up to the picture for one job.
 
 pub mod error;
 pub mod image;
@@ -21,3 +23,4 @@ pub mod methods;
 pub mod gpu;
 pub mod output;
 pub mod metrics;
+pub mod render;

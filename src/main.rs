@@ -1,3 +1,7 @@
 //! The `thinlens` program: parse, run, print the error chain, exit code.
 
-fn main() {}
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

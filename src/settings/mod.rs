@@ -150,6 +150,19 @@ pub struct Settings {
     pub parameters: MethodParameters,
 }
 
+/// The candidate that `word` was most likely meant to be, if any comes near.
+pub fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
+    /// Jaro-Winkler similarity from which a word counts as a slip of another.
+    const NEAR: f64 = 0.8;
+    let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), candidate);
+    candidates
+        .iter()
+        .map(|candidate| (likeness(candidate.as_ref()), candidate.as_ref()))
+        .filter(|(likeness, _)| *likeness >= NEAR)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}
+
 impl Settings {
     /// Lays `layers` over the built-in defaults, later ones on top.
     pub fn resolve(layers: &[(Origin, &Values)], parameters: MethodParameters) -> Self {

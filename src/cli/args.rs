@@ -1,0 +1,265 @@
+//! Flags that several subcommands share, and what they mean to the library.
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use thinlens::error::Error;
+use thinlens::gpu::DeviceChoice;
+use thinlens::methods::METHODS;
+use thinlens::render::{Job, NamedPreset};
+use thinlens::settings::{DepthConvention, Focus, Preset, SensorDistance, Values};
+use thinlens::stack::{Carry, ReadOptions, Source};
+
+/// Everything that decides a picture.
+#[derive(Debug, Args)]
+pub(super) struct JobArgs {
+    #[command(flatten)]
+    pub(super) input: InputArgs,
+    #[command(flatten)]
+    lens: LensArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+}
+
+/// What to read, and how.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Input")]
+pub(super) struct InputArgs {
+    /// The stack: one EXR, or one file a peel nearest first
+    #[arg(required = true, value_name = "INPUT")]
+    pub(super) inputs: Vec<PathBuf>,
+    /// The file that holds the depth of a colour picture
+    #[arg(long, value_name = "FILE")]
+    pub(super) depth_file: Option<PathBuf>,
+    /// Name of the colour channels, if it is not known
+    #[arg(long, value_name = "GROUP")]
+    color_channel: Option<String>,
+    /// Name of the depth channel, if it is not known
+    #[arg(long, value_name = "CHANNEL")]
+    depth_channel: Option<String>,
+    /// How depth is written
+    #[arg(long, value_name = "CONVENTION")]
+    depth_convention: Option<ConventionArg>,
+    /// Depth at which the renderer starts to count (ray depth)
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
+    near_clip: Option<f32>,
+    /// Planar distance of depth 0 (normalised depth)
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
+    near: Option<f32>,
+    /// Planar distance of depth 1 (normalised depth)
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
+    far: Option<f32>,
+    /// Length of one depth unit
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    metres_per_unit: Option<f32>,
+    /// Samples a picture pixel along each axis
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(1..=64))]
+    supersample: Option<u16>,
+}
+
+/// The lens; every flag outranks the preset.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Lens")]
+struct LensArgs {
+    /// A preset's name or TOML file (see `thinlens presets`)
+    #[arg(long, value_name = "NAME|FILE")]
+    preset: Option<String>,
+    /// Focal length
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    focal_length: Option<f32>,
+    /// Focal length over aperture diameter; inf is a pinhole
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    f_number: Option<f32>,
+    /// Distance in focus, in the stack's depth units
+    #[arg(long, value_name = "DISTANCE", conflicts_with = "focus_at", allow_negative_numbers = true)]
+    focus: Option<f32>,
+    /// Focus on what this pixel shows; the centre by default
+    #[arg(long, value_name = "X,Y", value_parser = parse_point)]
+    focus_at: Option<[f32; 2]>,
+    /// Width of the sensor
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    sensor_width: Option<f32>,
+    /// How far behind the lens the sensor stands
+    ///
+    /// focal-length: as Blender and Mitsuba have it. thin-lens: at the image distance, as in a real camera; blurs more
+    /// in close-ups.
+    #[arg(long, value_name = "WHERE")]
+    sensor_distance: Option<SensorDistanceArg>,
+    /// Number of aperture blades, 0 for a disc
+    #[arg(long, value_name = "N", value_parser = parse_blades)]
+    blades: Option<u32>,
+    /// Rotation of the aperture, anticlockwise
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    rotation: Option<f32>,
+}
+
+/// How to compute.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Method")]
+struct MethodArgs {
+    /// The method (see `thinlens methods`)
+    #[arg(long, value_name = "METHOD", value_parser = method_names())]
+    method: Option<String>,
+    /// Lens samples a pixel; the method's own by default
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    views: Option<u32>,
+    /// Where to compute
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    device: DeviceArg,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ConventionArg {
+    /// From the file
+    Auto,
+    /// Along the optical axis (Blender)
+    Planar,
+    /// Along the ray, from the near clip plane (Mitsuba)
+    Ray,
+    /// One over planar depth
+    Inverse,
+    /// 0 at --near to 1 at --far
+    Normalised,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SensorDistanceArg {
+    FocalLength,
+    ThinLens,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum DeviceArg {
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+impl JobArgs {
+    /// The job these flags describe.
+    ///
+    /// # Errors
+    /// A preset that cannot be read.
+    pub(super) fn job(&self, carry: Carry) -> Result<Job, Error> {
+        let preset = self.lens.preset.as_ref().map(|name| {
+            let preset = Preset::load(name)?;
+            Ok(NamedPreset { name: name.clone(), preset })
+        });
+        Ok(Job {
+            sources: self.input.inputs.iter().cloned().map(Source::File).collect(),
+            read_options: self.input.read_options(carry),
+            preset: preset.transpose()?,
+            flags: self.values(),
+            device: match self.method.device {
+                DeviceArg::Auto => DeviceChoice::Auto,
+                DeviceArg::Cpu => DeviceChoice::Cpu,
+                DeviceArg::Gpu => DeviceChoice::Gpu,
+            },
+        })
+    }
+
+    fn values(&self) -> Values {
+        let Self { input, lens, method } = self;
+        let point = lens.focus_at.map(Focus::Point);
+        Values {
+            focal_length_mm: lens.focal_length,
+            f_number: lens.f_number,
+            focus: lens.focus.map(Focus::Distance).or(point),
+            sensor_width_mm: lens.sensor_width,
+            sensor_distance: lens.sensor_distance.map(|distance| match distance {
+                SensorDistanceArg::FocalLength => SensorDistance::FocalLength,
+                SensorDistanceArg::ThinLens => SensorDistance::ThinLens,
+            }),
+            blades: lens.blades,
+            rotation_deg: lens.rotation,
+            convention: input.depth_convention.and_then(ConventionArg::convention),
+            metres_per_unit: input.metres_per_unit,
+            near_clip: input.near_clip,
+            near: input.near,
+            far: input.far,
+            supersample: input.supersample.map(usize::from),
+            method: method.method.clone(),
+            views: method.views.map(|views| views as usize),
+        }
+    }
+}
+
+impl InputArgs {
+    fn read_options(&self, carry: Carry) -> ReadOptions {
+        ReadOptions {
+            color_channel: self.color_channel.clone(),
+            depth_channel: self.depth_channel.clone(),
+            depth_file: self.depth_file.clone(),
+            carry,
+            ..ReadOptions::default()
+        }
+    }
+
+    /// Every file that is read.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> + Clone {
+        self.inputs.iter().chain(&self.depth_file)
+    }
+}
+
+impl ConventionArg {
+    fn convention(self) -> Option<DepthConvention> {
+        match self {
+            Self::Auto => None,
+            Self::Planar => Some(DepthConvention::Planar),
+            Self::Ray => Some(DepthConvention::Ray),
+            Self::Inverse => Some(DepthConvention::Inverse),
+            Self::Normalised => Some(DepthConvention::Normalised),
+        }
+    }
+}
+
+fn method_names() -> PossibleValuesParser {
+    let names = METHODS.iter().map(|method| method.info().name);
+    PossibleValuesParser::new(std::iter::once("auto").chain(names))
+}
+
+fn parse_point(text: &str) -> Result<[f32; 2], String> {
+    let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
+    let point = text.split_once(',').and_then(|(x, y)| Some([number(x)?, number(y)?]));
+    point.ok_or_else(|| "a pixel is two numbers with a comma between them, such as 960,540".to_owned())
+}
+
+fn parse_not_negative(text: &str) -> Result<f32, String> {
+    let number = text.parse::<f32>().ok().filter(|x| *x >= 0.0 && x.is_finite());
+    number.ok_or_else(|| "a distance from the lens is a number, 0 or more".to_owned())
+}
+
+fn parse_blades(text: &str) -> Result<u32, String> {
+    let blades = text.parse().ok().filter(|blades| !matches!(blades, 1 | 2));
+    blades.ok_or_else(|| "an aperture has 0 blades, which makes it a disc, or at least 3".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_two_numbers_with_a_comma() {
+        assert_eq!(parse_point("960, 540.5"), Ok([960.0, 540.5]));
+        for text in ["960", "960,", "a,b", "1,2,3", "nan,1"] {
+            assert!(parse_point(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_distance_from_the_lens_is_0_or_more() {
+        assert_eq!(parse_not_negative("0.01"), Ok(0.01));
+        for text in ["-1", "nan", "inf", "near"] {
+            assert!(parse_not_negative(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_aperture_has_no_blades_or_at_least_three() {
+        assert_eq!(parse_blades("0"), Ok(0));
+        assert_eq!(parse_blades("3"), Ok(3));
+        for text in ["1", "2", "-3", "six"] {
+            assert!(parse_blades(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! What the user sees while a command runs: decisions, warnings and progress, all on standard error.
+//!
+//! Results go to standard output through `write!`, whose errors are kept: a closed pipe ends the program quietly.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::fmt::Display;
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+use thinlens::error::Error;
+use thinlens::scene::Plan;
+use thinlens::stack::Finding;
+
+/// Standard error, as talkative as asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Console {
+    quiet: bool,
+}
+
+impl Console {
+    pub(super) fn new(quiet: bool) -> Self {
+        Self { quiet }
+    }
+
+    /// A line about what is going on.
+    pub(super) fn note(self, text: impl Display) {
+        if !self.quiet {
+            line(text);
+        }
+    }
+
+    /// A line about a file that was written.
+    pub(super) fn wrote(self, path: &Path) {
+        self.note(format_args!("wrote {}", path.display()));
+    }
+
+    /// One line per conclusion that was drawn from the input.
+    pub(super) fn findings(self, findings: &[Finding]) {
+        for Finding { about, text, warning } in findings {
+            if *warning {
+                line(format_args!("warning: {about}: {text}"));
+            } else {
+                self.note(format_args!("{about}: {text}"));
+            }
+        }
+    }
+
+    /// One line for the method and one per effect that is on.
+    pub(super) fn plan(self, plan: &Plan) {
+        self.note(format_args!("method: {}, {} views: {}", plan.method, plan.views, plan.method_reason));
+        for effect in plan.effects.iter().filter(|effect| effect.on) {
+            self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
+        }
+    }
+
+    /// A progress bar of 0 … 1, hidden unless standard error is a terminal.
+    pub(super) fn progress(self, what: &'static str) -> Bar {
+        let shown = !self.quiet && io::stderr().is_terminal();
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(Bar::STEPS), target).with_message(what);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %") {
+            bar.set_style(style);
+        }
+        Bar(bar)
+    }
+}
+
+/// A progress bar that clears itself when dropped.
+#[derive(Debug)]
+pub(super) struct Bar(ProgressBar);
+
+impl Bar {
+    const STEPS: u64 = 1000;
+
+    /// Shows that `share` of the work is done.
+    pub(super) fn set(&self, share: f32) {
+        self.0.set_position((share.clamp(0.0, 1.0) * Self::STEPS as f32) as u64);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// Prints the error that ended the command.
+pub(super) fn error(error: &Error) {
+    line(format_args!("error: {error}"));
+}
+
+/// The name of an enum's value as reports and flags write it.
+pub(super) fn kebab(value: &impl serde::Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(name)) => name,
+        _ => "unnamed".to_owned(),
+    }
+}
+
+/// Prints `value` on standard output as indented JSON.
+pub(super) fn print_json(value: &impl serde::Serialize) -> io::Result<()> {
+    let mut text = serde_json::to_string_pretty(value).map_err(io::Error::other)?;
+    text.push('\n');
+    print(&text)
+}
+
+/// Prints `text` on standard output.
+pub(super) fn print(text: &str) -> io::Result<()> {
+    let mut stdout = io::stdout().lock();
+    stdout.write_all(text.as_bytes())?;
+    stdout.flush()
+}
+
+fn line(text: impl Display) {
+    // Where standard error is closed there is nobody left to tell.
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}

@@ -1,0 +1,113 @@
+//! `thinlens demo`.
+
+use super::Failure;
+use super::console::{Console, print};
+use clap::Args;
+use std::path::PathBuf;
+use thinlens::error::Error;
+use thinlens::image::Image;
+use thinlens::metrics;
+use thinlens::output::exr::{self, Codec, ExrOptions};
+use thinlens::output::png;
+use thinlens::output::report::{self, Report};
+use thinlens::output::usage::Stage;
+use thinlens::render::{Job, NamedPreset, Rendered, render};
+use thinlens::settings::{Preset, Values};
+use thinlens::stack::{Source, read_picture};
+
+const STACK_NAME: &str = "samples/fence/stack.exr";
+static STACK: &[u8] = include_bytes!("../../samples/fence/stack.exr");
+static PRESET: &str = include_str!("../../samples/fence/preset.toml");
+static REFERENCE: &[u8] = include_bytes!("../../samples/fence/reference.exr");
+
+const EXAMPLES: &str = "\
+Examples:
+  thinlens demo
+  thinlens demo -o /tmp/demo
+  thinlens demo --threads 1";
+
+/// Render a sample that is on board
+///
+/// Writes fence.exr, fence.png, side-by-side.png (pinhole and result) and report.json.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct DemoArgs {
+    /// Where to write; created if need be
+    #[arg(long, short, value_name = "DIR", default_value = "thinlens-demo", help_heading = "Output")]
+    output: PathBuf,
+}
+
+pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
+    std::fs::create_dir_all(&args.output).map_err(|cause| {
+        Error::output("the demo's folder cannot be created")
+            .in_file(&args.output)
+            .caused_by(cause)
+            .help("name another one with -o")
+    })?;
+    let job = job()?;
+    let pinhole = pinhole(&job)?;
+    let mut rendered = show_progress(&job, console)?;
+
+    let files =
+        ["fence.exr", "fence.png", "side-by-side.png", "report.json"].map(|name| args.output.join(name));
+    let mut clock = rendered.clock.clone();
+    clock.time(Stage::Write, || write_pictures(&files, &rendered, &pinhole))?;
+    rendered.clock = clock;
+    let report = rendered.report(vec![STACK_NAME.to_owned()], files[0].display().to_string());
+    report::write_json(&files[3], &report)?;
+    let psnr_db = metrics::score(&rendered.image, &reference()?, 0)?.psnr_db;
+    print(&summary(&files, &report, psnr_db))?;
+    Ok(())
+}
+
+fn job() -> Result<Job, Error> {
+    let name = "samples/fence/preset.toml";
+    Ok(Job {
+        sources: vec![Source::Embedded { name: STACK_NAME, bytes: STACK }],
+        preset: Some(NamedPreset { name: name.to_owned(), preset: Preset::parse(PRESET, name)? }),
+        ..Job::default()
+    })
+}
+
+fn show_progress(job: &Job, console: &Console) -> Result<Rendered, Error> {
+    let bar = console.progress("blurring");
+    render(job, &|share| bar.set(share))
+}
+
+/// The same stack without a lens.
+fn pinhole(job: &Job) -> Result<Image, Error> {
+    let flags = Values { f_number: Some(f32::INFINITY), ..Values::default() };
+    Ok(render(&Job { flags, ..job.clone() }, &|_| ())?.image)
+}
+
+fn write_pictures(
+    [exr, png, side_by_side, _]: &[PathBuf; 4],
+    rendered: &Rendered,
+    pinhole: &Image,
+) -> Result<(), Error> {
+    let Rendered { image, frame, stack, .. } = rendered;
+    let options = ExrOptions { precision: stack.precision, codec: Codec::default() };
+    exr::write(exr, image, frame, &stack.carried, &options)?;
+    png::write(png, image, 0.0)?;
+    png::write_side_by_side(side_by_side, &[pinhole, image], 0.0)
+}
+
+/// The sample as a true thin lens saw it.
+fn reference() -> Result<Image, Error> {
+    let no_room = |cause| Error::output("no temporary file can be made").caused_by(cause);
+    let file = tempfile::Builder::new().suffix(".exr").tempfile().map_err(no_room)?;
+    std::fs::write(file.path(), REFERENCE).map_err(no_room)?;
+    read_picture(file.path())
+}
+
+fn summary(files: &[PathBuf], report: &Report, psnr_db: f64) -> String {
+    let wrote = |path: &PathBuf| format!("wrote {}\n", path.display());
+    let files: String = files.iter().map(wrote).collect();
+    let Report { stack, seconds, method, views, .. } = report;
+    format!(
+        "{files}{}×{} pixels, {} peels, method {method}, {views} views\n\
+         read {:.3} s, plan {:.3} s, blur {:.3} s, write {:.3} s\n\
+         PSNR {psnr_db:.1} dB against a true thin-lens render of the scene\n",
+        stack.width, stack.height, stack.peels, seconds.read, seconds.plan, seconds.blur, seconds.write,
+    )
+}

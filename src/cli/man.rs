@@ -1,0 +1,29 @@
+//! `thinlens man`.
+
+use super::console::print;
+use super::{Cli, Failure, usage_error};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory};
+use clap_mangen::Man;
+
+/// Print a manual page
+#[derive(Debug, Args)]
+pub(super) struct ManArgs {
+    /// A subcommand; the page of the whole program without it
+    command: Option<String>,
+}
+
+pub(super) fn run(args: &ManArgs) -> Result<(), Failure> {
+    let mut cli = Cli::command();
+    cli.build();
+    let command = match &args.command {
+        None => cli,
+        Some(name) => cli.find_subcommand(name).cloned().ok_or_else(|| {
+            usage_error("man", ErrorKind::InvalidSubcommand, &format!("there is no subcommand '{name}'"))
+        })?,
+    };
+    let mut page = Vec::new();
+    Man::new(command).render(&mut page)?;
+    print(&String::from_utf8_lossy(&page))?;
+    Ok(())
+}

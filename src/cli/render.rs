@@ -1,0 +1,251 @@
+//! `thinlens render`.
+
+use super::args::JobArgs;
+use super::console::{Console, print_json};
+use super::{Failure, checks, usage_error};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use thinlens::error::Error;
+use thinlens::output::exr::{Codec, ExrOptions};
+use thinlens::output::usage::Stage;
+use thinlens::output::{exr, png, report};
+use thinlens::render::{Rendered, prepare};
+use thinlens::stack::{Carry, Finding, Precision};
+
+const EXAMPLES: &str = "\
+Examples:
+  thinlens render stack.exr -o out.exr --focal-length 85 --f-number 1.4 --focus 6
+  thinlens render beauty.exr --depth-file depth.exr -o out.png --preset portrait --focus-at 960,540
+  thinlens render peel0.exr peel1.exr peel2.exr -o out.exr --preset my-lens.toml --report out.json --force";
+
+/// Put a lens on a stack
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct RenderArgs {
+    #[command(flatten)]
+    job: JobArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// What to write, and where.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+struct OutputArgs {
+    /// The picture: .exr, .png, or - for an EXR on stdout
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Also write a PNG to look at
+    #[arg(long, value_name = "FILE.png")]
+    preview: Option<PathBuf>,
+    /// Brighten PNGs by this much
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+    /// Also write a report of what was done
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Numeric type of the EXR; the input's by default
+    #[arg(long, value_name = "TYPE")]
+    precision: Option<PrecisionArg>,
+    /// How the EXR is compressed; zip by default
+    #[arg(long, value_name = "CODEC", value_parser = codecs())]
+    codec: Option<Codec>,
+    /// Other channels that go into the EXR; unused by default
+    #[arg(long, value_name = "CHANNELS")]
+    carry: Option<CarryArg>,
+    /// Print the report on standard output
+    #[arg(long)]
+    json: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    /// 16-bit floating point
+    Half,
+    /// 32-bit floating point
+    Float,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CarryArg {
+    /// Those that no peel uses
+    Unused,
+    /// All, the peels included
+    All,
+    /// None
+    None,
+}
+
+/// Where the picture goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Target {
+    Exr,
+    Png,
+    Stdout,
+}
+
+pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
+    let target = args.output.check(args.job.input.files())?;
+    let job = args.job.job(args.output.carry())?;
+
+    let prepared = prepare(&job)?;
+    console.findings(&prepared.stack.findings);
+    console.plan(&prepared.plan);
+    let bar = console.progress("blurring");
+    let mut rendered = prepared.blur(&|share| bar.set(share))?;
+    drop(bar);
+
+    let mut clock = rendered.clock.clone();
+    let findings = clock.time(Stage::Write, || args.output.write(target, &rendered))?;
+    rendered.clock = clock;
+    console.findings(&findings);
+    rendered.stack.findings.extend(findings);
+    args.output.report(&args.job, &rendered)?;
+    for file in args.output.files(target) {
+        console.wrote(file);
+    }
+    Ok(())
+}
+
+impl OutputArgs {
+    /// Checks every output before any work.
+    fn check<'a>(&self, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<Target, Failure> {
+        let target = target(&self.output)?;
+        self.check_idle_flags(target)?;
+        if target == Target::Stdout {
+            self.check_stdout()?;
+        }
+        let mut seen: Vec<&PathBuf> = Vec::new();
+        for path in self.files(target) {
+            if seen.contains(&path) {
+                let message = format!("two outputs would go to {}", path.display());
+                return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
+            }
+            seen.push(path);
+            checks::output(path, inputs.clone(), self.force)?;
+        }
+        Ok(target)
+    }
+
+    /// A flag that would do nothing is a mistake: its user expects it to do something.
+    fn check_idle_flags(&self, target: Target) -> Result<(), Failure> {
+        let writes_exr = target != Target::Png;
+        let writes_png = target == Target::Png || self.preview.is_some();
+        let flags = [
+            ("--exposure", self.exposure.is_some(), writes_png, "PNG"),
+            ("--precision", self.precision.is_some(), writes_exr, "EXR"),
+            ("--codec", self.codec.is_some(), writes_exr, "EXR"),
+            ("--carry", self.carry.is_some(), writes_exr, "EXR"),
+        ];
+        match flags.into_iter().find(|(_, given, has_use, _)| *given && !has_use) {
+            None => Ok(()),
+            Some((flag, _, _, format)) => {
+                let message = format!("{flag} has no effect, for no {format} is written");
+                Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message))
+            }
+        }
+    }
+
+    fn check_stdout(&self) -> Result<(), Failure> {
+        if self.json {
+            let message = "--json and -o - would both write to standard output; use --report FILE.json";
+            return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, message));
+        }
+        if io::stdout().is_terminal() {
+            return Err(Error::output("an EXR is not for the terminal")
+                .help("redirect standard output, or name a file with -o")
+                .into());
+        }
+        Ok(())
+    }
+
+    fn carry(&self) -> Carry {
+        match self.carry {
+            None | Some(CarryArg::Unused) => Carry::Unused,
+            Some(CarryArg::All) => Carry::All,
+            Some(CarryArg::None) => Carry::None,
+        }
+    }
+
+    /// Every file that is written.
+    fn files(&self, target: Target) -> impl Iterator<Item = &PathBuf> {
+        let picture = (target != Target::Stdout).then_some(&self.output);
+        picture.into_iter().chain(&self.preview).chain(&self.report)
+    }
+
+    /// Writes the pictures; returns what was concluded on the way.
+    fn write(&self, target: Target, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
+        let Rendered { image, frame, stack, .. } = rendered;
+        let precision = match self.precision {
+            None => stack.precision,
+            Some(PrecisionArg::Half) => Precision::Half,
+            Some(PrecisionArg::Float) => Precision::Float,
+        };
+        let options = ExrOptions { precision, codec: self.codec.unwrap_or_default() };
+        let exposure = self.exposure.unwrap_or(0.0);
+        let mut findings = Vec::new();
+        match target {
+            Target::Exr | Target::Stdout => {
+                findings = exr::write(&self.output, image, frame, &stack.carried, &options)?;
+            }
+            Target::Png => png::write(&self.output, image, exposure)?,
+        }
+        if let Some(preview) = &self.preview {
+            png::write(preview, image, exposure)?;
+        }
+        Ok(findings)
+    }
+
+    /// Writes and prints the report, where asked for.
+    fn report(&self, job: &JobArgs, rendered: &Rendered) -> Result<(), Failure> {
+        let inputs = job.input.files().map(|input| input.display().to_string()).collect();
+        let content = rendered.report(inputs, self.output.display().to_string());
+        if let Some(path) = &self.report {
+            report::write_json(path, &content)?;
+        }
+        if self.json {
+            print_json(&content)?;
+        }
+        Ok(())
+    }
+}
+
+fn codecs() -> impl TypedValueParser<Value = Codec> {
+    PossibleValuesParser::new(Codec::ALL.map(Codec::name)).try_map(|name| name.parse::<Codec>())
+}
+
+/// Where `output` means the picture to go, by its extension.
+fn target(output: &Path) -> Result<Target, Error> {
+    let extension = output.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        _ if output == Path::new("-") => Ok(Target::Stdout),
+        Some("exr") => Ok(Target::Exr),
+        Some("png") => Ok(Target::Png),
+        // A folder has a better answer of its own, in the checks that follow.
+        _ if output.is_dir() => Ok(Target::Exr),
+        _ => Err(Error::settings("the output's extension names no format that can be written")
+            .in_file(output)
+            .with("looked for", ".exr, .png")
+            .help("name the output out.exr or out.png, or - for an EXR on standard output")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_extension_decides_the_format() {
+        let target = |name| target(Path::new(name)).ok();
+        assert_eq!(target("a/out.exr"), Some(Target::Exr));
+        assert_eq!(target("out.PNG"), Some(Target::Png));
+        assert_eq!(target("-"), Some(Target::Stdout));
+        assert_eq!(target("out.jpg"), None);
+        assert_eq!(target("out"), None);
+    }
+}

@@ -1,0 +1,305 @@
+//! One job from files to picture: read, lens, look, decide, blur.
+//!
+//! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] carries the plan
+//! out. Writing is the caller's: this module touches no output file and prints nothing.
+
+use crate::error::Error;
+use crate::gpu::{self, Device, DeviceChoice};
+use crate::image::Image;
+use crate::lens::{LensSpec, ThinLens};
+use crate::methods::{self, METHODS, Progress};
+use crate::output;
+use crate::output::report::{LensReport, PlanReport, Report, StackReport};
+use crate::output::usage::{Stage, StageClock};
+use crate::scene::{self, Facts, Plan, Scene};
+use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values, nearest};
+use crate::stack::depth::DepthScale;
+use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
+
+/// A preset and the name it was asked for by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPreset {
+    /// Name or path, as origins show it.
+    pub name: String,
+    /// What it sets.
+    pub preset: Preset,
+}
+
+/// Everything that decides one picture.
+#[derive(Debug, Clone, Default)]
+pub struct Job {
+    /// The stack's files.
+    pub sources: Vec<Source>,
+    /// How to read them; what the preset or the flags say about depth is added to it.
+    pub read_options: ReadOptions,
+    /// The preset, if any.
+    pub preset: Option<NamedPreset>,
+    /// Values that outrank the preset.
+    pub flags: Values,
+    /// Where to carry out the plan.
+    pub device: DeviceChoice,
+}
+
+/// A job up to its plan.
+#[derive(Debug)]
+pub struct Prepared {
+    /// What was read; its peels have moved into the scene.
+    pub stack: Stack,
+    /// What was read, in figures.
+    pub summary: StackReport,
+    /// Every value with its origin.
+    pub settings: Settings,
+    /// The lens in picture pixels.
+    pub lens: ThinLens,
+    /// The stack in CoC space.
+    pub scene: Scene,
+    /// What the scene shows.
+    pub facts: Facts,
+    /// What will be simulated, and why.
+    pub plan: Plan,
+    /// Where.
+    pub device: Device,
+    /// What it has cost.
+    pub clock: StageClock,
+}
+
+/// A job carried out.
+#[derive(Debug)]
+pub struct Rendered {
+    /// The picture, of the size of the frame's data window.
+    pub image: Image,
+    /// Data and display window in picture pixels.
+    pub frame: Frame,
+    /// What was read; its peels are gone.
+    pub stack: Stack,
+    /// What was read, in figures.
+    pub summary: StackReport,
+    /// Every value with its origin.
+    pub settings: Settings,
+    /// The lens in picture pixels.
+    pub lens: ThinLens,
+    /// What was simulated, and why.
+    pub plan: Plan,
+    /// Where.
+    pub device: Device,
+    /// What it has cost; writing goes on its account too.
+    pub clock: StageClock,
+}
+
+/// Reads the job's stack and decides what to do with it.
+///
+/// # Errors
+/// Those of reading, of the lens and of the plan; an unknown method, before anything is read.
+pub fn prepare(job: &Job) -> Result<Prepared, Error> {
+    let mut clock = StageClock::start();
+    let device = gpu::choose(job.device)?;
+    check_methods(job)?;
+    let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
+    let settings = resolve(job, &stack.camera);
+    let summary = StackReport::from(&stack);
+    let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
+    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, clock })
+}
+
+impl Prepared {
+    /// Carries out the plan.
+    ///
+    /// # Errors
+    /// Those of the method.
+    pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
+        let Self { stack, summary, settings, lens, scene, plan, device, mut clock, .. } = self;
+        let method = methods::by_name(&plan.method).ok_or_else(|| unknown_method(&plan.method))?;
+        let image = clock.time(Stage::Blur, || method.blur(&scene, &plan, progress))?;
+        let frame = picture_frame(&stack.frame, stack.supersample);
+        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, clock })
+    }
+}
+
+/// Carries out `job` from files to picture.
+///
+/// # Errors
+/// Those of [`prepare`] and of the method.
+pub fn render(job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
+    prepare(job)?.blur(progress)
+}
+
+impl Rendered {
+    /// The report of the run so far, which read `input` and wrote `output`.
+    pub fn report(&self, input: Vec<String>, output: String) -> Report {
+        Report {
+            version: env!("CARGO_PKG_VERSION"),
+            input,
+            output,
+            method: self.plan.method.clone(),
+            device: output::report::Device { kind: self.device.kind.name(), name: self.device.name.clone() },
+            lens: LensReport::new(&self.settings, &self.lens),
+            stack: self.summary.clone(),
+            plan: PlanReport::from(&self.plan),
+            views: self.plan.views,
+            seconds: self.clock.seconds(),
+            cpu_seconds: self.clock.cpu_seconds().total,
+            cpu_seconds_by_stage: self.clock.cpu_seconds(),
+            threads: rayon::current_num_threads(),
+            peak_memory_bytes: output::usage::peak_memory_bytes(),
+            probe: None,
+            findings: self.stack.findings.clone(),
+            warnings: Report::warnings(&self.stack.findings),
+        }
+    }
+}
+
+/// From stack to plan; the stack's peels move into the scene.
+fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
+    let scale = depth_scale(stack, settings)?;
+    let focus_distance = focus_distance(stack, &scale, settings.focus.value)?;
+    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
+    let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
+    let scene = Scene::from_stack(stack, &lens, &scale);
+    let facts = scene.facts();
+    let plan = Plan::decide(&facts, settings)?;
+    Ok((lens, scene, facts, plan))
+}
+
+/// The layers that the user gave, lowest first.
+fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> {
+    let preset = job.preset.iter().map(|p| (Origin::Preset(p.name.clone()), &p.preset.values));
+    preset.chain([(Origin::Flag, &job.flags)])
+}
+
+fn resolve(job: &Job, camera: &Values) -> Settings {
+    let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
+    let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
+    Settings::resolve(&layers, parameters)
+}
+
+/// The job's read options, with what its layers say about the file.
+fn read_options(job: &Job) -> ReadOptions {
+    let mut options = job.read_options.clone();
+    for (_, values) in user_layers(job) {
+        options.convention = values.convention.or(options.convention);
+        options.supersample = values.supersample.or(options.supersample);
+    }
+    options
+}
+
+fn check_methods(job: &Job) -> Result<(), Error> {
+    let mut names = user_layers(job).filter_map(|(_, values)| values.method.as_deref());
+    match names.find(|name| *name != "auto" && methods::by_name(name).is_none()) {
+        Some(name) => Err(unknown_method(name)),
+        None => Ok(()),
+    }
+}
+
+fn unknown_method(name: &str) -> Error {
+    let known = METHODS.map(|method| method.info().name);
+    let help = match nearest(name, &known) {
+        Some(near) => format!("did you mean '{near}'? `thinlens methods` lists them"),
+        None => format!("use auto, or one of {}", known.join(", ")),
+    };
+    Error::settings(format!("there is no method called '{name}'")).help(help)
+}
+
+/// Everything that turns the stack's depth into planar depth.
+fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
+    let [near, far] = [settings.near.value, settings.far.value];
+    if stack.convention == DepthConvention::Normalised && far <= near {
+        return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
+            .with("found", format!("near {near}, far {far}"))
+            .help("set the distances of depth 0 and depth 1 with --near and --far"));
+    }
+    let focal_lengths = settings.focal_length_mm.value / settings.sensor_width_mm.value;
+    Ok(DepthScale {
+        convention: stack.convention,
+        near_clip: settings.near_clip.value,
+        near_far: [near, far],
+        focal_px: focal_lengths * stack.frame.display.width as f32,
+    })
+}
+
+fn lens_spec(settings: &Settings, focus_distance: f32) -> LensSpec {
+    LensSpec {
+        focal_length_mm: settings.focal_length_mm.value,
+        f_number: settings.f_number.value,
+        focus_distance,
+        sensor_width_mm: settings.sensor_width_mm.value,
+        sensor_distance: settings.sensor_distance.value,
+        metres_per_unit: settings.metres_per_unit.value,
+    }
+}
+
+/// Planar distance in focus, in depth units. Points are in picture pixels of the display window.
+fn focus_distance(stack: &Stack, scale: &DepthScale, focus: Focus) -> Result<f32, Error> {
+    let point = match focus {
+        Focus::Distance(distance) => return Ok(distance),
+        Focus::Point(point) => point,
+        Focus::Centre => {
+            let Window { width, height, .. } = stack.frame.display;
+            [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32)
+        }
+    };
+    scene::focus_distance_at(stack, scale, point)
+}
+
+/// `frame` in picture pixels, from samples.
+fn picture_frame(frame: &Frame, supersample: usize) -> Frame {
+    let step = i32::try_from(supersample).unwrap_or(i32::MAX).max(1);
+    let window = |window: Window| Window {
+        x: window.x.div_euclid(step),
+        y: window.y.div_euclid(step),
+        width: window.width / supersample.max(1),
+        height: window.height / supersample.max(1),
+    };
+    Frame { data: window(frame.data), display: window(frame.display), pixel_aspect: frame.pixel_aspect }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn preset(values: Values) -> Option<NamedPreset> {
+        Some(NamedPreset { name: "p".to_owned(), preset: Preset { values, ..Preset::default() } })
+    }
+
+    #[test]
+    fn flags_outrank_the_preset_and_the_preset_the_header() {
+        let camera = Values { f_number: Some(1.0), focal_length_mm: Some(20.0), ..Values::default() };
+        let job = Job {
+            preset: preset(Values { f_number: Some(2.0), blades: Some(5), ..Values::default() }),
+            flags: Values { f_number: Some(4.0), ..Values::default() },
+            ..Job::default()
+        };
+        let settings = resolve(&job, &camera);
+        assert_eq!((settings.f_number.value, settings.f_number.origin), (4.0, Origin::Flag));
+        assert_eq!((settings.blades.value, settings.blades.origin), (5, Origin::Preset("p".to_owned())));
+        assert_eq!((settings.focal_length_mm.value, settings.focal_length_mm.origin), (20.0, Origin::Header));
+    }
+
+    #[test]
+    fn the_depth_convention_of_a_flag_outranks_the_presets() {
+        let convention = |convention| Values { convention, ..Values::default() };
+        let mut job = Job { preset: preset(convention(Some(DepthConvention::Ray))), ..Job::default() };
+        assert_eq!(read_options(&job).convention, Some(DepthConvention::Ray));
+        job.flags = convention(Some(DepthConvention::Planar));
+        assert_eq!(read_options(&job).convention, Some(DepthConvention::Planar));
+    }
+
+    #[test]
+    fn an_unknown_method_is_refused_before_anything_is_read() {
+        let job = Job {
+            sources: vec![Source::File("no/such.exr".into())],
+            preset: preset(Values { method: Some("sheer".to_owned()), ..Values::default() }),
+            ..Job::default()
+        };
+        let message = prepare(&job).unwrap_err().to_string();
+        assert!(message.contains("'sheer'") && message.contains("did you mean 'shear'?"), "{message}");
+    }
+
+    #[test]
+    fn a_supersampled_frame_shrinks_to_picture_pixels() {
+        let data = Window { x: -4, y: 2, width: 24, height: 12 };
+        let display = Window { x: 0, y: 0, width: 16, height: 16 };
+        let frame = picture_frame(&Frame { data, display, pixel_aspect: 1.0 }, 2);
+        assert_eq!(frame.data, Window { x: -2, y: 1, width: 12, height: 6 });
+        assert_eq!(frame.display, Window { x: 0, y: 0, width: 8, height: 8 });
+    }
+}

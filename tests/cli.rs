@@ -1,0 +1,198 @@
+//! The program as a user meets it.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
+mod program;
+
+use program::{STACK, names, run, stderr, thinlens};
+use std::fs;
+use std::process::Output;
+use thinlens::methods::METHODS;
+use thinlens::settings::{BUILT_IN, Preset};
+
+fn stdout(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+#[test]
+fn help_lists_every_subcommand() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = stdout(&run(folder.path(), &["--help"]));
+    for command in ["render", "inspect", "score", "methods", "presets", "demo", "completions", "man"] {
+        assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
+    }
+}
+
+#[test]
+fn a_wrong_call_exits_with_2_and_a_failure_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let code = |arguments: &[&str]| run(folder.path(), arguments).status.code();
+    assert_eq!(code(&[]), Some(2));
+    assert_eq!(code(&["blur"]), Some(2));
+    assert_eq!(code(&["render", STACK]), Some(2), "no output named");
+    assert_eq!(code(&["render", STACK, "-o", "a.exr", "--method", "no-such"]), Some(2));
+    assert_eq!(code(&["render", STACK, "-o", "a.exr", "--focus", "1", "--focus-at", "1,1"]), Some(2));
+    assert_eq!(code(&["render", STACK, "-o", "-", "--json"]), Some(2));
+    assert_eq!(code(&["render", STACK, "-o", "a.png", "--preview", "a.png"]), Some(2));
+    assert_eq!(code(&["render", STACK, "-o", "a.exr", "--exposure", "1"]), Some(2), "nothing to brighten");
+    assert_eq!(code(&["render", STACK, "-o", "a.png", "--codec", "piz"]), Some(2), "nothing to compress");
+    assert_eq!(code(&["render", "no-such.exr", "-o", "a.exr"]), Some(1));
+    assert_eq!(code(&["presets", "show", "no-such"]), Some(1));
+    assert_eq!(code(&["--version"]), Some(0));
+}
+
+#[test]
+fn methods_lists_every_method() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&run(folder.path(), &["methods"]));
+    let json: serde_json::Value =
+        serde_json::from_str(&stdout(&run(folder.path(), &["methods", "--json"]))).unwrap();
+    assert_eq!(text.lines().count(), METHODS.len());
+    for (i, method) in METHODS.iter().enumerate() {
+        let name = method.info().name;
+        assert!(text.lines().any(|line| line.starts_with(name)), "{name}");
+        assert_eq!(json[i]["name"], name);
+    }
+}
+
+#[test]
+fn the_readme_lists_every_method_as_the_program_does() {
+    let readme = include_str!("../README.md");
+    for method in METHODS {
+        let info = method.info();
+        let row = format!("| `{}` | {} | {} | {} |", info.name, info.role, info.summary, info.source);
+        assert!(readme.contains(&row), "the README's methods table lacks: {row}");
+    }
+}
+
+#[test]
+fn presets_are_listed_and_shown_as_files_to_start_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = stdout(&run(folder.path(), &["presets"]));
+    for preset in BUILT_IN {
+        assert!(list.lines().any(|line| line.starts_with(preset.name)), "{}", preset.name);
+        let text = stdout(&run(folder.path(), &["presets", "show", preset.name]));
+        assert!(Preset::parse(&text, preset.name).is_ok(), "{}", preset.name);
+    }
+}
+
+#[test]
+fn completions_and_manual_pages_are_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        assert!(stdout(&run(folder.path(), &["completions", shell])).contains("thinlens"), "{shell}");
+    }
+    assert!(stdout(&run(folder.path(), &["man"])).contains(".TH"));
+    assert!(stdout(&run(folder.path(), &["man", "render"])).contains("f\\-number"));
+}
+
+#[test]
+fn a_reader_that_stops_reading_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = thinlens(folder.path(), &["presets"]).stdout(writer).output().unwrap();
+    assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
+}
+
+#[test]
+fn a_gpu_asked_for_by_name_is_never_replaced_silently() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["render", STACK, "-o", "a.exr", "--device", "gpu"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("help: use --device auto"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_demo_needs_nothing_and_says_how_good_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&run(folder.path(), &["demo"]));
+    assert!(text.contains("PSNR") && text.contains("wrote "), "{text}");
+    let demo = folder.path().join("thinlens-demo");
+    assert_eq!(names(&demo), ["fence.exr", "fence.png", "report.json", "side-by-side.png"]);
+    let report = fs::read_to_string(demo.join("report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    for key in ["version", "input", "output", "method", "lens", "plan", "seconds", "views", "warnings"] {
+        assert!(!report[key].is_null(), "{key}: {report}");
+    }
+    assert_eq!(report["device"]["kind"], "cpu");
+}
+
+#[test]
+fn a_render_writes_its_output_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["render", STACK, "-o", "out.exr", "--focus", "6", "--views", "4"]);
+    assert_eq!(stdout(&output), "");
+    assert!(stderr(&output).contains("method: "), "{}", stderr(&output));
+    assert_eq!(names(folder.path()), ["out.exr"]);
+}
+
+#[test]
+fn a_render_with_json_prints_its_report_and_the_origin_of_every_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments =
+        ["render", STACK, "-o", "out.png", "--preset", "portrait", "--focus", "6", "--views", "4", "--json"];
+    let report: serde_json::Value = serde_json::from_str(&stdout(&run(folder.path(), &arguments))).unwrap();
+    assert_eq!(report["lens"]["f_number"]["origin"]["name"], "portrait");
+    assert_eq!(report["lens"]["focus"]["origin"]["from"], "flag");
+    assert_eq!(report["lens"]["metres_per_unit"]["origin"]["from"], "default");
+    assert_eq!(report["views"], 4);
+}
+
+#[test]
+fn an_existing_output_is_replaced_only_by_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.exr");
+    fs::write(&out, "precious").unwrap();
+    let arguments = ["render", STACK, "-o", "out.exr", "--focus", "6", "--views", "4"];
+    let refused = run(folder.path(), &arguments);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("help: add --force"), "{}", stderr(&refused));
+    assert_eq!(fs::read(&out).unwrap(), b"precious");
+    let forced = [&arguments[..], &["--force"]].concat();
+    assert_eq!(run(folder.path(), &forced).status.code(), Some(0));
+    assert_ne!(fs::read(&out).unwrap(), b"precious");
+}
+
+#[test]
+fn an_output_of_a_dash_is_an_exr_on_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["render", STACK, "-o", "-", "--focus", "6", "--views", "4"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(output.stdout[..4], [0x76, 0x2f, 0x31, 0x01]);
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for threads in ["1", "3"] {
+        let out = format!("{threads}.exr");
+        let arguments = ["render", STACK, "-o", &out, "--focus", "6", "--views", "4", "--threads", threads];
+        assert_eq!(run(folder.path(), &arguments).status.code(), Some(0));
+    }
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(read("1.exr") == read("3.exr"), "1 and 3 threads differ");
+}
+
+#[test]
+fn inspect_shows_what_a_render_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&run(folder.path(), &["inspect", STACK, "--preset", "portrait", "--focus", "6"]));
+    for words in ["peels            4", "85 mm", "preset portrait", "6 depth units", "CoC radius", "method"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let json = stdout(&run(folder.path(), &["inspect", STACK, "--focus", "6", "--json"]));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["stack"]["peels"], 4);
+    assert_eq!(json["stack"]["convention"], "planar");
+}
+
+#[test]
+fn a_picture_scores_perfectly_against_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/reference.exr");
+    let text = stdout(&run(folder.path(), &["score", picture, picture]));
+    assert!(text.contains("PSNR          200.00 dB"), "{text}");
+}
