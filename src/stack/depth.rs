@@ -4,12 +4,13 @@
 //! | --- | --- | --- |
 //! | planar | `v` | `v >= 1e9` (Blender writes 1e10), `v <= 0`, infinite, NaN |
 //! | ray | `v · F / √(F² + x² + y²) + near_clip` | as planar: Mitsuba writes 0 |
-//! | inverse | `1 / v` | `v <= 1e-9`, infinite, NaN |
+//! | inverse | `1 / v` | `v < 1e-9`, infinite, NaN |
 //! | normalised | `near + min(v, 1) · (far − near)`: 1 and beyond stay the far plane | `v < 0`, infinite, NaN |
 //!
 //! A planar depth that is not in front of the lens (`z <= 0`) is background as well.
 
 use crate::settings::DepthConvention;
+use std::ops::Range;
 
 /// From here on a depth means "nothing was hit".
 pub const BACKGROUND: f32 = 1e9;
@@ -27,14 +28,20 @@ pub struct DepthScale {
     pub focal_px: f32,
 }
 
+/// The values that are no background in `convention`; NaN is in no range, so it is background.
+pub(super) fn foreground(convention: DepthConvention) -> Range<f32> {
+    /// The smallest positive number: a range from here leaves out 0.
+    const ABOVE_ZERO: f32 = f32::from_bits(1);
+    match convention {
+        DepthConvention::Planar | DepthConvention::Ray => ABOVE_ZERO..BACKGROUND,
+        DepthConvention::Inverse => 1.0 / BACKGROUND..f32::INFINITY,
+        DepthConvention::Normalised => 0.0..f32::INFINITY,
+    }
+}
+
 /// Whether `value` says "nothing was hit" in `convention`.
 pub fn is_background(convention: DepthConvention, value: f32) -> bool {
-    // Written so that NaN fails the comparison and is background.
-    match convention {
-        DepthConvention::Planar | DepthConvention::Ray => !(value > 0.0 && value < BACKGROUND),
-        DepthConvention::Inverse => !(value > 1.0 / BACKGROUND && value < f32::INFINITY),
-        DepthConvention::Normalised => !(value >= 0.0 && value < f32::INFINITY),
-    }
+    !foreground(convention).contains(&value)
 }
 
 impl DepthScale {
@@ -57,32 +64,23 @@ impl DepthScale {
     /// [`DepthScale::planar`] of a row of samples in place; the first lies `x0_from_centre` from the optical axis.
     pub fn planar_row(&self, depth: &mut [f32], y_from_centre: f32, x0_from_centre: f32) {
         // One loop a convention, without branches inside: each becomes vector code.
-        let foreground = |value: f32, z: f32| {
-            if is_background(self.convention, value) { f32::INFINITY } else { in_front(z) }
-        };
+        let foreground = foreground(self.convention);
+        let known =
+            |value: f32, z: f32| if foreground.contains(&value) { in_front(z) } else { f32::INFINITY };
         match self.convention {
-            DepthConvention::Planar => {
-                for value in depth {
-                    *value = if *value > 0.0 && *value < BACKGROUND { *value } else { f32::INFINITY };
-                }
+            DepthConvention::Planar => depth.iter_mut().for_each(|value| *value = known(*value, *value)),
+            DepthConvention::Inverse => {
+                depth.iter_mut().for_each(|value| *value = known(*value, 1.0 / *value));
+            }
+            DepthConvention::Normalised => {
+                depth.iter_mut().for_each(|value| *value = known(*value, self.planar_of_normalised(*value)));
             }
             DepthConvention::Ray => {
                 let y_squared = y_from_centre * y_from_centre;
                 for (i, value) in depth.iter_mut().enumerate() {
                     // i32 converts to f32 in vector code, usize does not.
                     let x = x0_from_centre + i as i32 as f32;
-                    let z = self.planar_of_ray(*value, x, y_squared);
-                    *value = if *value > 0.0 && *value < BACKGROUND { in_front(z) } else { f32::INFINITY };
-                }
-            }
-            DepthConvention::Inverse => {
-                for value in depth {
-                    *value = foreground(*value, 1.0 / *value);
-                }
-            }
-            DepthConvention::Normalised => {
-                for value in depth {
-                    *value = foreground(*value, self.planar_of_normalised(*value));
+                    *value = known(*value, self.planar_of_ray(*value, x, y_squared));
                 }
             }
         }

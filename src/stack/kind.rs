@@ -8,11 +8,12 @@
 //! | coverage peels | fractional alpha in the first peel, with depth |
 //! | point-sampled peels | otherwise |
 
-use super::depth::is_background;
+use super::depth::{foreground, is_background};
 use super::{Finding, Peel, StackKind};
 use crate::image::Plane;
 use crate::settings::DepthConvention;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Alpha this close to 0 or 1 is not fractional: half floats and lossy codecs round.
 const ALPHA_ROUNDING: f32 = 1e-3;
@@ -74,24 +75,16 @@ impl PeelFacts {
 /// Counts what the kind is recognised by. All peels are of one size.
 pub(super) fn look(peels: &[Peel], convention: DepthConvention) -> Facts {
     let nearer_is_larger = convention == DepthConvention::Inverse;
+    let sight = Sight { foreground: foreground(convention), sign: if nearer_is_larger { -1.0 } else { 1.0 } };
     let facts: Vec<PeelFacts> = (0..peels.len())
         .map(|i| {
             let before = i.checked_sub(1).map(|before| &peels[before].depth);
-            let rows = 0..peels[i].depth.height();
             let count = |y| {
-                let alpha = peels[i].alpha.row(y);
-                let depth = peels[i].depth.row(y);
-                look_at_row(alpha, depth, before.map(|before| before.row(y)), |value| {
-                    if is_background(convention, value) {
-                        f32::NAN
-                    } else if nearer_is_larger {
-                        -value
-                    } else {
-                        value
-                    }
-                })
+                let (alpha, depth) = (peels[i].alpha.row(y), peels[i].depth.row(y));
+                sight.look_at_row(alpha, depth, before.map(|before| before.row(y)))
             };
-            rows.into_par_iter().with_min_len(64).map(count).reduce(|| PeelFacts::NONE, PeelFacts::plus)
+            let rows = (0..peels[i].depth.height()).into_par_iter();
+            rows.with_min_len(64).map(count).reduce(|| PeelFacts::NONE, PeelFacts::plus)
         })
         .collect();
     let all = facts.iter().copied().fold(PeelFacts::NONE, PeelFacts::plus);
@@ -101,37 +94,47 @@ pub(super) fn look(peels: &[Peel], convention: DepthConvention) -> Facts {
     Facts { peels: facts, pixels, depth_range: (all.with_depth > 0).then_some(range) }
 }
 
-/// `far` is a value that grows with distance, NaN for background.
-fn look_at_row(alpha: &[f32], depth: &[f32], before: Option<&[f32]>, far: impl Fn(f32) -> f32) -> PeelFacts {
-    let mut facts = PeelFacts::NONE;
-    let [mut low, mut high] = facts.range;
-    let (mut with_depth, mut fractional, mut depthless) = (0u32, 0u32, 0u32);
-    for (&alpha, &depth) in alpha.iter().zip(depth) {
-        let depth = far(depth);
-        let seen = !depth.is_nan();
-        let partial = (alpha > ALPHA_ROUNDING) & (alpha < 1.0 - ALPHA_ROUNDING);
-        with_depth += u32::from(seen);
-        fractional += u32::from(partial & seen);
-        depthless += u32::from(partial & !seen);
-        // Comparisons with NaN are false, so background changes nothing.
-        low = if depth < low { depth } else { low };
-        high = if depth > high { depth } else { high };
-    }
-    if let Some(before) = before {
+/// How to tell what is seen, and what is farther.
+struct Sight {
+    foreground: Range<f32>,
+    /// −1 where a larger value is nearer.
+    sign: f32,
+}
+
+impl Sight {
+    /// Counts in one row; branch-free, so that it becomes vector code.
+    fn look_at_row(&self, alpha: &[f32], depth: &[f32], before: Option<&[f32]>) -> PeelFacts {
+        let mut facts = PeelFacts::NONE;
+        let [mut low, mut high] = facts.range;
+        let (mut with_depth, mut fractional, mut depthless) = (0u32, 0u32, 0u32);
+        for (&alpha, &depth) in alpha.iter().zip(depth) {
+            let seen = self.sees(depth);
+            let partial = (alpha > ALPHA_ROUNDING) & (alpha < 1.0 - ALPHA_ROUNDING);
+            with_depth += u32::from(seen);
+            fractional += u32::from(partial & seen);
+            depthless += u32::from(partial & !seen);
+            let far = self.sign * depth;
+            low = if seen & (far < low) { far } else { low };
+            high = if seen & (far > high) { far } else { high };
+        }
         let (mut both, mut disordered) = (0u32, 0u32);
-        for (&depth, &front) in depth.iter().zip(before) {
-            let (depth, front) = (far(depth), far(front));
-            both += u32::from(!depth.is_nan() & !front.is_nan());
-            disordered += u32::from(depth < front);
+        for (&depth, &front) in depth.iter().zip(before.unwrap_or_default()) {
+            let seen = self.sees(depth) & self.sees(front);
+            both += u32::from(seen);
+            disordered += u32::from(seen & (self.sign * depth < self.sign * front));
         }
         facts.behind_another = both as usize;
         facts.disordered = disordered as usize;
+        facts.with_depth = with_depth as usize;
+        facts.fractional = fractional as usize;
+        facts.depthless = depthless as usize;
+        facts.range = [low, high];
+        facts
     }
-    facts.with_depth = with_depth as usize;
-    facts.fractional = fractional as usize;
-    facts.depthless = depthless as usize;
-    facts.range = [low, high];
-    facts
+
+    fn sees(&self, depth: f32) -> bool {
+        (depth >= self.foreground.start) & (depth < self.foreground.end)
+    }
 }
 
 /// The kind of a stack of `supersample` samples a pixel, and why.

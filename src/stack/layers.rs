@@ -75,19 +75,16 @@ pub(super) fn read_exr_picture(file: ExrFile) -> Result<Layers, Error> {
     read_assigned(file, Assigned { peels: vec![peel], findings: Vec::new() }, None, Carry::None)
 }
 
-/// Decodes one channel of an OpenEXR file, as depth.
+/// Decodes one channel of an OpenEXR file, as depth, and says its name.
 ///
 /// # Errors
 /// As [`read_exr`].
-pub(super) fn read_exr_depth(
-    file: ExrFile,
-    options: &ReadOptions,
-) -> Result<(Plane, String, Vec<(Text, AttributeValue)>), Error> {
+pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String), Error> {
     let wanted = options.depth_channel.as_deref();
     let place = names::depth_alone(&file.names(), wanted).map_err(|error| error.in_file(&file.name))?;
-    let (name, attributes) = (file.channels[place].name.clone(), file.attributes());
+    let name = file.channels[place].name.clone();
     let (decoded, _) = decode(file, &[(place, Use::Depth)], options.max_bytes)?;
-    Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name, attributes))
+    Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name))
 }
 
 fn read_assigned(

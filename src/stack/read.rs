@@ -73,7 +73,7 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         ([], None) => {}
         ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,
         ([depth], None) if stack.lacks_depth() && !has_color(depth)? => {
-            add_depth(&mut stack, depth, options)?
+            add_depth(&mut stack, depth, options)?;
         }
         (peels, None) => peels.iter().try_for_each(|source| add_peels(&mut stack, source, options))?,
         (_, Some(path)) => {
@@ -129,10 +129,10 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     let mut opened = Opened::open(source)?;
     let name = opened.name.clone();
     let (depth, channel) = if opened.is_exr()? {
-        let (depth, channel, attributes) = layers::read_exr_depth(ExrFile::open(opened)?, options)?;
+        let file = ExrFile::open(opened)?;
         // The renderer of the depth decides its convention, so its header speaks first.
-        stack.attributes.splice(0..0, attributes_of_depth(attributes));
-        (depth, channel)
+        stack.attributes.splice(0..0, attributes_of_depth(file.attributes()));
+        layers::read_exr_depth(file, options)?
     } else {
         let (depth, findings) = picture::read_depth(opened, options)?;
         stack.findings.extend(findings);

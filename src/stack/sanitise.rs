@@ -64,8 +64,9 @@ pub(super) fn alpha(row: &mut [f32], replaced: &mut Replaced) {
     let mut wrong = 0;
     for value in row {
         wrong += usize::from(!sound.contains(value));
-        // `max` returns the other operand for NaN.
-        *value = value.max(0.0).min(1.0);
+        // Not `clamp`, which keeps NaN; `max` returns the other operand.
+        *value = value.max(0.0);
+        *value = value.min(1.0);
     }
     replaced.alpha += wrong;
 }
