@@ -3,7 +3,7 @@
 mod fixtures;
 
 use exr::image::FlatSamples;
-use exr::meta::attribute::{AttributeValue, Compression, Text};
+use exr::meta::attribute::{AttributeValue, Compression, Text, TimeCode};
 use fixtures::{Part, exr_bytes, exr_bytes_displayed, failure, failure_with, source, stack_of};
 use half::f16;
 use std::path::Path;
@@ -335,7 +335,7 @@ fn camera_data_in_the_header_becomes_settings() {
 #[test]
 fn a_supersampled_stack_is_known_by_its_header_and_carries_no_channels() {
     let part = |s| {
-        Part::flat((4, 2), "R=1 G=1 B=1 A=1 Z=1 id=3")
+        Part::flat((4, 2), "R=1 G=1 B=1 A=1 Z=2 id=3")
             .attribute("thinlens.supersample", AttributeValue::I32(s))
     };
     let stack = stack_of(vec![part(2)]);
@@ -375,11 +375,14 @@ fn channels_of_parts_carry_the_parts_name() {
 fn attributes_travel_except_those_of_the_layout() {
     let part = Part::flat((1, 1), "R=1 G=1 B=1 Z=1")
         .attribute("shot", AttributeValue::Text(Text::from("room.0042")))
-        .attribute("owner", AttributeValue::Text(Text::from("us")));
+        .attribute("owner", AttributeValue::Text(Text::from("us")))
+        .attribute("isoSpeed", AttributeValue::F32(400.0))
+        .attribute("framesPerSecond", AttributeValue::Rational((24, 1)))
+        .attribute("timeCode", AttributeValue::TimeCode(TimeCode { hours: 1, ..TimeCode::default() }));
     let attributes = stack_of(vec![part]).carried.attributes;
     let mut names: Vec<String> = attributes.iter().map(|(name, _)| name.to_string()).collect();
     names.sort();
-    assert_eq!(names, ["owner", "shot"]);
+    assert_eq!(names, ["framesPerSecond", "isoSpeed", "owner", "shot", "timeCode"]);
 }
 
 // The picture to compare.
