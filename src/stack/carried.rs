@@ -48,7 +48,7 @@ fn set_shared(shared: &mut ImageAttributes, name: &Text, value: &AttributeValue)
     match (name.as_slice(), value) {
         (standard::TIME_CODE, AttributeValue::TimeCode(value)) => shared.time_code = Some(*value),
         (standard::CHROMATICITIES, AttributeValue::Chromaticities(value)) => {
-            shared.chromaticities = Some(*value)
+            shared.chromaticities = Some(*value);
         }
         (_, AttributeValue::TimeCode(_) | AttributeValue::Chromaticities(_)) => {
             shared.other.insert(name.clone(), value.clone());
@@ -85,15 +85,15 @@ fn set_other(own: &mut LayerAttributes, name: &Text, value: &AttributeValue) -> 
     match (name.as_slice(), value) {
         (standard::ADOPTED_NEUTRAL, AttributeValue::FloatVec2(value)) => own.adopted_neutral = Some(*value),
         (standard::ENVIRONMENT_MAP, AttributeValue::EnvironmentMap(value)) => {
-            own.environment_map = Some(*value)
+            own.environment_map = Some(*value);
         }
         (standard::KEY_CODE, AttributeValue::KeyCode(value)) => own.film_key_code = Some(*value),
         (standard::FRAMES_PER_SECOND, AttributeValue::Rational(value)) => {
-            own.frames_per_second = Some(*value)
+            own.frames_per_second = Some(*value);
         }
         (standard::WORLD_TO_CAMERA, AttributeValue::Matrix4x4(value)) => own.world_to_camera = Some(*value),
         (standard::WORLD_TO_NDC, AttributeValue::Matrix4x4(value)) => {
-            own.world_to_normalized_device = Some(*value)
+            own.world_to_normalized_device = Some(*value);
         }
         (standard::ORIGINAL_DATA_WINDOW, AttributeValue::IntegerBounds(value)) => {
             own.original_data_window = Some(*value);

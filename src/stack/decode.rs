@@ -4,6 +4,7 @@
 //! rows of the planes; so memory is the planes and a few blocks. Only channels that are asked for are converted.
 //! Limits: the largest resolution level only.
 
+use super::chunks::{self, Chunks};
 use super::guard;
 use super::header::{ExrFile, decoder_error};
 use super::sanitise::{self, Replaced};
@@ -12,7 +13,7 @@ use crate::image::Plane;
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::image::FlatSamples;
-use exr::meta::attribute::SampleType;
+use exr::meta::attribute::{Compression, SampleType};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use half::f16;
@@ -108,7 +109,7 @@ fn decode_unnamed(
     check_budget(&file, wanted, max_bytes)?;
     let mut decoded: Vec<Decoded> =
         wanted.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
-    let grids: Vec<Grid> = file.reader.headers().iter().map(Grid::of).collect();
+    let grids: Vec<Grid> = file.meta_data.headers.iter().map(Grid::of).collect();
     let mut bands: Vec<Vec<Mutex<Vec<Strip<'_>>>>> = grids.iter().map(|_| Vec::new()).collect();
     for (&(channel, usage), target) in wanted.iter().zip(&mut decoded) {
         let channel = &file.channels[channel];
@@ -165,23 +166,19 @@ fn cut(decoded: &mut Decoded, len: usize) -> Box<dyn Iterator<Item = Rows<'_>> +
 
 /// Reads all blocks of the parts that have bands, and writes them into the strips.
 fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> Result<Replaced, Error> {
-    let damaged = |error| decoder_error("the pixels cannot be read", error);
-    let meta_data = file.reader.meta_data().clone();
+    let ExrFile { input, len, meta_data, .. } = file;
     let mut seen: Vec<Vec<bool>> =
         grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();
-    let chunks = file.reader.filter_chunks(false, |_, location, block| {
-        location.is_largest_resolution_level() && !bands[block.layer].is_empty()
-    });
-    let mut chunks = chunks.map_err(damaged)?;
+    let mut chunks = Chunks::new(input, len, &meta_data, |part| !bands[part].is_empty())?;
     let mut replaced = Replaced::default();
     loop {
         let mut batch = Vec::new();
         let mut bytes = 0;
         while batch.len() < 4 * rayon::current_num_threads() && bytes < BATCH_BYTES {
-            let Some(chunk) = chunks.next() else { break };
-            let chunk = chunk.map_err(damaged)?;
+            let Some(chunk) = chunks.next(&meta_data) else { break };
+            let chunk = chunk?;
             let at = locate(&chunk, &meta_data, grids, &mut seen)?;
-            bytes += compressed_len(&chunk);
+            bytes += chunks::content(&chunk).len();
             batch.push((chunk, at));
         }
         if batch.is_empty() {
@@ -201,14 +198,6 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> 
             .help("the file is damaged or still being written: render or copy it again"));
     }
     Ok(replaced)
-}
-
-fn compressed_len(chunk: &Chunk) -> usize {
-    match &chunk.compressed_block {
-        CompressedBlock::ScanLine(block) => block.compressed_pixels_le.len(),
-        CompressedBlock::Tile(block) => block.compressed_pixels_le.len(),
-        _ => 0,
-    }
 }
 
 /// Column and band of a block; each may come once.
@@ -253,6 +242,9 @@ fn place(
     meta_data: &MetaData,
 ) -> Result<Replaced, Error> {
     let header = &meta_data.headers[chunk.layer_index];
+    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        chunks::check_dwa(chunks::content(&chunk), header)?;
+    }
     let block = UncompressedBlock::decompress_chunk(chunk, meta_data, false)
         .map_err(|error| decoder_error("a block of pixels cannot be decompressed", error))?;
     let mut offsets = Vec::with_capacity(header.channels.list.len());

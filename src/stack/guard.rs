@@ -190,9 +190,8 @@ fn codec(number: u8) -> Option<(u64, u64)> {
         3 | 5 => (16, DEFLATE_RATIO),
         4 => (32, DEFLATE_RATIO),
         6 | 7 => (32, RLE_RATIO),
-        // DWA packs twice, so its best case is bounded by the number of chunks alone.
-        8 => (32, u64::MAX),
-        9 => (256, u64::MAX),
+        8 => (32, RLE_RATIO * DEFLATE_RATIO),
+        9 => (256, RLE_RATIO * DEFLATE_RATIO),
         _ => return None,
     })
 }

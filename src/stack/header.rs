@@ -4,9 +4,10 @@ use super::guard;
 use super::input::{Input, Opened};
 use super::{Frame, Window};
 use crate::error::Error;
-use exr::block::reader::Reader;
+use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
+use std::io::Read;
 use std::path::PathBuf;
 
 /// One channel of a file.
@@ -30,7 +31,11 @@ pub(super) struct ExrFile {
     /// The path or name to show.
     pub(super) name: PathBuf,
     /// At the first byte after the headers.
-    pub(super) reader: Reader<Input>,
+    pub(super) input: Input,
+    /// Length of the file in bytes.
+    pub(super) len: u64,
+    /// The headers.
+    pub(super) meta_data: MetaData,
     /// The channels of all parts.
     pub(super) channels: Vec<Channel>,
 }
@@ -42,17 +47,17 @@ impl ExrFile {
     /// See [`guard::check`]; and what the decoder rejects.
     pub(super) fn open(mut opened: Opened) -> Result<Self, Error> {
         guard::check(&mut opened)?;
-        let Opened { name, input, .. } = opened;
-        let reader = exr::block::read(input, false).map_err(|error| {
-            decoder_error("the OpenEXR header cannot be understood", error).in_file(&name)
-        })?;
-        let channels = list_channels(reader.headers());
-        Ok(Self { name, reader, channels })
+        let Opened { name, len, mut input } = opened;
+        let fail = |error| decoder_error("the OpenEXR header cannot be understood", error).in_file(&name);
+        let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
+        MetaData::validate(&meta_data.headers, false).map_err(fail)?;
+        let channels = list_channels(&meta_data.headers);
+        Ok(Self { name, input, len, meta_data, channels })
     }
 
     /// The header of part `part`.
     pub(super) fn header(&self, part: usize) -> &Header {
-        &self.reader.headers()[part]
+        &self.meta_data.headers[part]
     }
 
     /// The channels' full names.

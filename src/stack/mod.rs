@@ -6,6 +6,7 @@
 
 mod camera;
 mod carried;
+mod chunks;
 mod convention;
 mod decode;
 pub mod depth;
