@@ -46,6 +46,16 @@ fn a_blender_view_layer_a_peel_is_ordered_by_number() {
 }
 
 #[test]
+fn the_compositors_result_beside_the_view_layers_is_no_peel() {
+    let channels = "Composite.Combined.R=9 Composite.Combined.G=9 Composite.Combined.B=9 Composite.Combined.A=1 \
+                    ViewLayer.Combined.R=1 ViewLayer.Combined.G=1 ViewLayer.Combined.B=1 ViewLayer.Combined.A=1 \
+                    ViewLayer.Depth.Z=3";
+    let stack = stack_of(vec![Part::flat((1, 1), channels)]);
+    assert_eq!(first_pixels(&stack), [[1.0, 1.0, 1.0, 1.0, 3.0]]);
+    assert_eq!(stack.carried.channels.len(), 4);
+}
+
+#[test]
 fn numbered_view_layers_follow_the_one_without_a_number() {
     let layer = |name: &str, z: usize| {
         format!(
@@ -421,6 +431,14 @@ fn a_small_header_that_claims_a_huge_picture_is_refused_at_once() {
     for (x, y) in [(99_999, 99_999), (i32::MAX, i32::MAX), (-5, 3), (1_000_000_000, 0)] {
         let error = failure(patched(small(), "dataWindow", "box2i", &corner(x, y)));
         assert_eq!(error.kind(), ErrorKind::Limits, "{x} {y}: {error}");
+    }
+}
+
+#[test]
+fn a_display_window_that_is_damaged_is_refused() {
+    for x in [1 << 28, -1] {
+        let display = [0i32, 0, x, x].map(i32::to_le_bytes).concat();
+        assert_eq!(failure(patched(small(), "displayWindow", "box2i", &display)).kind(), ErrorKind::Limits);
     }
 }
 

@@ -11,6 +11,10 @@ use std::io::{self, BufRead, Read, Seek};
 
 /// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
 const COORDINATE_LIMIT: i64 = 1 << 30;
+/// A display window this many times the data window's area is damage, not a crop.
+const LARGEST_CROP: u64 = 4096;
+/// What to do about a damaged header.
+const DAMAGED: &str = "the header is damaged: render or copy the file again";
 /// Longest value of an attribute that is looked at here; others are skipped unread.
 const LOOKED_AT_BYTES: u64 = 16 << 20;
 /// No known writer makes tiles wider than this.
@@ -28,6 +32,7 @@ struct RawPart {
     kind: Option<String>,
     compression: Option<u8>,
     data_window: Option<[i32; 4]>,
+    display_window: Option<[i32; 4]>,
     tile: Option<[u32; 2]>,
     channels: Vec<RawChannel>,
 }
@@ -124,7 +129,10 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
         if size > opened.len.saturating_sub(position) {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
-        let known = matches!(name.as_str(), "channels" | "compression" | "dataWindow" | "tiles" | "type");
+        let known = matches!(
+            name.as_str(),
+            "channels" | "compression" | "dataWindow" | "displayWindow" | "tiles" | "type"
+        );
         if known && size <= LOOKED_AT_BYTES {
             let mut value = Vec::new();
             (&mut opened.input).take(size).read_to_end(&mut value)?;
@@ -151,10 +159,8 @@ impl RawPart {
         match name {
             "compression" => self.compression = value.first().copied(),
             "type" => self.kind = Some(String::from_utf8_lossy(value).into_owned()),
-            "dataWindow" => {
-                let words = [word(&mut value)?, word(&mut value)?, word(&mut value)?, word(&mut value)?];
-                self.data_window = Some(words.map(|word| word as i32));
-            }
+            "dataWindow" => self.data_window = Some(corners(&mut value)?),
+            "displayWindow" => self.display_window = Some(corners(&mut value)?),
             "tiles" => self.tile = Some([word(&mut value)?, word(&mut value)?]),
             _ => {
                 self.channels.clear();
@@ -181,6 +187,11 @@ fn word(value: &mut &[u8]) -> io::Result<u32> {
     Ok(u32::from_le_bytes(bytes))
 }
 
+fn corners(value: &mut &[u8]) -> io::Result<[i32; 4]> {
+    let words = [word(value)?, word(value)?, word(value)?, word(value)?];
+    Ok(words.map(|word| word as i32))
+}
+
 /// What a codec is called, its rows a chunk, and its best possible compression; `None` if this tool does not read it.
 fn codec(number: u8) -> Option<(u64, u64)> {
     Some(match number {
@@ -205,14 +216,17 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     }
     let number = part.compression.ok_or_else(|| missing("compression"))?;
     let (chunk_rows, ratio) = codec(number).ok_or_else(|| unknown_codec(number))?;
-    let [x0, y0, x1, y1] = part.data_window.ok_or_else(|| missing("dataWindow"))?.map(i64::from);
-    if [x0, y0, x1, y1].iter().any(|c| c.abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
-        return Err(Error::limits("the data window is impossible")
-            .with("found", format!("({x0}, {y0}) to ({x1}, {y1})"))
-            .help("the header is damaged: render or copy the file again"));
+    let [width, height] = window_size(part.data_window.ok_or_else(|| missing("dataWindow"))?, "data")?;
+    let [display_width, display_height] =
+        window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
+    if display_width * display_height > (width * height).saturating_mul(LARGEST_CROP).max(1 << 26) {
+        return Err(Error::limits("the display window is far larger than the picture")
+            .with(
+                "found",
+                format!("{width}×{height} pixels of a picture of {display_width}×{display_height}"),
+            )
+            .help(DAMAGED));
     }
-    // Both are at most 2^31, so their product fits.
-    let [width, height] = [(x1 - x0 + 1) as u64, (y1 - y0 + 1) as u64];
     let [chunks_x, chunks_y] = match part.tile {
         Some(tile) if part.kind.as_deref().is_none_or(|kind| kind.starts_with("tile")) => {
             if tile.iter().any(|&side| side == 0 || side > TILE_LIMIT) {
@@ -234,6 +248,17 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
             .help("the file is damaged or cut short: render or copy it again"));
     }
     Ok(())
+}
+
+/// Width and height of a window given by its corners, both inclusive. Their product fits in 64 bits.
+fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
+    let [x0, y0, x1, y1] = corners.map(i64::from);
+    if corners.iter().any(|c| i64::from(*c).abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
+        return Err(Error::limits(format!("the {which} window is impossible"))
+            .with("found", format!("({x0}, {y0}) to ({x1}, {y1})"))
+            .help(DAMAGED));
+    }
+    Ok([(x1 - x0 + 1) as u64, (y1 - y0 + 1) as u64])
 }
 
 fn missing(attribute: &str) -> Error {

@@ -105,7 +105,6 @@ impl Sight {
     /// Counts in one row; branch-free, so that it becomes vector code.
     fn look_at_row(&self, alpha: &[f32], depth: &[f32], before: Option<&[f32]>) -> PeelFacts {
         let mut facts = PeelFacts::NONE;
-        let [mut low, mut high] = facts.range;
         let (mut with_depth, mut fractional, mut depthless) = (0u32, 0u32, 0u32);
         for (&alpha, &depth) in alpha.iter().zip(depth) {
             let seen = self.sees(depth);
@@ -113,9 +112,6 @@ impl Sight {
             with_depth += u32::from(seen);
             fractional += u32::from(partial & seen);
             depthless += u32::from(partial & !seen);
-            let far = self.sign * depth;
-            low = if seen & (far < low) { far } else { low };
-            high = if seen & (far > high) { far } else { high };
         }
         let (mut both, mut disordered) = (0u32, 0u32);
         for (&depth, &front) in depth.iter().zip(before.unwrap_or_default()) {
@@ -128,8 +124,27 @@ impl Sight {
         facts.with_depth = with_depth as usize;
         facts.fractional = fractional as usize;
         facts.depthless = depthless as usize;
-        facts.range = [low, high];
+        facts.range = self.range(depth);
         facts
+    }
+
+    /// Nearest and farthest of what is seen, as values that grow with distance.
+    fn range(&self, depth: &[f32]) -> [f32; 2] {
+        // Each lane has its own extremes: a single one would make every step wait for the last.
+        const LANES: usize = 16;
+        let [none_low, none_high] = PeelFacts::NONE.range;
+        let (mut low, mut high) = ([none_low; LANES], [none_high; LANES]);
+        let mut widen = |values: &[f32]| {
+            for ((low, high), &depth) in low.iter_mut().zip(&mut high).zip(values) {
+                let (seen, far) = (self.sees(depth), self.sign * depth);
+                *low = if seen & (far < *low) { far } else { *low };
+                *high = if seen & (far > *high) { far } else { *high };
+            }
+        };
+        let (whole, rest) = depth.as_chunks::<LANES>();
+        whole.iter().for_each(|values| widen(values));
+        widen(rest);
+        [low.into_iter().fold(none_low, f32::min), high.into_iter().fold(none_high, f32::max)]
     }
 
     fn sees(&self, depth: f32) -> bool {

@@ -25,6 +25,8 @@ const DEPTH_ENDINGS: [&str; 8] =
     ["depth.z", "depth.v", "depth.t", "depth.y", "depth.depth", "depth", "z", "t"];
 /// What a colour group of a view layer is called.
 const COMBINED: &str = "combined";
+/// A view layer's name that is not a view layer: Blender puts the compositor's result there.
+const COMPOSITE: &str = "composite";
 /// Colour groups that are not the picture.
 const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
 /// Colour groups that are the picture, if there is any doubt.
@@ -199,6 +201,10 @@ impl<'a> Offer<'a> {
             likely.iter().copied().filter(|prefix| fits(prefix)).collect()
         };
         let is_combined = |prefix: &str| last_part(prefix).eq_ignore_ascii_case(COMBINED);
+        let is_view_layer = |prefix: &str| {
+            let layer = strip_ending(prefix, COMBINED).unwrap_or_default();
+            is_combined(prefix) && !last_part(layer).eq_ignore_ascii_case(COMPOSITE)
+        };
         let is_peel =
             |prefix: &str| order(prefix).0.to_ascii_lowercase().ends_with("peel") && order(prefix).1 >= 0;
         let has_depth = |prefix: &str| self.depths.contains_key(prefix);
@@ -206,8 +212,13 @@ impl<'a> Offer<'a> {
             |prefix: &str| THE_PICTURE.iter().any(|name| last_part(prefix).eq_ignore_ascii_case(name));
         let grey =
             || self.colors.iter().filter(|(prefix, group)| group.color().is_some() && !is_other(prefix));
-        let choices =
-            [choose(&is_combined), choose(&is_peel), choose(&|prefix| prefix.is_empty()), choose(&has_depth)];
+        let choices = [
+            choose(&is_view_layer),
+            choose(&is_combined),
+            choose(&is_peel),
+            choose(&|prefix| prefix.is_empty()),
+            choose(&has_depth),
+        ];
         if let Some(chosen) = choices.into_iter().find(|chosen| !chosen.is_empty()) {
             return Ok(chosen);
         }

@@ -107,6 +107,13 @@ impl Layers {
     fn lacks_depth(&self) -> bool {
         self.peels.len() == 1 && self.peels[0].depth.is_none()
     }
+
+    /// Calls a file's only peel as the file: view layers of one name in several files tell nothing.
+    fn name_after_file(&mut self) {
+        if let [peel] = self.peels.as_mut_slice() {
+            peel.prefix = self.name.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        }
+    }
 }
 
 fn read_layers(source: &Source, options: &ReadOptions, carry: Carry) -> Result<Layers, Error> {
@@ -130,8 +137,10 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     let name = opened.name.clone();
     let (depth, channel) = if opened.is_exr()? {
         let file = ExrFile::open(opened)?;
-        // The renderer of the depth decides its convention, so its header speaks first.
-        stack.attributes.splice(0..0, attributes_of_depth(file.attributes()));
+        // The renderer of the depth decides its convention, so its header speaks for it.
+        let telling = attributes_of_depth(file.attributes());
+        stack.attributes.retain(|(name, _)| !telling.iter().any(|(other, _)| other == name));
+        stack.attributes.extend(telling);
         layers::read_exr_depth(file, options)?
     } else {
         let (depth, findings) = picture::read_depth(opened, options)?;
@@ -160,14 +169,17 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 /// Of a depth file's header, what says who wrote it.
 fn attributes_of_depth(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
     let tells = |name: &Text| {
-        ["generatedBy", "BlenderMultiChannel", "thinlens.depth_convention"].iter().any(|known| name.eq(known))
+        let name = name.to_string();
+        name == "generatedBy" || name == "BlenderMultiChannel" || name.starts_with("thinlens.")
     };
     attributes.into_iter().filter(|(name, _)| tells(name)).collect()
 }
 
-/// Adds the peels in `source` behind those of `stack`, at their place in its data window.
+/// Adds the peels in `source` behind those of `stack`.
 fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Result<(), Error> {
-    let more = read_layers(source, options, Carry::None)?;
+    let mut more = read_layers(source, options, Carry::None)?;
+    stack.name_after_file();
+    more.name_after_file();
     stack.replaced.add(more.replaced);
     stack.findings.extend(
         more.findings.into_iter().filter(|finding| !stack.findings.contains(finding)).collect::<Vec<_>>(),
