@@ -1,6 +1,19 @@
 //! Depth conventions, and what each of them says in planar depth.
+//!
+//! | convention | planar depth of a value `v` | background |
+//! | --- | --- | --- |
+//! | planar | `v` | `v >= 1e9` (Blender writes 1e10), `v <= 0`, infinite, NaN |
+//! | ray | `v · F / √(F² + x² + y²) + near_clip` | as planar: Mitsuba writes 0 |
+//! | inverse | `1 / v` | `v < 1e-9`, infinite, NaN |
+//! | normalised | `near + min(v, 1) · (far − near)`: 1 and beyond stay the far plane | `v < 0`, infinite, NaN |
+//!
+//! A planar depth that is not in front of the lens (`z <= 0`) is background as well.
 
 use crate::settings::DepthConvention;
+use std::ops::Range;
+
+/// From here on a depth means "nothing was hit".
+pub const BACKGROUND: f32 = 1e9;
 
 /// What converting a depth needs beside the convention.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,25 +28,147 @@ pub struct DepthScale {
     pub focal_px: f32,
 }
 
-impl DepthScale {
-    /// Temporary.
-    pub fn planar(&self, value: f32, x: f32, y: f32) -> f32 {
-        let mut row = [value];
-        self.planar_row(&mut row, y, x);
-        row[0]
+/// The values that are no background in `convention`; NaN is in no range, so it is background.
+pub(super) fn foreground(convention: DepthConvention) -> Range<f32> {
+    /// The smallest positive number: a range from here leaves out 0.
+    const ABOVE_ZERO: f32 = f32::from_bits(1);
+    match convention {
+        DepthConvention::Planar | DepthConvention::Ray => ABOVE_ZERO..BACKGROUND,
+        DepthConvention::Inverse => 1.0 / BACKGROUND..f32::INFINITY,
+        DepthConvention::Normalised => 0.0..f32::INFINITY,
     }
-    /// Temporary.
-    pub fn planar_row(&self, depth: &mut [f32], y: f32, x0: f32) {
-        for (i, d) in depth.iter_mut().enumerate() {
-            let x = x0 + i as f32;
-            let v = *d;
-            *d = if !(v > 0.0 && v < 1e9) {
-                f32::INFINITY
-            } else if self.convention == DepthConvention::Ray {
-                v * self.focal_px / (self.focal_px * self.focal_px + x * x + y * y).sqrt() + self.near_clip
-            } else {
-                v
-            };
+}
+
+/// Whether `value` says "nothing was hit" in `convention`.
+pub fn is_background(convention: DepthConvention, value: f32) -> bool {
+    !foreground(convention).contains(&value)
+}
+
+impl DepthScale {
+    /// Planar depth of `value`, found at `x`, `y` samples from the optical axis; `+∞` for background (module head).
+    pub fn planar(&self, value: f32, x_from_centre_px: f32, y_from_centre_px: f32) -> f32 {
+        if is_background(self.convention, value) {
+            return f32::INFINITY;
+        }
+        let z = match self.convention {
+            DepthConvention::Planar => value,
+            DepthConvention::Ray => {
+                self.planar_of_ray(value, x_from_centre_px, y_from_centre_px * y_from_centre_px)
+            }
+            DepthConvention::Inverse => 1.0 / value,
+            DepthConvention::Normalised => self.planar_of_normalised(value),
+        };
+        in_front(z)
+    }
+
+    /// [`DepthScale::planar`] of a row of samples in place; the first lies `x0_from_centre` from the optical axis.
+    pub fn planar_row(&self, depth: &mut [f32], y_from_centre: f32, x0_from_centre: f32) {
+        // One loop a convention, without branches inside: each becomes vector code.
+        let foreground = foreground(self.convention);
+        let known =
+            |value: f32, z: f32| if foreground.contains(&value) { in_front(z) } else { f32::INFINITY };
+        match self.convention {
+            DepthConvention::Planar => depth.iter_mut().for_each(|value| *value = known(*value, *value)),
+            DepthConvention::Inverse => {
+                depth.iter_mut().for_each(|value| *value = known(*value, 1.0 / *value));
+            }
+            DepthConvention::Normalised => {
+                depth.iter_mut().for_each(|value| *value = known(*value, self.planar_of_normalised(*value)));
+            }
+            DepthConvention::Ray => {
+                let y_squared = y_from_centre * y_from_centre;
+                for (i, value) in depth.iter_mut().enumerate() {
+                    // i32 converts to f32 in vector code, usize does not.
+                    let x = x0_from_centre + i as i32 as f32;
+                    *value = known(*value, self.planar_of_ray(*value, x, y_squared));
+                }
+            }
+        }
+    }
+
+    fn planar_of_ray(&self, distance: f32, x: f32, y_squared: f32) -> f32 {
+        let focal = self.focal_px;
+        distance * (focal / (focal * focal + x * x + y_squared).sqrt()) + self.near_clip
+    }
+
+    fn planar_of_normalised(&self, value: f32) -> f32 {
+        let [near, far] = self.near_far;
+        near + value.min(1.0) * (far - near)
+    }
+}
+
+/// `z` if it lies in front of the lens, else `+∞`.
+fn in_front(z: f32) -> f32 {
+    if z > 0.0 { z } else { f32::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [DepthConvention; 4] = [
+        DepthConvention::Planar,
+        DepthConvention::Ray,
+        DepthConvention::Inverse,
+        DepthConvention::Normalised,
+    ];
+
+    fn scale(convention: DepthConvention) -> DepthScale {
+        DepthScale { convention, near_clip: 0.5, near_far: [2.0, 12.0], focal_px: 30.0 }
+    }
+
+    #[test]
+    fn distance_along_the_ray_shrinks_by_the_cosine_and_starts_at_the_near_clip() {
+        // x = 40, F = 30: the ray is 50 long, cosθ = 3/5. 10 · 3/5 + 0.5 = 6.5.
+        assert_eq!(scale(DepthConvention::Ray).planar(10.0, 40.0, 0.0), 6.5);
+        assert_eq!(scale(DepthConvention::Ray).planar(10.0, 0.0, 0.0), 10.5);
+    }
+
+    #[test]
+    fn inverse_and_normalised_depth_become_planar() {
+        assert_eq!(scale(DepthConvention::Inverse).planar(0.25, 0.0, 0.0), 4.0);
+        assert_eq!(scale(DepthConvention::Normalised).planar(0.5, 0.0, 0.0), 7.0);
+        assert_eq!(scale(DepthConvention::Normalised).planar(0.0, 0.0, 0.0), 2.0);
+    }
+
+    #[test]
+    fn normalised_depth_beyond_one_stays_the_far_plane() {
+        assert_eq!(scale(DepthConvention::Normalised).planar(1.0, 0.0, 0.0), 12.0);
+        assert_eq!(scale(DepthConvention::Normalised).planar(3.0, 0.0, 0.0), 12.0);
+    }
+
+    #[test]
+    fn every_way_to_write_background_is_infinitely_far() {
+        for convention in ALL {
+            for value in [f32::INFINITY, f32::NAN, f32::NEG_INFINITY, -1.0] {
+                assert_eq!(
+                    scale(convention).planar(value, 1.0, 2.0),
+                    f32::INFINITY,
+                    "{convention:?} {value}"
+                );
+            }
+        }
+        for convention in [DepthConvention::Planar, DepthConvention::Ray, DepthConvention::Inverse] {
+            assert_eq!(scale(convention).planar(0.0, 1.0, 2.0), f32::INFINITY, "{convention:?} 0");
+        }
+        for convention in [DepthConvention::Planar, DepthConvention::Ray] {
+            assert_eq!(scale(convention).planar(1e10, 1.0, 2.0), f32::INFINITY, "{convention:?} 1e10");
+        }
+    }
+
+    #[test]
+    fn a_row_converts_as_its_values_do() {
+        let values = [0.3, 7.0, 0.0, f32::NAN, 1e10, -2.0, 1.0, 2e-10, 55.5];
+        for convention in ALL {
+            let mut row = values;
+            scale(convention).planar_row(&mut row, 3.5, -4.5);
+            for (i, value) in values.into_iter().enumerate() {
+                assert_eq!(
+                    row[i],
+                    scale(convention).planar(value, -4.5 + i as f32, 3.5),
+                    "{convention:?} {value}"
+                );
+            }
         }
     }
 }

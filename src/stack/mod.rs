@@ -4,14 +4,27 @@
 //! was written in, with a note of which one that is ([`Stack::depth`]). Nothing here guesses without saying so: every
 //! conclusion drawn from a file is a [`Finding`].
 
+mod camera;
+mod carried;
+mod chunks;
+mod convention;
+mod decode;
 pub mod depth;
+mod guard;
+mod header;
+mod input;
+mod kind;
+mod layers;
 mod names;
+mod picture;
 mod read;
+mod sanitise;
 
 pub use read::{Carry, ReadOptions, Source, read, read_picture};
 
 use crate::image::Plane;
 use crate::settings::{DepthConvention, Values};
+use std::fmt;
 
 /// One depth-peel layer: what a ray through each pixel centre meets at its `n`-th hit.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,6 +139,24 @@ pub struct Stack {
     pub carried: Carried,
     /// What was concluded while reading.
     pub findings: Vec<Finding>,
+}
+
+impl Window {
+    /// Whether `inner` lies within this window.
+    pub fn contains(&self, inner: Self) -> bool {
+        // 64 bits hold any sum of an `i32` and a size.
+        let end = |start: i32, size: usize| i64::from(start) + size as i64;
+        inner.x >= self.x
+            && inner.y >= self.y
+            && end(inner.x, inner.width) <= end(self.x, self.width)
+            && end(inner.y, inner.height) <= end(self.y, self.height)
+    }
+}
+
+impl fmt::Display for Window {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}×{} at ({}, {})", self.width, self.height, self.x, self.y)
+    }
 }
 
 impl Finding {

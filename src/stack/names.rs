@@ -1,1 +1,338 @@
 //! The naming table: which channel names mean which role of which peel.
+//!
+//! | source | colour | depth | peels |
+//! | --- | --- | --- | --- |
+//! | view layer a peel (Blender) | `Peel0.Combined.R G B A`, any prefix | `Peel0.Depth.Z` or `.V` | by the number in the prefix |
+//! | one view layer (Blender) | `ViewLayer.Combined.R G B A` | `ViewLayer.Depth.Z` or `.V` | one |
+//! | integrator with peels (Mitsuba) | `peel0.R G B A` | `peel0.depth`, `.depth.T`, `.Z`, `.T` | by the number |
+//! | one picture | `R G B A` | `depth.T`, `Depth.Z`, `depth.Y`, `depth`, `Z` | one |
+//! | a part a peel | part `peel0`: `R G B A` | part `peel0`: `Z` or `depth` | by the number |
+//! | a part a pass | part `rgba`: `R G B A` | part `depth`: `Z`, the only depth there is | one |
+//! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
+//! | grey | `Y` | as one picture | one |
+//!
+//! Case does not matter. The first row of this order that fits decides: `Combined`, `peelN`, root, groups with depth of
+//! their own, a group alone. Everything else is carried: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
+//! cryptomattes, vectors (`P.X Y Z`, whose `Z` is no depth). Colour without alpha has alpha 1.
+
+use super::Finding;
+use super::read::ReadOptions;
+use crate::error::Error;
+use std::collections::BTreeMap;
+
+/// What a depth channel is called after its prefix, best first.
+const DEPTH_ENDINGS: [&str; 8] =
+    ["depth.z", "depth.v", "depth.t", "depth.y", "depth.depth", "depth", "z", "t"];
+/// What a colour group of a view layer is called.
+const COMBINED: &str = "combined";
+/// A view layer's name that is not a view layer: Blender puts the compositor's result there.
+const COMPOSITE: &str = "composite";
+/// Colour groups that are not the picture.
+const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
+/// Colour groups that are the picture, if there is any doubt.
+const THE_PICTURE: [&str; 5] = ["rgba", "beauty", "rgb", "color", "img"];
+/// Names shown in an error before the rest is only counted.
+const SHOWN_NAMES: usize = 24;
+
+/// The channels of one peel, as places in the list of names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct PeelChannels {
+    /// What the peel is called; empty at the root.
+    pub(super) prefix: String,
+    /// Red, green, blue.
+    pub(super) color: [usize; 3],
+    /// Alpha, if there is any.
+    pub(super) alpha: Option<usize>,
+    /// Depth, if there is any.
+    pub(super) depth: Option<usize>,
+}
+
+/// What the table made of a file's names.
+#[derive(Debug, Default)]
+pub(super) struct Assigned {
+    /// The peels, nearest first.
+    pub(super) peels: Vec<PeelChannels>,
+    /// Doubts.
+    pub(super) findings: Vec<Finding>,
+}
+
+/// Channels with one prefix.
+#[derive(Debug, Default)]
+struct Group {
+    /// Red, green, blue, alpha, luminance.
+    channels: [Option<usize>; 5],
+}
+
+/// Everything the names offer.
+struct Offer<'a> {
+    /// Colour groups by full prefix.
+    colors: BTreeMap<&'a str, Group>,
+    /// Rank and place of the best depth by prefix.
+    depths: BTreeMap<&'a str, (usize, usize)>,
+}
+
+impl Group {
+    /// Red, green, blue; grey three times.
+    fn color(&self) -> Option<[usize; 3]> {
+        let [red, green, blue, _, grey] = self.channels;
+        match (red, green, blue, grey) {
+            (Some(red), Some(green), Some(blue), _) => Some([red, green, blue]),
+            (None, None, None, Some(grey)) => Some([grey; 3]),
+            _ => None,
+        }
+    }
+
+    fn is_rgb(&self) -> bool {
+        self.channels[..3].iter().all(Option::is_some)
+    }
+}
+
+/// Finds the peels among `names`. A peel's depth may be absent: another file may have it.
+///
+/// # Errors
+/// No colour, or more than one picture and no way to tell which; a name in `options` that is not there.
+pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, Error> {
+    let offer = Offer::of(names);
+    let prefixes = match &options.color_channel {
+        Some(wanted) => offer.named_colors(wanted, names)?,
+        None => offer.pictures(names)?,
+    };
+    let mut peels: Vec<PeelChannels> = prefixes.iter().filter_map(|prefix| offer.peel(prefix)).collect();
+    peels.sort_by_cached_key(|peel| order(&peel.prefix));
+    match &options.depth_channel {
+        Some(wanted) => name_depths(&mut peels, names, wanted)?,
+        None => offer.only_depth(&mut peels),
+    }
+    let mut findings = Vec::new();
+    let stems: Vec<String> = peels.iter().map(|peel| order(&peel.prefix).0).collect();
+    if stems.windows(2).any(|pair| pair[0] != pair[1]) {
+        let list: Vec<&str> = peels.iter().map(|peel| peel.prefix.as_str()).collect();
+        let text = format!(
+            "{} taken as peels in this order, by name only: number them nearest first",
+            list.join(", ")
+        );
+        findings.push(Finding::warning("peels", text));
+    }
+    Ok(Assigned { peels, findings })
+}
+
+/// The one picture among `names`, for comparing: root first, then `Combined`, then a group alone.
+///
+/// # Errors
+/// No colour, or several pictures.
+pub(super) fn picture(names: &[&str]) -> Result<PeelChannels, Error> {
+    let offer = Offer::of(names);
+    let root = offer.colors.get("").and_then(Group::color).map(|_| "");
+    let prefix = match root {
+        Some(root) => root,
+        None => offer.pictures(names)?.into_iter().min_by_key(|prefix| order(prefix)).unwrap_or_default(),
+    };
+    offer.peel(prefix).ok_or_else(|| no_color(names))
+}
+
+/// The channel that holds depth in a file that is there for its depth: by name, else a depth, else the only one or red.
+///
+/// # Errors
+/// No such channel, or none that could be depth.
+pub(super) fn depth_alone(names: &[&str], wanted: Option<&str>) -> Result<usize, Error> {
+    if let Some(wanted) = wanted {
+        return names
+            .iter()
+            .position(|name| *name == wanted)
+            .ok_or_else(|| no_such("depth channel", wanted, names));
+    }
+    let offer = Offer::of(names);
+    let best = offer.depths.iter().min_by_key(|(prefix, (rank, _))| (order(prefix), *rank));
+    let grey = || offer.colors.get("").and_then(|group| group.channels[4].or(group.channels[0]));
+    let alone = || (names.len() == 1).then_some(0);
+    best.map(|(_, &(_, place))| place).or_else(alone).or_else(grey).ok_or_else(|| {
+        Error::input("the depth file has no depth channel")
+            .with("found", shown(names))
+            .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z, or a single channel")
+            .help("name it with --depth-channel")
+    })
+}
+
+/// Whether `names` hold a colour picture.
+pub(super) fn has_color(names: &[&str]) -> bool {
+    Offer::of(names).colors.values().any(Group::is_rgb)
+}
+
+/// The names as one line, cut where it gets long.
+pub(super) fn shown(names: &[&str]) -> String {
+    let mut line = names.iter().take(SHOWN_NAMES).copied().collect::<Vec<_>>().join(" ");
+    if names.len() > SHOWN_NAMES {
+        line.push_str(&format!(" and {} more", names.len() - SHOWN_NAMES));
+    }
+    if line.is_empty() { "no channel".to_owned() } else { line }
+}
+
+impl<'a> Offer<'a> {
+    fn of(names: &[&'a str]) -> Self {
+        let mut colors: BTreeMap<&str, Group> = BTreeMap::new();
+        let mut depths: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        // A prefix with an X channel is a vector: its Y is no grey and its Z no depth.
+        let vectors: std::collections::BTreeSet<&str> =
+            names.iter().filter_map(|name| strip_ending(name, "x")).collect();
+        for (place, &name) in names.iter().enumerate() {
+            let depth = DEPTH_ENDINGS.iter().enumerate().find_map(|(rank, ending)| {
+                strip_ending(name, ending)
+                    .filter(|prefix| ending.len() > 1 || !vectors.contains(prefix))
+                    .map(|prefix| (prefix, rank))
+            });
+            if let Some((prefix, rank)) = depth {
+                let best = depths.entry(prefix).or_insert((rank, place));
+                *best = (*best).min((rank, place));
+            } else if let Some((prefix, role)) = color_role(name)
+                && !vectors.contains(prefix)
+            {
+                colors.entry(prefix).or_default().channels[role].get_or_insert(place);
+            }
+        }
+        Self { colors, depths }
+    }
+
+    /// The prefixes of the peels' colours, by the table's order.
+    fn pictures(&self, names: &[&str]) -> Result<Vec<&'a str>, Error> {
+        let rgb: Vec<&str> =
+            self.colors.iter().filter(|(_, group)| group.is_rgb()).map(|(prefix, _)| *prefix).collect();
+        let likely: Vec<&str> = rgb.iter().copied().filter(|prefix| !is_other(prefix)).collect();
+        let choose = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a str> {
+            likely.iter().copied().filter(|prefix| fits(prefix)).collect()
+        };
+        let is_combined = |prefix: &str| last_part(prefix).eq_ignore_ascii_case(COMBINED);
+        let is_view_layer = |prefix: &str| {
+            let layer = strip_ending(prefix, COMBINED).unwrap_or_default();
+            is_combined(prefix) && !last_part(layer).eq_ignore_ascii_case(COMPOSITE)
+        };
+        let is_peel =
+            |prefix: &str| order(prefix).0.to_ascii_lowercase().ends_with("peel") && order(prefix).1 >= 0;
+        let has_depth = |prefix: &str| self.depths.contains_key(prefix);
+        let is_picture =
+            |prefix: &str| THE_PICTURE.iter().any(|name| last_part(prefix).eq_ignore_ascii_case(name));
+        let grey =
+            || self.colors.iter().filter(|(prefix, group)| group.color().is_some() && !is_other(prefix));
+        let choices = [
+            choose(&is_view_layer),
+            choose(&is_combined),
+            choose(&is_peel),
+            choose(&|prefix| prefix.is_empty()),
+            choose(&has_depth),
+        ];
+        if let Some(chosen) = choices.into_iter().find(|chosen| !chosen.is_empty()) {
+            return Ok(chosen);
+        }
+        match (likely.as_slice(), choose(&is_picture).as_slice()) {
+            ([only], _) | (_, [only]) => Ok(vec![*only]),
+            ([], _) => match grey().map(|(prefix, _)| *prefix).min_by_key(|prefix| prefix.len()) {
+                Some(grey) => Ok(vec![grey]),
+                None => Err(no_color(names)),
+            },
+            _ => Err(Error::input("several groups of channels could be the picture")
+                .with("found", likely.join(" "))
+                .with("looked for", "Combined, peelN, or R G B without a prefix")
+                .help("name it with --color-channel")),
+        }
+    }
+
+    /// The groups called `wanted`: in full, else by the last part of their name.
+    fn named_colors(&self, wanted: &str, names: &[&str]) -> Result<Vec<&'a str>, Error> {
+        let wanted = wanted.trim_end_matches('.');
+        let pick = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a str> {
+            let groups = self.colors.iter().filter(|(prefix, group)| group.color().is_some() && fits(prefix));
+            groups.map(|(prefix, _)| *prefix).collect()
+        };
+        let exact = pick(&|prefix| prefix == wanted);
+        let found =
+            if exact.is_empty() { pick(&|prefix| prefix.ends_with(&format!(".{wanted}"))) } else { exact };
+        if found.is_empty() { Err(no_such("colour group", wanted, names)) } else { Ok(found) }
+    }
+
+    /// The peel with the colour group `prefix`.
+    fn peel(&self, prefix: &str) -> Option<PeelChannels> {
+        let group = self.colors.get(prefix)?;
+        let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
+        // Another pass of a layer (`ViewLayer.DiffCol`) shares the layer's depth.
+        let outer = layer.rsplit_once('.').map(|(outer, _)| outer);
+        let depth = self.depths.get(layer).or_else(|| outer.and_then(|outer| self.depths.get(outer)));
+        Some(PeelChannels {
+            prefix: layer.to_owned(),
+            color: group.color()?,
+            alpha: group.channels[3],
+            depth: depth.map(|&(_, place)| place),
+        })
+    }
+
+    /// A single picture without depth of its own takes the file's depth: the root's, or the only one.
+    fn only_depth(&self, peels: &mut [PeelChannels]) {
+        if let [peel] = peels
+            && peel.depth.is_none()
+        {
+            let only = (self.depths.len() == 1).then(|| self.depths.values().next()).flatten();
+            peel.depth = self.depths.get("").or(only).map(|&(_, place)| place);
+        }
+    }
+}
+
+/// `name` without `ending` and the dot before it, if it ends so as whole parts; case does not matter.
+fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
+    let at = name.len().checked_sub(ending.len())?;
+    let tail = name.get(at..)?;
+    let head = &name[..at];
+    let whole = head.is_empty() || head.ends_with('.');
+    (whole && tail.eq_ignore_ascii_case(ending)).then(|| head.strip_suffix('.').unwrap_or(head))
+}
+
+/// Prefix and place in [`Group::channels`] of a colour channel.
+fn color_role(name: &str) -> Option<(&str, usize)> {
+    const ENDINGS: [&[&str]; 5] = [&["r", "red"], &["g", "green"], &["b", "blue"], &["a", "alpha"], &["y"]];
+    ENDINGS.iter().enumerate().find_map(|(role, endings)| {
+        endings.iter().find_map(|ending| strip_ending(name, ending)).map(|prefix| (prefix, role))
+    })
+}
+
+fn last_part(prefix: &str) -> &str {
+    prefix.rsplit('.').next().unwrap_or(prefix)
+}
+
+fn is_other(prefix: &str) -> bool {
+    let last = last_part(prefix).to_ascii_lowercase();
+    NOT_THE_PICTURE.iter().any(|start| last.starts_with(start))
+}
+
+/// Sort key of a peel: its name without the number at the end, and that number; no number comes first.
+fn order(prefix: &str) -> (String, i64) {
+    let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
+    let stem = layer.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = layer[stem.len()..].parse().unwrap_or(-1);
+    (stem.trim_end_matches(['_', ' ', '-', '.']).to_owned(), number)
+}
+
+/// Gives every peel the depth called `wanted`: in full, else within the peel's prefix.
+fn name_depths(peels: &mut [PeelChannels], names: &[&str], wanted: &str) -> Result<(), Error> {
+    let find = |full: &str| names.iter().position(|name| *name == full);
+    for peel in &mut *peels {
+        peel.depth = find(&format!("{}.{wanted}", peel.prefix));
+    }
+    if let [peel] = &mut *peels {
+        peel.depth = find(wanted).or(peel.depth);
+    }
+    if peels.iter().all(|peel| peel.depth.is_none()) {
+        Err(no_such("depth channel", wanted, names))
+    } else {
+        Ok(())
+    }
+}
+
+fn no_such(what: &str, wanted: &str, names: &[&str]) -> Error {
+    Error::input(format!("there is no {what} called {wanted}"))
+        .with("found", shown(names))
+        .help("give the name without .R, .G, .B for colour, in full for depth")
+}
+
+fn no_color(names: &[&str]) -> Error {
+    Error::input("there is no colour")
+        .with("found", shown(names))
+        .with("looked for", "R G B, Combined.R G B, peel0.R G B, Y")
+        .help("enable the Combined pass, or name the group with --color-channel")
+}

@@ -1,9 +1,15 @@
 //! Reading: from paths to a [`Stack`].
 
-use super::Stack;
+use super::convention::{self, Evidence};
+use super::header::ExrFile;
+use super::input::Opened;
+use super::layers::{self, Layer, Layers, place};
+use super::{Carried, Finding, Frame, Peel, Stack, StackKind, Window};
+use super::{camera, carried, kind, names, picture};
 use crate::error::Error;
-use crate::image::Image;
-use crate::settings::DepthConvention;
+use crate::image::{Image, Plane};
+use crate::settings::{DepthConvention, Values};
+use exr::meta::attribute::{AttributeValue, Text};
 use std::path::{Path, PathBuf};
 
 /// Which channels of the input travel to the output.
@@ -54,18 +60,241 @@ pub enum Source {
 /// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file a peel nearest first, or one picture with
 /// its depth.
 ///
+/// Blocks are decompressed in the rayon pool this is called in.
+///
 /// # Errors
 /// What is missing or wrong, where, and how to name it by flag.
 pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
-    let _ = (sources, options);
-    Err(Error::unsupported("reading is not written yet"))
+    let Some((first, others)) = sources.split_first() else {
+        return Err(Error::input("there is nothing to read").help("name a picture file"));
+    };
+    let mut stack = read_layers(first, options, options.carry)?;
+    match (others, &options.depth_file) {
+        ([], None) => {}
+        ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,
+        ([depth], None) if stack.lacks_depth() && !has_color(depth)? => {
+            add_depth(&mut stack, depth, options)?;
+        }
+        (peels, None) => peels.iter().try_for_each(|source| add_peels(&mut stack, source, options))?,
+        (_, Some(path)) => {
+            return Err(Error::settings("a depth file goes with a single picture")
+                .with("found", format!("{} pictures and the depth file {}", sources.len(), path.display())));
+        }
+    }
+    finish(stack, options)
 }
 
 /// Reads the main picture of a file of any known format, scene-linear: what `score` compares.
 ///
+/// In an EXR that is `R G B A` at the root, else `Combined`, else the only group with `R G B`.
+///
 /// # Errors
 /// As [`read`].
 pub fn read_picture(path: &Path) -> Result<Image, Error> {
-    let _ = path;
-    Err(Error::unsupported("reading is not written yet"))
+    let mut opened = Opened::open(&Source::File(path.to_owned()))?;
+    let layers = if opened.is_exr()? {
+        layers::read_exr_picture(ExrFile::open(opened)?)?
+    } else {
+        picture::read_color(opened, &ReadOptions::default())?
+    };
+    let Some(Layer { color: [red, green, blue], alpha, .. }) = layers.peels.into_iter().next() else {
+        return Err(Error::input("there is no colour").in_file(path));
+    };
+    Ok(Image { planes: [red, green, blue, alpha] })
+}
+
+impl Layers {
+    fn lacks_depth(&self) -> bool {
+        self.peels.len() == 1 && self.peels[0].depth.is_none()
+    }
+
+    /// Calls a file's only peel as the file: view layers of one name in several files tell nothing.
+    fn name_after_file(&mut self) {
+        if let [peel] = self.peels.as_mut_slice() {
+            peel.prefix = self.name.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        }
+    }
+}
+
+fn read_layers(source: &Source, options: &ReadOptions, carry: Carry) -> Result<Layers, Error> {
+    let mut opened = Opened::open(source)?;
+    if opened.is_exr()? {
+        layers::read_exr(ExrFile::open(opened)?, options, carry)
+    } else {
+        picture::read_color(opened, options)
+    }
+}
+
+fn has_color(source: &Source) -> Result<bool, Error> {
+    let mut opened = Opened::open(source)?;
+    // A picture that is not OpenEXR can only be there for its depth.
+    Ok(opened.is_exr()? && names::has_color(&ExrFile::open(opened)?.names()))
+}
+
+/// Adds the depth in `source` to the one picture of `stack`.
+fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Result<(), Error> {
+    let mut opened = Opened::open(source)?;
+    let name = opened.name.clone();
+    let (depth, channel) = if opened.is_exr()? {
+        let file = ExrFile::open(opened)?;
+        // The renderer of the depth decides its convention, so its header speaks for it.
+        let telling = attributes_of_depth(file.attributes());
+        stack.attributes.retain(|(name, _)| !telling.iter().any(|(other, _)| other == name));
+        stack.attributes.extend(telling);
+        layers::read_exr_depth(file, options)?
+    } else {
+        let (depth, findings) = picture::read_depth(opened, options)?;
+        stack.findings.extend(findings);
+        (depth, String::new())
+    };
+    let [layer] = stack.peels.as_mut_slice() else {
+        return Err(Error::settings("a depth file goes with a single picture")
+            .in_file(&stack.name)
+            .with("found", format!("{} peels", stack.peels.len())));
+    };
+    let (width, height) = (layer.window.width, layer.window.height);
+    if (depth.width(), depth.height()) != (width, height) {
+        return Err(Error::input("depth and colour are not of one size")
+            .with("colour", format!("{width}×{height} pixels in {}", stack.name.display()))
+            .with("depth", format!("{}×{} pixels in {}", depth.width(), depth.height(), name.display()))
+            .help("render both at one size"));
+    }
+    let shown = if channel.is_empty() { String::new() } else { format!("channel {channel} of ") };
+    stack.findings.push(Finding::note("depth", format!("taken from {shown}{}", name.display())));
+    layer.depth = Some(depth);
+    layer.depth_channel = channel;
+    Ok(())
+}
+
+/// Of a depth file's header, what says who wrote it.
+fn attributes_of_depth(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
+    let tells = |name: &Text| {
+        let name = name.to_string();
+        name == "generatedBy" || name == "BlenderMultiChannel" || name.starts_with("thinlens.")
+    };
+    attributes.into_iter().filter(|(name, _)| tells(name)).collect()
+}
+
+/// Adds the peels in `source` behind those of `stack`.
+fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Result<(), Error> {
+    let mut more = read_layers(source, options, Carry::None)?;
+    stack.name_after_file();
+    more.name_after_file();
+    stack.replaced.add(more.replaced);
+    stack.findings.extend(
+        more.findings.into_iter().filter(|finding| !stack.findings.contains(finding)).collect::<Vec<_>>(),
+    );
+    if more.precision == super::Precision::Float {
+        stack.precision = more.precision;
+    }
+    for layer in more.peels {
+        let layer = Layer { found: format!("{} in {}", layer.found, more.name.display()), ..layer };
+        stack.peels.push(layer);
+    }
+    Ok(())
+}
+
+/// The stack of all layers: one window, one convention, one kind.
+fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
+    let Layers { name, peels: layers, frame, precision, attributes, channels, mut findings, replaced } =
+        layers;
+    let in_file = |error: Error| error.in_file(&name);
+    let (camera, doubts) = camera::values(&attributes);
+    findings.insert(0, peels_finding(&layers));
+    findings.extend(doubts);
+    findings.extend(replaced.finding());
+    findings.extend(aspect_finding(frame));
+    let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
+    let peels = layers.into_iter().enumerate().map(|(i, layer)| settle(i, layer, frame.data));
+    let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
+
+    let evidence = Evidence {
+        chosen: options.convention,
+        header: camera.convention,
+        attributes: &attributes,
+        depth_channel: &depth_channel,
+    };
+    let (conclusion, finding) = convention::conclude(evidence);
+    findings.push(finding);
+    let facts = kind::look(&peels, conclusion.convention);
+    if facts.depth_range.is_none()
+        && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
+    {
+        return Err(in_file(no_depth_at_all()));
+    }
+    findings.extend(convention::doubt(conclusion, &facts));
+    findings.extend(kind::disorder(&facts));
+    let supersample = supersample(options, &camera, frame).map_err(in_file)?;
+    let (kind, finding) = kind::recognise(&facts, supersample);
+    findings.push(finding);
+    if kind == StackKind::RendererAntialiased {
+        findings.extend(kind::repair_depth(&mut peels, conclusion.convention));
+    }
+    let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
+    if kind == StackKind::Supersampled {
+        findings.extend(carried::drop_supersampled(&mut carried));
+    }
+    let convention = conclusion.convention;
+    Ok(Stack { peels, frame, convention, kind, supersample, precision, camera, carried, findings })
+}
+
+fn no_depth_at_all() -> Error {
+    Error::input("there is no depth: every value is NaN")
+        .help("check the depth pass of the render, or name another channel with --depth-channel")
+}
+
+fn peels_finding(layers: &[Layer]) -> Finding {
+    let named =
+        |layer: &Layer| if layer.prefix.is_empty() { "root".to_owned() } else { layer.prefix.clone() };
+    let list = layers.iter().map(named).collect::<Vec<_>>().join(", ");
+    let (count, s) = (layers.len(), if layers.len() == 1 { "" } else { "s" });
+    Finding::note("peels", format!("{count} peel{s}, nearest first: {list}"))
+}
+
+fn aspect_finding(frame: Frame) -> Option<Finding> {
+    // Written so that NaN is told as well.
+    let square = (frame.pixel_aspect - 1.0).abs() < 1e-3;
+    let text = format!("the pixel aspect ratio is {}; pixels are treated as square", frame.pixel_aspect);
+    (!square).then(|| Finding::warning("frame", text))
+}
+
+/// Peel number `i` in the data window of the stack.
+fn settle(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
+    let Layer { color, alpha, depth, window, found, .. } = layer;
+    if !data.contains(window) {
+        return Err(Error::input(format!("peel {i} does not lie within the data window of peel 0"))
+            .with("found", format!("peel 0 at {data}, peel {i} at {window}"))
+            .help("render all peels with one data window"));
+    }
+    let Some(depth) = depth else {
+        return Err(Error::input(format!("peel {i} has no depth channel"))
+            .with("found", found)
+            .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z")
+            .help("enable the Z pass, name it with --depth-channel, or give it as --depth-file"));
+    };
+    let placed = |plane: Plane, outside: f32| place(plane, window, data, outside);
+    Ok(Peel {
+        color: color.map(|plane| placed(plane, 0.0)),
+        alpha: placed(alpha, 0.0),
+        depth: placed(depth, f32::INFINITY),
+    })
+}
+
+/// Samples a picture pixel along each axis; both windows must be whole pixels.
+fn supersample(options: &ReadOptions, camera: &Values, frame: Frame) -> Result<usize, Error> {
+    let samples = options.supersample.or(camera.supersample).unwrap_or(1);
+    if samples == 0 {
+        return Err(Error::settings("a pixel needs at least one sample").with("found", "supersample 0"));
+    }
+    let Frame { data, display, .. } = frame;
+    let offsets = [data.x.abs_diff(display.x) as usize, data.y.abs_diff(display.y) as usize];
+    let sizes = [data.width, data.height, display.width, display.height];
+    match sizes.iter().chain(&offsets).find(|size| *size % samples != 0) {
+        Some(size) => {
+            Err(Error::settings(format!("{samples} samples a pixel do not divide a size of {size}"))
+                .with("found", format!("data window {data}, display window {display}"))
+                .help("render at a whole multiple of the picture's size, or give the right --supersample"))
+        }
+        None => Ok(samples),
+    }
 }

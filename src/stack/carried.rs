@@ -1,0 +1,177 @@
+//! What is handed on from input to output: the channels no peel uses, and the attributes that still hold.
+
+use super::decode::Decoded;
+use super::header::ExrFile;
+use super::read::Carry;
+use super::{Carried, CarriedChannel, Finding, Window};
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
+
+/// Attributes that describe how the pixels lay in the input file, or what is no longer true of the output.
+const NOT_CARRIED: [&str; 19] = [
+    "channels",
+    "chunkCount",
+    "compression",
+    "dataWindow",
+    "deepImageState",
+    "displayWindow",
+    "dwaCompressionLevel",
+    "lineOrder",
+    "maxSamplesPerPixel",
+    "multiView",
+    "name",
+    "pixelAspectRatio",
+    "preview",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "thinlens.supersample",
+    "tiles",
+    "type",
+    "version",
+];
+
+impl Carried {
+    /// Puts the attributes into the headers of a file to write: the standard ones into their own fields, where the
+    /// encoder wants them, all others among `other`.
+    pub fn apply_attributes(&self, shared: &mut ImageAttributes, own: &mut LayerAttributes) {
+        for (name, value) in &self.attributes {
+            if !(set_shared(shared, name, value) || set_text(own, name, value) || set_other(own, name, value))
+            {
+                own.other.insert(name.clone(), value.clone());
+            }
+        }
+    }
+}
+
+/// Sets what all parts of a file must share.
+fn set_shared(shared: &mut ImageAttributes, name: &Text, value: &AttributeValue) -> bool {
+    match (name.as_slice(), value) {
+        (standard::TIME_CODE, AttributeValue::TimeCode(value)) => shared.time_code = Some(*value),
+        (standard::CHROMATICITIES, AttributeValue::Chromaticities(value)) => {
+            shared.chromaticities = Some(*value);
+        }
+        (_, AttributeValue::TimeCode(_) | AttributeValue::Chromaticities(_)) => {
+            shared.other.insert(name.clone(), value.clone());
+        }
+        _ => return false,
+    }
+    true
+}
+
+fn set_text(own: &mut LayerAttributes, name: &Text, value: &AttributeValue) -> bool {
+    let AttributeValue::Text(text) = value else { return false };
+    let field = match name.as_slice() {
+        standard::RENDERING_TRANSFORM => &mut own.rendering_transform_name,
+        standard::LOOK_MOD_TRANSFORM => &mut own.look_modification_transform_name,
+        standard::OWNER => &mut own.owner,
+        standard::COMMENTS => &mut own.comments,
+        standard::CAPTURE_DATE => &mut own.capture_date,
+        standard::WRAP_MODES => &mut own.wrap_mode_name,
+        standard::VIEW => &mut own.view_name,
+        standard::SOFTWARE => &mut own.software_name,
+        _ => return false,
+    };
+    *field = Some(text.clone());
+    true
+}
+
+fn set_other(own: &mut LayerAttributes, name: &Text, value: &AttributeValue) -> bool {
+    if let AttributeValue::F32(number) = value
+        && let Some(field) = number_field(own, name)
+    {
+        *field = Some(*number);
+        return true;
+    }
+    match (name.as_slice(), value) {
+        (standard::ADOPTED_NEUTRAL, AttributeValue::FloatVec2(value)) => own.adopted_neutral = Some(*value),
+        (standard::ENVIRONMENT_MAP, AttributeValue::EnvironmentMap(value)) => {
+            own.environment_map = Some(*value);
+        }
+        (standard::KEY_CODE, AttributeValue::KeyCode(value)) => own.film_key_code = Some(*value),
+        (standard::FRAMES_PER_SECOND, AttributeValue::Rational(value)) => {
+            own.frames_per_second = Some(*value);
+        }
+        (standard::WORLD_TO_CAMERA, AttributeValue::Matrix4x4(value)) => own.world_to_camera = Some(*value),
+        (standard::WORLD_TO_NDC, AttributeValue::Matrix4x4(value)) => {
+            own.world_to_normalized_device = Some(*value);
+        }
+        (standard::ORIGINAL_DATA_WINDOW, AttributeValue::IntegerBounds(value)) => {
+            own.original_data_window = Some(*value);
+        }
+        // A standard name with a value of another type has no place in a header.
+        (name, _) => return standard::ALL.contains(&name),
+    }
+    true
+}
+
+fn number_field<'a>(own: &'a mut LayerAttributes, name: &Text) -> Option<&'a mut Option<f32>> {
+    Some(match name.as_slice() {
+        standard::WHITE_LUMINANCE => &mut own.white_luminance,
+        standard::X_DENSITY => &mut own.horizontal_density,
+        standard::UTC_OFFSET => &mut own.utc_offset,
+        standard::LONGITUDE => &mut own.longitude,
+        standard::LATITUDE => &mut own.latitude,
+        standard::ALTITUDE => &mut own.altitude,
+        standard::FOCUS => &mut own.focus,
+        standard::EXPOSURE_TIME => &mut own.exposure,
+        standard::APERTURE => &mut own.aperture,
+        standard::ISO_SPEED => &mut own.iso_speed,
+        standard::NEAR => &mut own.near_clip_plane,
+        standard::FAR => &mut own.far_clip_plane,
+        standard::FOV_X => &mut own.horizontal_field_of_view,
+        standard::FOV_Y => &mut own.vertical_field_of_view,
+        _ => return None,
+    })
+}
+
+/// Which channels of `file` travel, as places in its list, and what is said of those left behind.
+///
+/// Only channels as large as the picture can: `data` is the picture's data window.
+pub(super) fn choose(
+    file: &ExrFile,
+    used: &[usize],
+    carry: Carry,
+    data: Window,
+) -> (Vec<usize>, Vec<Finding>) {
+    let wanted = |place: &usize| match carry {
+        Carry::Unused => !used.contains(place),
+        Carry::All => true,
+        Carry::None => false,
+    };
+    let all = (0..file.channels.len()).filter(wanted);
+    let (fitting, others): (Vec<_>, Vec<_>) =
+        all.partition(|&place| file.frame(file.channels[place].part).data == data);
+    let text =
+        || format!("{} channels have another data window than the picture: not handed on", others.len());
+    let findings = if others.is_empty() { Vec::new() } else { vec![Finding::warning("channels", text())] };
+    (fitting, findings)
+}
+
+/// The decoded channels with their names.
+pub(super) fn channels(
+    named: Vec<(String, bool)>,
+    decoded: impl Iterator<Item = Decoded>,
+) -> Vec<CarriedChannel> {
+    let samples = decoded.filter_map(|decoded| match decoded {
+        Decoded::Samples(samples) => Some(samples),
+        Decoded::Plane(_) => None,
+    });
+    let together = named.into_iter().zip(samples);
+    together
+        .map(|((name, quantize_linearly), samples)| CarriedChannel { name, samples, quantize_linearly })
+        .collect()
+}
+
+/// The attributes that still hold for the output, each name once.
+pub(super) fn attributes(all: &[(Text, AttributeValue)]) -> Vec<(Text, AttributeValue)> {
+    let keep = |name: &Text| !NOT_CARRIED.iter().any(|left| name.eq(left));
+    all.iter().filter(|(name, _)| keep(name)).cloned().collect()
+}
+
+/// Drops channels of a stack whose samples are not the output's pixels.
+pub(super) fn drop_supersampled(carried: &mut Carried) -> Option<Finding> {
+    let count = carried.channels.len();
+    carried.channels.clear();
+    let text = format!("{count} other channels are supersampled, the picture will not be: not handed on");
+    (count > 0).then(|| Finding::warning("channels", text))
+}

@@ -1,0 +1,163 @@
+//! The compressed blocks of an OpenEXR file, one after the other in file order.
+//!
+//! Reads them by itself, because the decoder's reader allocates what a block claims before it looks at the file's length.
+
+use super::header::decoder_error;
+use super::input::Input;
+use crate::error::Error;
+use exr::block::chunk::{
+    Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
+};
+use exr::math::Vec2;
+use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
+use std::io::{self, Read, Seek};
+
+/// Counters at the start of a DWA block, eight bytes each.
+const DWA_COUNTERS: usize = 11;
+
+/// Where the blocks lie, and the input they are read from.
+#[derive(Debug)]
+pub(super) struct Chunks {
+    input: Input,
+    /// Length of the input in bytes.
+    len: u64,
+    /// Where the input stands.
+    position: u64,
+    /// Where the blocks start, first in the file first.
+    offsets: std::vec::IntoIter<u64>,
+}
+
+impl Chunks {
+    /// The blocks of the largest level of the parts for which `wanted` holds. `input` stands behind the header.
+    ///
+    /// # Errors
+    /// The table of blocks is cut short.
+    pub(super) fn new(
+        mut input: Input,
+        len: u64,
+        meta_data: &MetaData,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Self, Error> {
+        let mut offsets = Vec::new();
+        let mut position = input.stream_position().map_err(cut_short)?;
+        for (part, header) in meta_data.headers.iter().enumerate() {
+            let table_bytes = (header.chunk_count as u64).saturating_mul(8);
+            if table_bytes > len.saturating_sub(position) {
+                return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
+            }
+            position += table_bytes;
+            let mut table = vec![0; header.chunk_count * 8];
+            input.read_exact(&mut table).map_err(cut_short)?;
+            let table = table.as_chunks().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
+            let blocks = header.blocks_increasing_y_order();
+            let largest = table.zip(blocks).filter(|(_, tile)| tile.location.is_largest_resolution_level());
+            offsets.extend(largest.map(|(offset, _)| offset).filter(|_| wanted(part)));
+        }
+        offsets.sort_unstable();
+        Ok(Self { input, len, position, offsets: offsets.into_iter() })
+    }
+
+    /// The next block; `None` after the last.
+    ///
+    /// # Errors
+    /// The block lies outside the file, or belongs to no part.
+    pub(super) fn next(&mut self, meta_data: &MetaData) -> Option<Result<Chunk, Error>> {
+        let offset = self.offsets.next()?;
+        Some(self.read_at(offset, meta_data))
+    }
+
+    fn read_at(&mut self, offset: u64, meta_data: &MetaData) -> Result<Chunk, Error> {
+        if offset == 0 {
+            return Err(Error::input("some blocks of pixels were never written")
+                .help("the render was stopped or is still running: render it again"));
+        }
+        if offset >= self.len {
+            return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
+        }
+        // Both are lengths within a file, so they fit; a short way is covered within the buffer.
+        self.input.seek_relative(offset as i64 - self.position as i64).map_err(cut_short)?;
+        self.position = offset;
+        let part = if meta_data.requirements.is_multilayer() { self.word()? } else { 0 };
+        let layer_index = usize::try_from(part).ok().filter(|&part| part < meta_data.headers.len());
+        let layer_index = layer_index.ok_or_else(|| damaged("it belongs to no part"))?;
+        let compressed_block = match meta_data.headers[layer_index].blocks {
+            BlockDescription::ScanLines => {
+                let y_coordinate = self.word()?;
+                CompressedBlock::ScanLine(CompressedScanLineBlock {
+                    y_coordinate,
+                    compressed_pixels_le: self.content()?,
+                })
+            }
+            BlockDescription::Tiles(_) => {
+                let words = [self.word()?, self.word()?, self.word()?, self.word()?];
+                let [x, y, level_x, level_y] =
+                    words.map(|word| usize::try_from(word).map_err(|_| damaged("its place is negative")));
+                let coordinates =
+                    TileCoordinates { tile_index: Vec2(x?, y?), level_index: Vec2(level_x?, level_y?) };
+                CompressedBlock::Tile(CompressedTileBlock {
+                    coordinates,
+                    compressed_pixels_le: self.content()?,
+                })
+            }
+        };
+        Ok(Chunk { layer_index, compressed_block })
+    }
+
+    fn word(&mut self) -> Result<i32, Error> {
+        let mut bytes = [0; 4];
+        self.input.read_exact(&mut bytes).map_err(cut_short)?;
+        self.position += 4;
+        Ok(i32::from_le_bytes(bytes))
+    }
+
+    fn content(&mut self) -> Result<Vec<u8>, Error> {
+        let size = u64::try_from(self.word()?).map_err(|_| damaged("its length is negative"))?;
+        if size > self.len.saturating_sub(self.position) {
+            return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
+        }
+        let mut content = vec![0; size as usize];
+        self.input.read_exact(&mut content).map_err(cut_short)?;
+        self.position += size;
+        Ok(content)
+    }
+}
+
+/// The bytes of a block.
+pub(super) fn content(chunk: &Chunk) -> &[u8] {
+    match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => &[],
+    }
+}
+
+/// Checks what a DWA block claims of its parts: the decoder allocates it unseen.
+///
+/// # Errors
+/// A counter is larger than the block's pixels allow.
+pub(super) fn check_dwa(content: &[u8], header: &Header) -> Result<(), Error> {
+    let size = header.max_block_pixel_size();
+    // Nothing in a block is larger than its 8×8 cells, eight bytes a sample.
+    let [width, height] = [size.width(), size.height()].map(|side| side.next_multiple_of(8));
+    let limit = width.saturating_mul(height).saturating_mul(header.channels.list.len()).saturating_mul(8);
+    let (counters, _) = content.as_chunks();
+    // The first counter is a version, the last a method.
+    let sizes = counters.iter().take(DWA_COUNTERS - 1).skip(1).map(|bytes| u64::from_le_bytes(*bytes));
+    let raw = content.len() == size.area() * header.channels.bytes_per_pixel;
+    if raw || sizes.into_iter().all(|size| size <= limit as u64) {
+        Ok(())
+    } else {
+        Err(damaged("its counters lie"))
+    }
+}
+
+fn damaged(why: &'static str) -> Error {
+    decoder_error("a block of pixels is damaged", exr::error::Error::Invalid(why.into()))
+}
+
+fn cut_short(error: io::Error) -> Error {
+    Error::input("the file ends before its pixels do")
+        .caused_by(error)
+        .help("it is cut short or still being written: copy or render it again")
+}

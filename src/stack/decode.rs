@@ -1,0 +1,303 @@
+//! OpenEXR pixels: compressed blocks in, planes out.
+//!
+//! Blocks are read in file order and decompressed in the caller's thread pool, a few at a time, each straight into its
+//! rows of the planes; so memory is the planes and a few blocks. Only channels that are asked for are converted.
+//! Limits: the largest resolution level only.
+
+use super::chunks::{self, Chunks};
+use super::guard;
+use super::header::{ExrFile, decoder_error};
+use super::sanitise::{self, Replaced};
+use crate::error::Error;
+use crate::image::Plane;
+use exr::block::UncompressedBlock;
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::image::FlatSamples;
+use exr::meta::attribute::{Compression, SampleType};
+use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
+use half::f16;
+use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+
+/// Compressed bytes held at once, unless a single block is larger.
+const BATCH_BYTES: usize = 32 << 20;
+
+/// What a channel is read for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Use {
+    /// Red, green or blue: made finite.
+    Color,
+    /// Coverage or opacity: clamped to 0 … 1.
+    Alpha,
+    /// Depth: every value kept.
+    Depth,
+    /// To be handed on in its own type.
+    Carry,
+}
+
+/// A channel as it was decoded.
+#[derive(Debug)]
+pub(super) enum Decoded {
+    /// Of a peel, converted to `f32`.
+    Plane(Plane),
+    /// For [`Use::Carry`].
+    Samples(FlatSamples),
+}
+
+/// The rows of one wanted channel that one row of blocks covers.
+struct Strip<'a> {
+    /// Place in the part's channel list.
+    channel: usize,
+    usage: Use,
+    rows: Rows<'a>,
+}
+
+enum Rows<'a> {
+    Float(&'a mut [f32]),
+    Half(&'a mut [f16]),
+    Uint(&'a mut [u32]),
+}
+
+/// How a part is cut into blocks.
+#[derive(Clone, Copy)]
+struct Grid {
+    width: usize,
+    height: usize,
+    block_width: usize,
+    block_height: usize,
+}
+
+impl Grid {
+    fn of(header: &Header) -> Self {
+        let (width, height) = (header.layer_size.width(), header.layer_size.height());
+        let (block_width, block_height) = match header.blocks {
+            BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block()),
+            BlockDescription::Tiles(tiles) => (tiles.tile_size.width(), tiles.tile_size.height()),
+        };
+        Self { width, height, block_width, block_height }
+    }
+
+    fn columns(self) -> usize {
+        self.width.div_ceil(self.block_width)
+    }
+
+    fn bands(self) -> usize {
+        self.height.div_ceil(self.block_height)
+    }
+}
+
+/// Decodes the `wanted` channels (indices into [`ExrFile::channels`]), in that order.
+///
+/// # Errors
+/// More memory than `max_bytes` ([`Error::limits`]); damaged or missing blocks.
+pub(super) fn decode(
+    file: ExrFile,
+    wanted: &[(usize, Use)],
+    max_bytes: Option<u64>,
+) -> Result<(Vec<Decoded>, Replaced), Error> {
+    let name = file.name.clone();
+    decode_unnamed(file, wanted, max_bytes).map_err(|error| error.in_file(&name))
+}
+
+fn decode_unnamed(
+    file: ExrFile,
+    wanted: &[(usize, Use)],
+    max_bytes: Option<u64>,
+) -> Result<(Vec<Decoded>, Replaced), Error> {
+    check_budget(&file, wanted, max_bytes)?;
+    let mut decoded: Vec<Decoded> =
+        wanted.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
+    let grids: Vec<Grid> = file.meta_data.headers.iter().map(Grid::of).collect();
+    let mut bands: Vec<Vec<Mutex<Vec<Strip<'_>>>>> = grids.iter().map(|_| Vec::new()).collect();
+    for (&(channel, usage), target) in wanted.iter().zip(&mut decoded) {
+        let channel = &file.channels[channel];
+        let grid = grids[channel.part];
+        let part_bands = &mut bands[channel.part];
+        part_bands.resize_with(grid.bands(), Mutex::default);
+        for (band, rows) in part_bands.iter_mut().zip(cut(target, grid.block_height * grid.width)) {
+            let strips = band.get_mut().unwrap_or_else(PoisonError::into_inner);
+            strips.push(Strip { channel: channel.index, usage, rows });
+        }
+    }
+    let replaced = fill(file, &grids, &bands)?;
+    drop(bands);
+    Ok((decoded, replaced))
+}
+
+fn check_budget(file: &ExrFile, wanted: &[(usize, Use)], max_bytes: Option<u64>) -> Result<(), Error> {
+    let limit = max_bytes.unwrap_or_else(guard::default_max_bytes);
+    let bytes = wanted.iter().fold(0u64, |sum, &(channel, _)| {
+        let size = file.header(file.channels[channel].part).layer_size;
+        let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+        sum.saturating_add(pixels.saturating_mul(4))
+    });
+    if bytes <= limit {
+        return Ok(());
+    }
+    let size = wanted.first().map(|&(channel, _)| file.header(file.channels[channel].part).layer_size);
+    let (width, height) = size.map_or((0, 0), |size| (size.width(), size.height()));
+    Err(Error::limits("the picture takes more memory than it may")
+        .with("found", format!("{width}×{height} pixels, {} channels: {} MiB", wanted.len(), bytes >> 20))
+        .with("limit", format!("{} MiB", limit >> 20))
+        .help("crop or scale the picture, or leave out channels that are not needed"))
+}
+
+fn empty(file: &ExrFile, channel: usize, usage: Use) -> Decoded {
+    let channel = &file.channels[channel];
+    let size = file.header(channel.part).layer_size;
+    match (usage, channel.sample_type) {
+        (Use::Carry, SampleType::F16) => Decoded::Samples(FlatSamples::F16(vec![f16::ZERO; size.area()])),
+        (Use::Carry, SampleType::F32) => Decoded::Samples(FlatSamples::F32(vec![0.0; size.area()])),
+        (Use::Carry, SampleType::U32) => Decoded::Samples(FlatSamples::U32(vec![0; size.area()])),
+        _ => Decoded::Plane(Plane::zeros(size.width(), size.height())),
+    }
+}
+
+fn cut(decoded: &mut Decoded, len: usize) -> Box<dyn Iterator<Item = Rows<'_>> + '_> {
+    match decoded {
+        Decoded::Plane(plane) => Box::new(plane.values_mut().chunks_mut(len).map(Rows::Float)),
+        Decoded::Samples(FlatSamples::F16(values)) => Box::new(values.chunks_mut(len).map(Rows::Half)),
+        Decoded::Samples(FlatSamples::F32(values)) => Box::new(values.chunks_mut(len).map(Rows::Float)),
+        Decoded::Samples(FlatSamples::U32(values)) => Box::new(values.chunks_mut(len).map(Rows::Uint)),
+    }
+}
+
+/// Reads all blocks of the parts that have bands, and writes them into the strips.
+fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> Result<Replaced, Error> {
+    let ExrFile { input, len, meta_data, .. } = file;
+    let mut seen: Vec<Vec<bool>> =
+        grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();
+    let mut chunks = Chunks::new(input, len, &meta_data, |part| !bands[part].is_empty())?;
+    let mut replaced = Replaced::default();
+    loop {
+        let mut batch = Vec::new();
+        let mut bytes = 0;
+        while batch.len() < 4 * rayon::current_num_threads() && bytes < BATCH_BYTES {
+            let Some(chunk) = chunks.next(&meta_data) else { break };
+            let chunk = chunk?;
+            let at = locate(&chunk, &meta_data, grids, &mut seen)?;
+            bytes += chunks::content(&chunk).len();
+            batch.push((chunk, at));
+        }
+        if batch.is_empty() {
+            break;
+        }
+        let done = batch.into_par_iter().map(|(chunk, (column, band))| {
+            let part = chunk.layer_index;
+            place(chunk, column, &bands[part][band], grids[part], &meta_data)
+        });
+        for part in done.collect::<Vec<_>>() {
+            replaced.add(part?);
+        }
+    }
+    let missing = seen.iter().flatten().filter(|seen| !**seen).count();
+    if missing > 0 {
+        return Err(Error::input(format!("{missing} blocks of pixels are missing"))
+            .help("the file is damaged or still being written: render or copy it again"));
+    }
+    Ok(replaced)
+}
+
+/// Column and band of a block; each may come once.
+fn locate(
+    chunk: &Chunk,
+    meta_data: &MetaData,
+    grids: &[Grid],
+    seen: &mut [Vec<bool>],
+) -> Result<(usize, usize), Error> {
+    let part = chunk.layer_index;
+    let found = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => {
+            let top = meta_data.headers[part].own_attributes.layer_position.y();
+            let row = usize::try_from(i64::from(block.y_coordinate) - i64::from(top)).ok();
+            row.filter(|row| row % grids[part].block_height == 0)
+                .map(|row| (0, row / grids[part].block_height))
+        }
+        CompressedBlock::Tile(tile) if tile.coordinates.is_largest_resolution_level() => {
+            Some((tile.coordinates.tile_index.x(), tile.coordinates.tile_index.y()))
+        }
+        _ => None,
+    };
+    let columns = grids[part].columns();
+    let place = found.filter(|&(column, band)| column < columns && band < grids[part].bands());
+    let slot = place.and_then(|(column, band)| seen[part].get_mut(band * columns + column));
+    match (place, slot) {
+        (Some(place), Some(slot)) if !*slot => {
+            *slot = true;
+            Ok(place)
+        }
+        _ => Err(Error::input("a block of pixels lies where none belongs")
+            .help("the file is damaged: render or copy it again")),
+    }
+}
+
+/// Decompresses one block into the strips of its band.
+fn place(
+    chunk: Chunk,
+    column: usize,
+    band: &Mutex<Vec<Strip<'_>>>,
+    grid: Grid,
+    meta_data: &MetaData,
+) -> Result<Replaced, Error> {
+    let header = &meta_data.headers[chunk.layer_index];
+    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        chunks::check_dwa(chunks::content(&chunk), header)?;
+    }
+    let block = UncompressedBlock::decompress_chunk(chunk, meta_data, false)
+        .map_err(|error| decoder_error("a block of pixels cannot be decompressed", error))?;
+    let mut offsets = Vec::with_capacity(header.channels.list.len());
+    let mut bytes_per_pixel = 0;
+    for channel in &header.channels.list {
+        offsets.push((bytes_per_pixel, channel.sample_type));
+        bytes_per_pixel += channel.sample_type.bytes_per_sample();
+    }
+    let (left, width) = (column * grid.block_width, block.index.pixel_size.width());
+    let mut replaced = Replaced::default();
+    let mut half_row = vec![0u16; width];
+    let mut strips = band.lock().unwrap_or_else(PoisonError::into_inner);
+    for strip in strips.iter_mut() {
+        let (offset, sample_type) = offsets[strip.channel];
+        let len = sample_type.bytes_per_sample() * width;
+        for (row, line) in block.data.chunks_exact(bytes_per_pixel * width).enumerate() {
+            let bytes = &line[offset * width..][..len];
+            let at = row * grid.width + left;
+            match &mut strip.rows {
+                Rows::Float(values) => {
+                    let values = &mut values[at..at + width];
+                    read_floats(bytes, sample_type, &mut half_row, values);
+                    match strip.usage {
+                        Use::Color => sanitise::color(values, &mut replaced),
+                        Use::Alpha => sanitise::alpha(values, &mut replaced),
+                        Use::Depth | Use::Carry => {}
+                    }
+                }
+                Rows::Half(values) => {
+                    bytemuck::cast_slice_mut(&mut half_row).copy_from_slice(bytes);
+                    values[at..at + width].copy_from_slice(half_row.reinterpret_cast());
+                }
+                Rows::Uint(values) => {
+                    bytemuck::cast_slice_mut::<u32, u8>(&mut values[at..at + width]).copy_from_slice(bytes);
+                }
+            }
+        }
+    }
+    Ok(replaced)
+}
+
+/// One row of samples in native byte order, as `f32`. `half_row` is scratch of the same length.
+fn read_floats(bytes: &[u8], sample_type: SampleType, half_row: &mut [u16], values: &mut [f32]) {
+    match sample_type {
+        SampleType::F32 => bytemuck::cast_slice_mut::<f32, u8>(values).copy_from_slice(bytes),
+        SampleType::F16 => {
+            bytemuck::cast_slice_mut::<u16, u8>(half_row).copy_from_slice(bytes);
+            half_row.reinterpret_cast::<f16>().convert_to_f32_slice(values);
+        }
+        SampleType::U32 => {
+            for (value, bytes) in values.iter_mut().zip(bytes.chunks_exact(4)) {
+                *value = u32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as f32;
+            }
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! The header guard: what an OpenEXR header claims is checked before anything is allocated for it.
+//!
+//! Reads the raw header by itself, because the decoder accepts any size (a 1 KB file can claim 40 GB) and rejects what it
+//! does not know (deep parts, new codecs) without saying what it was. Cost: one pass over the header.
+//! Limits: a claim is believed if the file is long enough for its codec's best case; the budget in bytes is checked
+//! later, when it is known which channels are wanted, and before they are allocated.
+
+use super::input::Opened;
+use crate::error::Error;
+use std::io::{self, BufRead, Read, Seek};
+
+/// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
+const COORDINATE_LIMIT: i64 = 1 << 30;
+/// A display window this many times the data window's area is damage, not a crop.
+const LARGEST_CROP: u64 = 4096;
+/// What to do about a damaged header.
+const DAMAGED: &str = "the header is damaged: render or copy the file again";
+/// Longest value of an attribute that is looked at here; others are skipped unread.
+const LOOKED_AT_BYTES: u64 = 16 << 20;
+/// No known writer makes tiles wider than this.
+const TILE_LIMIT: u32 = 1 << 16;
+/// Deflate never expands by more than 1032; PXR24 restores a fourth byte to every three.
+const DEFLATE_RATIO: u64 = 1400;
+/// RLE makes at most 128 bytes of 2.
+const RLE_RATIO: u64 = 64;
+/// Least bytes a chunk takes: its offset, its own header, one byte of content.
+const CHUNK_BYTES: u64 = 17;
+
+/// One part's header, as far as the guard looks at it.
+#[derive(Debug, Default)]
+struct RawPart {
+    kind: Option<String>,
+    compression: Option<u8>,
+    data_window: Option<[i32; 4]>,
+    display_window: Option<[i32; 4]>,
+    tile: Option<[u32; 2]>,
+    channels: Vec<RawChannel>,
+}
+
+/// One channel of a part.
+#[derive(Debug)]
+struct RawChannel {
+    name: String,
+    sample_type: i32,
+    sampling: [i32; 2],
+}
+
+/// Checks the header of an OpenEXR file; leaves the position at the first byte.
+///
+/// # Errors
+/// Deep data, unknown codecs and subsampled channels are [`Error::unsupported`], impossible sizes [`Error::limits`],
+/// anything that is no header [`Error::input`].
+pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
+    let found = scan(opened).and_then(|(deep, parts)| {
+        if deep {
+            return Err(deep_data());
+        }
+        parts.iter().try_for_each(|part| check_part(part, opened.len))
+    });
+    found.map_err(|error| error.in_file(&opened.name))?;
+    opened.input.rewind().map_err(|error| cut_short().in_file(&opened.name).caused_by(error))
+}
+
+/// Half of the machine's memory, or 8 GiB where that is not known.
+pub(super) fn default_max_bytes() -> u64 {
+    let total_kib = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+        line.split_whitespace().next()?.parse::<u64>().ok()
+    });
+    total_kib.map_or(8 << 30, |kib| kib.saturating_mul(512))
+}
+
+fn cut_short() -> Error {
+    Error::input("the file ends before its header does").help("it is cut short: copy or render it again")
+}
+
+fn deep_data() -> Error {
+    Error::unsupported("deep data is not read yet")
+        .with("found", "deep samples (several fragments a pixel)")
+        .help(
+            "flatten it to a few peels, or to one picture with depth, and save it as a ZIP scanline OpenEXR",
+        )
+}
+
+/// The headers of all parts, and whether any is deep.
+fn scan(opened: &mut Opened) -> Result<(bool, Vec<RawPart>), Error> {
+    let read = |opened: &mut Opened| -> io::Result<(u32, Vec<RawPart>)> {
+        let input = &mut opened.input;
+        let mut words = [0; 8];
+        input.read_exact(&mut words)?;
+        let flags = u32::from_le_bytes([words[4], words[5], words[6], words[7]]);
+        let mut parts = Vec::new();
+        let multi_part = flags & (1 << 12) != 0;
+        while let Some(part) = scan_part(opened)? {
+            parts.push(part);
+            if !multi_part {
+                break;
+            }
+        }
+        Ok((flags, parts))
+    };
+    let (flags, parts) = read(opened).map_err(|error| cut_short().caused_by(error))?;
+    if flags & 0xff != 2 {
+        let found = format!("format version {}", flags & 0xff);
+        return Err(Error::unsupported("this is not an OpenEXR 2 file").with("found", found));
+    }
+    let deep = flags & (1 << 11) != 0;
+    Ok((
+        deep || parts.iter().any(|part| part.kind.as_deref().is_some_and(|kind| kind.starts_with("deep"))),
+        parts,
+    ))
+}
+
+/// One part's header; `None` at the empty header that ends a multi-part list.
+fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
+    let mut part = RawPart::default();
+    let mut empty = true;
+    loop {
+        let name = text(&mut opened.input)?;
+        if name.is_empty() {
+            return Ok(if empty { None } else { Some(part) });
+        }
+        empty = false;
+        text(&mut opened.input)?;
+        let mut size = [0; 4];
+        opened.input.read_exact(&mut size)?;
+        let size = u64::try_from(i32::from_le_bytes(size)).map_err(|_| io::ErrorKind::InvalidData)?;
+        let position = opened.input.stream_position()?;
+        if size > opened.len.saturating_sub(position) {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        let known = matches!(
+            name.as_str(),
+            "channels" | "compression" | "dataWindow" | "displayWindow" | "tiles" | "type"
+        );
+        if known && size <= LOOKED_AT_BYTES {
+            let mut value = Vec::new();
+            (&mut opened.input).take(size).read_to_end(&mut value)?;
+            part.note(&name, &value)?;
+        } else {
+            opened.input.seek_relative(size as i64)?;
+        }
+    }
+}
+
+/// A text that ends with a zero byte.
+fn text(input: &mut impl BufRead) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    input.take(257).read_until(0, &mut bytes)?;
+    match bytes.pop() {
+        Some(0) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
+        Some(_) => Err(io::ErrorKind::InvalidData.into()),
+        None => Err(io::ErrorKind::UnexpectedEof.into()),
+    }
+}
+
+impl RawPart {
+    fn note(&mut self, name: &str, mut value: &[u8]) -> io::Result<()> {
+        match name {
+            "compression" => self.compression = value.first().copied(),
+            "type" => self.kind = Some(String::from_utf8_lossy(value).into_owned()),
+            "dataWindow" => self.data_window = Some(corners(&mut value)?),
+            "displayWindow" => self.display_window = Some(corners(&mut value)?),
+            "tiles" => self.tile = Some([word(&mut value)?, word(&mut value)?]),
+            _ => {
+                self.channels.clear();
+                while value.first().is_some_and(|&byte| byte != 0) {
+                    let name = text(&mut value)?;
+                    let sample_type = word(&mut value)? as i32;
+                    word(&mut value)?;
+                    let sampling = [word(&mut value)? as i32, word(&mut value)? as i32];
+                    self.channels.push(RawChannel { name, sample_type, sampling });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn bytes_per_pixel(&self) -> u64 {
+        self.channels.iter().map(|channel| if channel.sample_type == 1 { 2 } else { 4 }).sum()
+    }
+}
+
+fn word(value: &mut &[u8]) -> io::Result<u32> {
+    let mut bytes = [0; 4];
+    value.read_exact(&mut bytes)?;
+    Ok(u32::from_le_bytes(bytes))
+}
+
+fn corners(value: &mut &[u8]) -> io::Result<[i32; 4]> {
+    let words = [word(value)?, word(value)?, word(value)?, word(value)?];
+    Ok(words.map(|word| word as i32))
+}
+
+/// What a codec is called, its rows a chunk, and its best possible compression; `None` if this tool does not read it.
+fn codec(number: u8) -> Option<(u64, u64)> {
+    Some(match number {
+        0 => (1, 1),
+        1 => (1, RLE_RATIO),
+        2 => (1, DEFLATE_RATIO),
+        3 | 5 => (16, DEFLATE_RATIO),
+        4 => (32, DEFLATE_RATIO),
+        6 | 7 => (32, RLE_RATIO),
+        8 => (32, RLE_RATIO * DEFLATE_RATIO),
+        9 => (256, RLE_RATIO * DEFLATE_RATIO),
+        _ => return None,
+    })
+}
+
+fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
+    if let Some(channel) = part.channels.iter().find(|channel| channel.sampling != [1, 1]) {
+        let [x, y] = channel.sampling;
+        return Err(Error::unsupported("subsampled channels are not read")
+            .with("found", format!("channel {} at one sample every {x}×{y} pixels", channel.name))
+            .help("save the picture as RGBA instead of luminance and chroma"));
+    }
+    let number = part.compression.ok_or_else(|| missing("compression"))?;
+    let (chunk_rows, ratio) = codec(number).ok_or_else(|| unknown_codec(number))?;
+    let [width, height] = window_size(part.data_window.ok_or_else(|| missing("dataWindow"))?, "data")?;
+    let [display_width, display_height] =
+        window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
+    if display_width * display_height > (width * height).saturating_mul(LARGEST_CROP).max(1 << 26) {
+        return Err(Error::limits("the display window is far larger than the picture")
+            .with(
+                "found",
+                format!("{width}×{height} pixels of a picture of {display_width}×{display_height}"),
+            )
+            .help(DAMAGED));
+    }
+    let [chunks_x, chunks_y] = match part.tile {
+        Some(tile) if part.kind.as_deref().is_none_or(|kind| kind.starts_with("tile")) => {
+            if tile.iter().any(|&side| side == 0 || side > TILE_LIMIT) {
+                let found = format!("{}×{} pixels", tile[0], tile[1]);
+                return Err(Error::limits("the tile size is impossible").with("found", found));
+            }
+            [width.div_ceil(u64::from(tile[0])), height.div_ceil(u64::from(tile[1]))]
+        }
+        _ => [1, height.div_ceil(chunk_rows)],
+    };
+    let bytes = (width * height).saturating_mul(part.bytes_per_pixel());
+    let chunk_bytes = (chunks_x * chunks_y).saturating_mul(CHUNK_BYTES);
+    if bytes / ratio > file_bytes || chunk_bytes > file_bytes {
+        return Err(Error::limits("the header claims more pixels than the file can hold")
+            .with(
+                "found",
+                format!("{width}×{height} pixels, {} channels, in {file_bytes} bytes", part.channels.len()),
+            )
+            .help("the file is damaged or cut short: render or copy it again"));
+    }
+    Ok(())
+}
+
+/// Width and height of a window given by its corners, both inclusive. Their product fits in 64 bits.
+fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
+    let [x0, y0, x1, y1] = corners.map(i64::from);
+    if corners.iter().any(|c| i64::from(*c).abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
+        return Err(Error::limits(format!("the {which} window is impossible"))
+            .with("found", format!("({x0}, {y0}) to ({x1}, {y1})"))
+            .help(DAMAGED));
+    }
+    Ok([(x1 - x0 + 1) as u64, (y1 - y0 + 1) as u64])
+}
+
+fn missing(attribute: &str) -> Error {
+    Error::input(format!("the header has no {attribute}"))
+        .help("the file is damaged: render or copy it again")
+}
+
+fn unknown_codec(number: u8) -> Error {
+    let found = match number {
+        10 | 11 => "HTJ2K".to_owned(),
+        12 => "ZSTD".to_owned(),
+        _ => format!("codec number {number}"),
+    };
+    Error::unsupported("this compression is not read")
+        .with("found", found)
+        .with("looked for", "none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB")
+        .help("save the file again with ZIP (scanline) compression")
+}

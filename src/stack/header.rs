@@ -1,0 +1,122 @@
+//! An OpenEXR file whose header is understood and checked, before any pixel is read.
+
+use super::guard;
+use super::input::{Input, Opened};
+use super::{Frame, Window};
+use crate::error::Error;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
+use exr::meta::header::Header;
+use std::io::Read;
+use std::path::PathBuf;
+
+/// One channel of a file.
+#[derive(Debug, Clone)]
+pub(super) struct Channel {
+    /// Full name: dotted prefix and, in files of several parts, the part's name.
+    pub(super) name: String,
+    /// Which part it is in.
+    pub(super) part: usize,
+    /// Its place in the part's channel list.
+    pub(super) index: usize,
+    /// Its numeric type.
+    pub(super) sample_type: SampleType,
+    /// See [`super::CarriedChannel::quantize_linearly`].
+    pub(super) quantize_linearly: bool,
+}
+
+/// A file with its header read.
+#[derive(Debug)]
+pub(super) struct ExrFile {
+    /// The path or name to show.
+    pub(super) name: PathBuf,
+    /// At the first byte after the headers.
+    pub(super) input: Input,
+    /// Length of the file in bytes.
+    pub(super) len: u64,
+    /// The headers.
+    pub(super) meta_data: MetaData,
+    /// The channels of all parts.
+    pub(super) channels: Vec<Channel>,
+}
+
+impl ExrFile {
+    /// Reads and checks the header.
+    ///
+    /// # Errors
+    /// See [`guard::check`]; and what the decoder rejects.
+    pub(super) fn open(mut opened: Opened) -> Result<Self, Error> {
+        guard::check(&mut opened)?;
+        let Opened { name, len, mut input } = opened;
+        let fail = |error| decoder_error("the OpenEXR header cannot be understood", error).in_file(&name);
+        let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
+        MetaData::validate(&meta_data.headers, false).map_err(fail)?;
+        let channels = list_channels(&meta_data.headers);
+        Ok(Self { name, input, len, meta_data, channels })
+    }
+
+    /// The header of part `part`.
+    pub(super) fn header(&self, part: usize) -> &Header {
+        &self.meta_data.headers[part]
+    }
+
+    /// The channels' full names.
+    pub(super) fn names(&self) -> Vec<&str> {
+        self.channels.iter().map(|channel| channel.name.as_str()).collect()
+    }
+
+    /// Where the pixels of part `part` lie.
+    pub(super) fn frame(&self, part: usize) -> Frame {
+        let shared = &self.header(part).shared_attributes;
+        Frame {
+            data: window(self.header(part).data_window()),
+            display: window(shared.display_window),
+            pixel_aspect: shared.pixel_aspect,
+        }
+    }
+
+    /// The attributes of the first part, known and unknown.
+    pub(super) fn attributes(&self) -> Vec<(Text, AttributeValue)> {
+        let named = self.header(0).all_named_attributes();
+        named.map(|(name, value)| (Text::from_slice_unchecked(name), value)).collect()
+    }
+}
+
+/// What the decoder said, as this library's error.
+pub(super) fn decoder_error(what: &str, error: exr::error::Error) -> Error {
+    match error {
+        exr::error::Error::NotSupported(_) => {
+            Error::unsupported(what).caused_by(error).help("save the file again as a ZIP scanline OpenEXR")
+        }
+        _ => Error::input(what)
+            .caused_by(error)
+            .help("the file is damaged or cut short: render or copy it again"),
+    }
+}
+
+fn window(bounds: IntegerBounds) -> Window {
+    Window {
+        x: bounds.position.x(),
+        y: bounds.position.y(),
+        width: bounds.size.width(),
+        height: bounds.size.height(),
+    }
+}
+
+fn list_channels(headers: &[Header]) -> Vec<Channel> {
+    let mut channels = Vec::new();
+    for (part, header) in headers.iter().enumerate() {
+        let part_name = header.own_attributes.layer_name.as_ref().filter(|_| headers.len() > 1);
+        let prefix = part_name.map(|name| format!("{name}.")).filter(|prefix| prefix.len() > 1);
+        for (index, channel) in header.channels.list.iter().enumerate() {
+            let own = channel.name.to_string();
+            let name = match &prefix {
+                Some(prefix) if !own.starts_with(prefix.as_str()) => format!("{prefix}{own}"),
+                _ => own,
+            };
+            let (sample_type, quantize_linearly) = (channel.sample_type, channel.quantize_linearly);
+            channels.push(Channel { name, part, index, sample_type, quantize_linearly });
+        }
+    }
+    channels
+}

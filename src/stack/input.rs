@@ -1,0 +1,130 @@
+//! Where bytes come from: a file on disk or one embedded in the program.
+
+use super::Source;
+use crate::error::Error;
+use std::fs::File;
+use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// The first bytes of every OpenEXR file.
+const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// Bytes to read and to seek in.
+#[derive(Debug)]
+pub(super) enum Input {
+    /// A file.
+    File(BufReader<File>),
+    /// Memory.
+    Memory(Cursor<&'static [u8]>),
+}
+
+/// An opened source, at its first byte.
+#[derive(Debug)]
+pub(super) struct Opened {
+    /// The path or name to show.
+    pub(super) name: PathBuf,
+    /// Length in bytes.
+    pub(super) len: u64,
+    /// The bytes.
+    pub(super) input: Input,
+}
+
+impl Read for Input {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::File(file) => file.read(buffer),
+            Self::Memory(memory) => memory.read(buffer),
+        }
+    }
+}
+
+impl io::BufRead for Input {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        match self {
+            Self::File(file) => file.fill_buf(),
+            Self::Memory(memory) => memory.fill_buf(),
+        }
+    }
+
+    fn consume(&mut self, count: usize) {
+        match self {
+            Self::File(file) => file.consume(count),
+            Self::Memory(memory) => memory.consume(count),
+        }
+    }
+}
+
+impl Seek for Input {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Self::File(file) => file.seek(to),
+            Self::Memory(memory) => memory.seek(to),
+        }
+    }
+}
+
+impl Opened {
+    /// Opens `source`.
+    ///
+    /// # Errors
+    /// No such file, a directory, an empty file, no permission.
+    pub(super) fn open(source: &Source) -> Result<Self, Error> {
+        let opened = match source {
+            Source::File(path) => open_file(path)?,
+            Source::Embedded { name, bytes } => Self {
+                name: PathBuf::from(name),
+                len: bytes.len() as u64,
+                input: Input::Memory(Cursor::new(bytes)),
+            },
+        };
+        if opened.len == 0 {
+            let help = "the program that wrote it may have failed or still be writing: render it again";
+            return Err(Error::input("the file is empty").in_file(&opened.name).help(help));
+        }
+        Ok(opened)
+    }
+
+    /// Whether the bytes start like an OpenEXR file; leaves the position at the first byte.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub(super) fn is_exr(&mut self) -> Result<bool, Error> {
+        Ok(self.first_bytes()?.starts_with(&EXR_MAGIC))
+    }
+
+    /// Up to 16 bytes from the start; leaves the position at the first byte.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub(super) fn first_bytes(&mut self) -> Result<Vec<u8>, Error> {
+        let mut head = Vec::new();
+        let result = (&mut self.input).take(16).read_to_end(&mut head).and_then(|_| self.input.rewind());
+        match result {
+            Ok(()) => Ok(head),
+            Err(error) => Err(Error::input("the file cannot be read").in_file(&self.name).caused_by(error)),
+        }
+    }
+}
+
+fn open_file(path: &Path) -> Result<Opened, Error> {
+    let fail = |what: &str, error: io::Error| Error::input(what).in_file(path).caused_by(error);
+    let file = File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => fail("no such file", error),
+        io::ErrorKind::PermissionDenied => fail("no permission to read the file", error),
+        _ => fail("the file cannot be opened", error),
+    })?;
+    let metadata = file.metadata().map_err(|error| fail("the file cannot be read", error))?;
+    if metadata.is_dir() {
+        let help = "name the picture files inside it";
+        return Err(Error::input("this is a directory, not a picture").in_file(path).help(help));
+    }
+    if !metadata.is_file() {
+        let help = "pipes and devices cannot be read: save the picture to a file";
+        return Err(Error::input("this is not a regular file").in_file(path).help(help));
+    }
+    Ok(Opened {
+        name: path.to_owned(),
+        len: metadata.len(),
+        input: Input::File(BufReader::with_capacity(1 << 16, file)),
+    })
+}

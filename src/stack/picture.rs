@@ -1,0 +1,148 @@
+//! Pictures that are not OpenEXR: PNG, TIFF, Radiance HDR, JPEG.
+//!
+//! Integer samples are sRGB-coded with straight alpha, as these formats have it: decoded to linear, then premultiplied.
+//! Float samples are taken as linear and premultiplied. Integer depth is 0 … 1, as the numbers are.
+
+use super::guard;
+use super::input::Opened;
+use super::layers::{Layer, Layers};
+use super::read::ReadOptions;
+use super::sanitise::{self, Replaced};
+use super::{Finding, Frame, Precision, Window};
+use crate::error::Error;
+use crate::image::Plane;
+use image::{DynamicImage, ImageReader, Limits};
+
+/// A picture without depth.
+///
+/// # Errors
+/// Not a known format; damaged; larger than allowed.
+pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers, Error> {
+    let name = opened.name.clone();
+    let picture = load(opened, options)?;
+    let window = Window { x: 0, y: 0, width: picture.width() as usize, height: picture.height() as usize };
+    let (precision, coded) = match picture.color().bytes_per_pixel() / picture.color().channel_count() {
+        1 => (Precision::Half, Some("8-bit")),
+        2 => (Precision::Float, Some("16-bit")),
+        _ => (Precision::Float, None),
+    };
+    let has_alpha = picture.color().has_alpha();
+    let (mut color, mut alpha) = linear_planes(picture);
+    let mut replaced = Replaced::default();
+    color.iter_mut().for_each(|plane| sanitise::color(plane.values_mut(), &mut replaced));
+    sanitise::alpha(alpha.values_mut(), &mut replaced);
+    let mut findings = Vec::new();
+    if let Some(depth) = coded {
+        let straight = if has_alpha { " and multiplied by its alpha" } else { "" };
+        let text = format!("{depth} colour taken as sRGB, decoded to linear light{straight}");
+        findings.push(Finding::note("colour", text));
+    }
+    let frame = Frame { data: window, display: window, pixel_aspect: 1.0 };
+    let found = "a picture without depth".to_owned();
+    let (prefix, depth_channel) = (String::new(), String::new());
+    let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found };
+    let (attributes, channels) = (Vec::new(), Vec::new());
+    Ok(Layers { name, peels: vec![layer], frame, precision, attributes, channels, findings, replaced })
+}
+
+/// The red or only channel of a picture, as depth.
+///
+/// # Errors
+/// As [`read_color`].
+pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane, Vec<Finding>), Error> {
+    let picture = load(opened, options)?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let mut plane = Plane::zeros(width, height);
+    let mut findings = Vec::new();
+    let values = plane.values_mut();
+    match picture.color().bytes_per_pixel() / picture.color().channel_count() {
+        1 => {
+            let text = "depth has 8 bits: 256 steps, blur will show them; save it with 16 or as OpenEXR";
+            findings.push(Finding::warning("depth", text));
+            fill(values, picture.into_rgb8().pixels().map(|pixel| f32::from(pixel[0]) / 255.0));
+        }
+        2 => fill(values, picture.into_rgb16().pixels().map(|pixel| f32::from(pixel[0]) / 65535.0)),
+        _ => fill(values, picture.into_rgb32f().pixels().map(|pixel| pixel[0])),
+    }
+    Ok((plane, findings))
+}
+
+fn fill(values: &mut [f32], from: impl Iterator<Item = f32>) {
+    values.iter_mut().zip(from).for_each(|(value, from)| *value = from);
+}
+
+fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error> {
+    let head = opened.first_bytes()?;
+    let name = opened.name;
+    let fail = |error: image::ImageError| {
+        let (what, help) = match &error {
+            image::ImageError::Limits(_) => {
+                return Error::limits("the picture takes more memory than it may")
+                    .in_file(&name)
+                    .caused_by(error)
+                    .help("crop or scale the picture");
+            }
+            image::ImageError::Unsupported(_) => ("this picture is not read", "save it again as OpenEXR"),
+            _ => ("the picture cannot be read", "the file is damaged or cut short: copy or save it again"),
+        };
+        let kind = if matches!(error, image::ImageError::Unsupported(_)) {
+            Error::unsupported
+        } else {
+            Error::input
+        };
+        kind(what).in_file(&name).caused_by(error).help(help)
+    };
+    if image::guess_format(&head).is_err() {
+        let claims_exr = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+        let what =
+            if claims_exr { "this is not an OpenEXR file" } else { "this is not a picture this tool reads" };
+        return Err(Error::input(what)
+            .in_file(&name)
+            .with("found", format!("a file that starts with {:?}", String::from_utf8_lossy(&head)))
+            .with("looked for", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG"));
+    }
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(options.max_bytes.unwrap_or_else(guard::default_max_bytes));
+    let mut reader =
+        ImageReader::new(opened.input).with_guessed_format().map_err(|error| fail(error.into()))?;
+    reader.limits(limits);
+    reader.decode().map_err(fail)
+}
+
+/// Linear, premultiplied colour, and alpha.
+fn linear_planes(picture: DynamicImage) -> ([Plane; 3], Plane) {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let mut planes: [Plane; 4] = std::array::from_fn(|_| Plane::zeros(width, height));
+    let mut put = |i: usize, pixel: [f32; 4]| {
+        planes.iter_mut().zip(pixel).for_each(|(plane, value)| plane.values_mut()[i] = value);
+    };
+    let premultiplied = |[r, g, b, a]: [f32; 4]| [r * a, g * a, b * a, a];
+    match picture.color().bytes_per_pixel() / picture.color().channel_count() {
+        1 => {
+            let linear = linear_table(256);
+            for (i, pixel) in picture.into_rgba8().pixels().enumerate() {
+                let [r, g, b, a] = pixel.0;
+                let [r, g, b] = [r, g, b].map(|code| linear[usize::from(code)]);
+                put(i, premultiplied([r, g, b, f32::from(a) / 255.0]));
+            }
+        }
+        2 => {
+            let linear = linear_table(65536);
+            for (i, pixel) in picture.into_rgba16().pixels().enumerate() {
+                let [r, g, b, a] = pixel.0;
+                let [r, g, b] = [r, g, b].map(|code| linear[usize::from(code)]);
+                put(i, premultiplied([r, g, b, f32::from(a) / 65535.0]));
+            }
+        }
+        _ => picture.into_rgba32f().pixels().enumerate().for_each(|(i, pixel)| put(i, pixel.0)),
+    }
+    let [red, green, blue, alpha] = planes;
+    ([red, green, blue], alpha)
+}
+
+/// Linear light of each code of an sRGB scale of `codes` steps (IEC 61966-2-1).
+fn linear_table(codes: usize) -> Vec<f32> {
+    let linear =
+        |coded: f64| if coded <= 0.04045 { coded / 12.92 } else { ((coded + 0.055) / 1.055).powf(2.4) };
+    (0..codes).map(|code| linear(code as f64 / (codes - 1) as f64) as f32).collect()
+}
