@@ -306,10 +306,13 @@ mod the_report {
         let flags = Values { f_number: Some(1.5), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &flags)], MethodParameters::default());
         let plan = Plan {
-            method: "shear",
+            method: "shear".to_owned(),
             method_reason: "the default".to_owned(),
             views: 64,
+            jitter: 1.0,
             aperture: Aperture::Disc,
+            coc_range_px: [-3.0, 12.5],
+            highlight_threshold: f32::INFINITY,
             effects: vec![Effect {
                 name: EffectKind::Fill,
                 on: false,
@@ -323,7 +326,7 @@ mod the_report {
             version: "1.2.3",
             input: vec!["a.exr".to_owned()],
             output: "b.exr".to_owned(),
-            method: plan.method.to_owned(),
+            method: plan.method.clone(),
             device: report::Device { kind: "cpu", name: "a processor".to_owned() },
             lens: report::LensReport::new(
                 &settings,
