@@ -502,8 +502,12 @@ fn a_file_cut_anywhere_is_an_error() {
 fn mutated_files_are_read_or_refused_but_never_panic() {
     let peels =
         "Peel0.Combined.R=1 Peel0.Combined.G=1 Peel0.Combined.B=1 Peel0.Combined.A=1 Peel0.Depth.Z=1 id=3";
-    let files = [(Compression::ZIP16, None), (Compression::PIZ, None), (Compression::RLE, Some((4, 4)))]
-        .map(|(compression, tile)| exr_bytes(vec![Part { compression, tile, ..Part::flat((9, 40), peels) }]));
+    let codecs =
+        [Compression::ZIP16, Compression::PIZ, Compression::RLE, Compression::DWAA(None), Compression::PXR24];
+    let files = codecs.map(|compression| {
+        let tile = (compression == Compression::RLE).then_some((4, 4));
+        exr_bytes(vec![Part { compression, tile, ..Part::flat((9, 40), peels) }])
+    });
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     let mut random = |below: usize| {
         // xorshift64: a fixed seed makes a failure repeatable.
@@ -512,7 +516,7 @@ fn mutated_files_are_read_or_refused_but_never_panic() {
         state ^= state << 17;
         (state >> 11) as usize % below
     };
-    for round in 0..240 {
+    for round in 0..300 {
         let mut bytes = files[round % files.len()].clone();
         for _ in 0..=random(4) {
             let at = random(bytes.len());

@@ -1,7 +1,7 @@
 //! READ: files in, a [`Stack`] out.
 //!
 //! Knows every file format and naming convention of the input, and nothing of lenses: depth stays in the convention it
-//! was written in, with a note of which one that is ([`Stack::depth`]). Nothing here guesses without saying so: every
+//! was written in, with a note of which one that is ([`Stack::convention`]). Nothing here guesses without saying so: every
 //! conclusion drawn from a file is a [`Finding`].
 
 mod camera;
