@@ -182,6 +182,10 @@ mod tests {
         let mut fragments: Vec<Fragment> = (0..3).map(|i| fragment(i, -20.0, 1.0)).collect();
         fragments.extend([fragment(3, 0.0, 0.5), fragment(0, 10.0, 0.2), fragment(1, 10.0, 0.2)]);
         let found = clusters(&fragments, 2);
-        assert_eq!([found[0].coc_px, found[1].coc_px], [-20.0, 0.0], "the farthest showed least");
+        assert_eq!(
+            [found[0].coc_px, found[1].coc_px],
+            [-20.0, 10.0],
+            "1/16 of the one between showed, 3/32 of the farthest"
+        );
     }
 }
