@@ -43,12 +43,17 @@ impl Method for Accumulate {
         }
         let volume = Volume::new(scene, plan);
         let samples = views(plan.views, plan.aperture);
-        let planes = planes_from_rows(scene.picture_size(), progress, |y, row: &mut [_; 4]| {
-            for x in 0..row[0].len() {
-                let pixel = volume.pixel(x, y, &samples);
-                row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
-            }
-        });
+        let planes = planes_from_rows(
+            scene.picture_size(),
+            progress,
+            || (),
+            |(), y, row: &mut [_; 4]| {
+                for x in 0..row[0].len() {
+                    let pixel = volume.pixel(x, y, &samples);
+                    row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
+                }
+            },
+        );
         Ok(Image { planes })
     }
 }

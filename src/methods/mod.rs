@@ -49,11 +49,13 @@ pub fn by_name(name: &str) -> Option<&'static dyn Method> {
     METHODS.into_iter().find(|method| method.info().name == name)
 }
 
-/// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(y, planes)` writes row `y` of each.
-fn planes_from_rows<const N: usize>(
+/// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(scratch, y, planes)` writes row `y`
+/// of each plane; `scratch` makes what a thread keeps from row to row.
+fn planes_from_rows<const N: usize, T>(
     (width, height): (usize, usize),
     progress: &Progress<'_>,
-    row: impl Fn(usize, &mut [&mut [f32]; N]) + Sync,
+    scratch: impl Fn() -> T + Sync + Send,
+    row: impl Fn(&mut T, usize, &mut [&mut [f32]; N]) + Sync + Send,
 ) -> [Plane; N] {
     let mut planes: [Plane; N] = std::array::from_fn(|_| Plane::zeros(width, height));
     let mut rests = planes.each_mut().map(Plane::values_mut);
@@ -67,8 +69,8 @@ fn planes_from_rows<const N: usize>(
         })
         .collect();
     let done = AtomicUsize::new(0);
-    rows.into_par_iter().enumerate().for_each(|(y, mut planes)| {
-        row(y, &mut planes);
+    rows.into_par_iter().enumerate().for_each_init(scratch, |scratch, (y, mut planes)| {
+        row(scratch, y, &mut planes);
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / height as f32);
     });
     planes

@@ -5,7 +5,7 @@ use crate::stack::StackKind;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// Number of half-stop steps of brightness that [`Facts::bright`] counts, from 1/4 up.
+/// Number of half-stop steps of brightness that [`Facts::bright`] counts, from 1 up.
 pub const BRIGHT_STEPS: usize = 32;
 
 /// Bright, blurred fragments of one half stop of brightness.
@@ -46,12 +46,12 @@ pub struct Facts {
 
 /// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
 pub fn bright_step_floor(step: usize) -> f32 {
-    0.25 * (0.5 * step as f32).exp2()
+    (0.5 * step as f32).exp2()
 }
 
 /// The step that `brightness` falls into.
 fn bright_step(brightness: f32) -> Option<usize> {
-    let step = ((brightness * 4.0).log2() * 2.0).floor();
+    let step = (brightness.log2() * 2.0).floor();
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 

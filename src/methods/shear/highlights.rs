@@ -227,10 +227,6 @@ impl<'a> Disc<'a> {
                 continue;
             }
             let row = row as usize;
-            let (first_row, last_row) = occluders.runs.rows_of_bin[bin];
-            if row < first_row || row > last_row {
-                continue;
-            }
             let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
             for run in occluders.runs.rows[row].of_bin(bin) {
                 let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(0, row));

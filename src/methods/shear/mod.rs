@@ -35,7 +35,7 @@ mod surfaces;
 use super::{Method, MethodInfo, Progress, planes_from_rows};
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::lens::views;
+use crate::lens::{View, views};
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
 use bins::Bins;
 use highlights::{Highlight, Occluders};
@@ -115,14 +115,17 @@ fn padded_alpha(surfaces: &[Surface<'_>]) -> Vec<Padded<1>> {
 
 /// Paints all views of `plan`: the picture, and for each pixel the share of rays that met something in focus.
 fn paint(canvas: &Canvas<'_>, size: (usize, usize), plan: &Plan, progress: &Progress<'_>) -> (Image, Plane) {
-    let mut samples = views(plan.views, plan.aperture);
-    samples.iter_mut().for_each(|view| view.jitter *= plan.jitter);
+    let shears: Vec<_> = views(plan.views, plan.aperture)
+        .into_iter()
+        .map(|view| paint::Shear::new(&View { jitter: view.jitter * plan.jitter, ..view }, canvas.bins))
+        .collect();
     let open = plan.does(EffectKind::OpenBackground);
     let arch = Arch::new();
+    let new_row = || RowSums::new(size.0);
     let [red, green, blue, alpha, focused_share] =
-        planes_from_rows(size, progress, |y, planes: &mut [_; 5]| {
-            let mut sums = RowSums::new(size.0);
-            sums.add(canvas, y, &samples, arch);
+        planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
+            sums.clear();
+            sums.add(canvas, y, &shears, arch);
             for x in 0..size.0 {
                 let [r, g, b, a] = sums.pixel(x, open);
                 for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {

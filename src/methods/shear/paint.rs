@@ -45,6 +45,48 @@ pub(super) struct Canvas<'a> {
     pub(super) bins: &'a Bins,
 }
 
+impl Canvas<'_> {
+    /// The bins that any view can bring to output row `y`, nearest first.
+    fn bins_in_reach(&self, y: usize) -> Vec<u16> {
+        let in_reach = |(bin, coc): (usize, &f32)| {
+            let reach = coc.abs().ceil() as i32 + 1;
+            self.runs.occurs(bin, y as i32 - reach..=y as i32 + reach).then_some(bin as u16)
+        };
+        self.bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
+    }
+}
+
+/// How far a view moves a bin.
+#[derive(Debug, Clone, Copy)]
+struct Shift {
+    /// Source row less output row.
+    rows: i32,
+    /// Source column less output column.
+    columns: i32,
+    /// Whether the bin counts as in focus.
+    focused: bool,
+}
+
+/// One view: how far it moves each bin, the same for every row.
+#[derive(Debug)]
+pub(super) struct Shear {
+    shifts: Vec<Shift>,
+}
+
+impl Shear {
+    /// The shifts of `view` for `bins`.
+    pub(super) fn new(view: &View, bins: &Bins) -> Self {
+        // Ties round up: half a pixel is the same way on every machine.
+        let rounded = |value: f32| (value + 0.5).floor() as i32;
+        let shift = |&coc: &f32| Shift {
+            rows: rounded(coc * view.lens.y + view.jitter.y),
+            columns: rounded(coc * view.lens.x + view.jitter.x),
+            focused: coc.abs() < FOCUSED_BELOW_PX,
+        };
+        Self { shifts: bins.centers_px().iter().map(shift).collect() }
+    }
+}
+
 /// Sums over views for 16 neighbouring pixels.
 #[derive(Debug, Clone, Copy)]
 struct Word {
@@ -83,10 +125,16 @@ impl RowSums {
         Self { width, words: vec![BLANK; words], rays: vec![Rays::default(); words], views: 0 }
     }
 
-    /// Adds `views` of output row `y`, with the instructions of `arch`.
-    pub(super) fn add(&mut self, canvas: &Canvas<'_>, y: usize, views: &[View], arch: Arch) {
-        arch.dispatch(AddViews { sums: self, canvas, y, views });
-        self.views += views.len();
+    /// Adds the views `shears` of output row `y`, with the instructions of `arch`.
+    pub(super) fn add(&mut self, canvas: &Canvas<'_>, y: usize, shears: &[Shear], arch: Arch) {
+        arch.dispatch(AddViews { sums: self, canvas, y, shears });
+        self.views += shears.len();
+    }
+
+    /// Makes the row blank again.
+    pub(super) fn clear(&mut self) {
+        self.words.fill(BLANK);
+        self.views = 0;
     }
 
     /// The mean of pixel `x` over all views so far: rays that met nothing are transparent where the background is open,
@@ -146,7 +194,7 @@ struct AddViews<'a> {
     sums: &'a mut RowSums,
     canvas: &'a Canvas<'a>,
     y: usize,
-    views: &'a [View],
+    shears: &'a [Shear],
 }
 
 impl WithSimd for AddViews<'_> {
@@ -154,10 +202,11 @@ impl WithSimd for AddViews<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for view in self.views {
+        let bins = self.canvas.bins_in_reach(self.y);
+        for shear in self.shears {
             self.sums.start_view();
             let mut brush = Brush { simd, words_left: self.sums.rays.len(), sums: self.sums };
-            brush.paint_view(self.canvas, self.y, view);
+            brush.paint_view(self.canvas, self.y, &shear.shifts, &bins);
             self.sums.count_missed();
         }
     }
@@ -194,19 +243,13 @@ enum Column {
 
 impl<S: Simd> Brush<'_, S> {
     #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, view: &View) {
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &[Shift], bins: &[u16]) {
         let last_row = canvas.runs.rows.len() as i32 - 1;
-        for (bin, &coc) in canvas.bins.centers_px().iter().enumerate() {
-            let row = y as i32 + (coc * view.lens.y + view.jitter.y + 0.5).floor() as i32;
-            let row = row.clamp(0, last_row) as usize;
-            let (first, last) = canvas.runs.rows_of_bin[bin];
-            if row < first || row > last {
-                continue;
-            }
-            let shift = (coc * view.lens.x + view.jitter.x + 0.5).floor() as i32;
-            let focused = coc.abs() < FOCUSED_BELOW_PX;
-            for run in canvas.runs.rows[row].of_bin(bin) {
-                self.paint_run(canvas, run, row, shift, focused);
+        for &bin in bins {
+            let shift = shear[bin as usize];
+            let row = (y as i32 + shift.rows).clamp(0, last_row) as usize;
+            for run in canvas.runs.rows[row].of_bin(bin as usize) {
+                self.paint_run(canvas, run, row, shift);
             }
             if self.words_left == 0 {
                 return;
@@ -216,8 +259,8 @@ impl<S: Simd> Brush<'_, S> {
 
     /// Paints one run: its columns, and past the picture's border the border column for ever.
     #[inline(always)]
-    fn paint_run(&mut self, canvas: &Canvas<'_>, run: &Run, row: usize, shift: i32, focused: bool) {
-        let (start, end) = (run.start as i32 - shift, run.end as i32 - shift);
+    fn paint_run(&mut self, canvas: &Canvas<'_>, run: &Run, row: usize, shift: Shift) {
+        let (start, end) = (run.start as i32 - shift.columns, run.end as i32 - shift.columns);
         let width = self.sums.width as i32;
         let surface = &canvas.surfaces[run.layer as usize];
         let source = |column| SourceRow {
@@ -225,9 +268,9 @@ impl<S: Simd> Brush<'_, S> {
             stride: surface.color.stride(),
             alpha: (!run.opaque).then(|| canvas.alpha[run.layer as usize].padded_row(row)),
             column,
-            focused,
+            focused: shift.focused,
         };
-        self.paint_span(start.max(0)..end.min(width), source(Column::Shifted(shift)));
+        self.paint_span(start.max(0)..end.min(width), source(Column::Shifted(shift.columns)));
         if run.start == 0 && start > 0 {
             self.paint_span(0..start.min(width), source(Column::Border(0)));
         }

@@ -98,9 +98,17 @@ impl NullaryFnOnce for SmoothRow<'_> {
         let (red, green, blue) = (&mut red[..width], &mut green[..width], &mut blue[..width]);
         let mut last = [red[0], green[0], blue[0]];
         let mut step = |x: usize, a: f32| {
-            let keep = 1.0 - a;
-            last = [keep * red[x] + a * last[0], keep * green[x] + a * last[1], keep * blue[x] + a * last[2]];
-            [red[x], green[x], blue[x]] = last;
+            if a > 0.0 {
+                let keep = 1.0 - a;
+                last = [
+                    keep * red[x] + a * last[0],
+                    keep * green[x] + a * last[1],
+                    keep * blue[x] + a * last[2],
+                ];
+                [red[x], green[x], blue[x]] = last;
+            } else {
+                last = [red[x], green[x], blue[x]];
+            }
         };
         for x in 1..width {
             step(x, weights[x]);

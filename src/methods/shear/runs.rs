@@ -9,6 +9,7 @@ use super::surfaces::Surface;
 use crate::scene::OPAQUE_ALPHA;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
 const JOIN_PX: f32 = 0.5;
@@ -46,8 +47,17 @@ impl RowRuns {
 pub(super) struct Runs {
     /// The rows from the top.
     pub(super) rows: Vec<RowRuns>,
-    /// For each bin, the first and last row that has it; first past last for a bin that no row has.
-    pub(super) rows_of_bin: Vec<(usize, usize)>,
+    /// `runs_above[b][y]`: how many runs of bin `b` lie in the rows above row `y`.
+    runs_above: Vec<Vec<u32>>,
+}
+
+impl Runs {
+    /// Whether bin `bin` has a run in any of `rows`; rows past the border stand for the border row.
+    pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
+        let last = self.rows.len() as i32 - 1;
+        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
+        self.runs_above[bin][last + 1] > self.runs_above[bin][first]
+    }
 }
 
 /// What the scan compares from column to column: the bin, and two bits for the neighbouring bins joined and one for opacity.
@@ -78,16 +88,19 @@ pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
             sorted_by_bin(found, bins.count())
         })
         .collect();
-    let mut rows_of_bin = vec![(height, 0); bins.count()];
-    for (y, row) in rows.iter().enumerate() {
-        for (bin, (first, last)) in rows_of_bin.iter_mut().enumerate() {
-            if !row.of_bin(bin).is_empty() {
-                *first = (*first).min(y);
-                *last = y;
-            }
-        }
-    }
-    Runs { rows, rows_of_bin }
+    let runs_above = (0..bins.count())
+        .map(|bin| {
+            let mut above = 0;
+            let counts = rows.iter().map(|row| row.of_bin(bin).len() as u32);
+            std::iter::once(0)
+                .chain(counts.map(|count| {
+                    above += count;
+                    above
+                }))
+                .collect()
+        })
+        .collect();
+    Runs { rows, runs_above }
 }
 
 /// The bin of every fragment, [`EMPTY`] where there is none.
