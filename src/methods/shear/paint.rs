@@ -87,42 +87,54 @@ impl Shear {
     }
 }
 
-/// Sums over views for 16 neighbouring pixels.
-#[derive(Debug, Clone, Copy)]
-struct Word {
-    color: [[f32; LANES]; 3],
-    /// Share of rays that met something in focus.
-    focused: [f32; LANES],
-    /// Share of rays that met nothing.
-    missed: [f32; LANES],
-}
-
-const BLANK: Word = Word { color: [[0.0; LANES]; 3], focused: [0.0; LANES], missed: [0.0; LANES] };
-
-/// State of the rays of one view for 16 neighbouring pixels.
+/// 16 neighbouring pixels of one channel.
 #[derive(Debug, Clone, Copy, Default)]
-struct Rays {
-    /// Rays that have been stopped.
-    stopped: Mask,
-    /// Rays that have lost some light: their share left is in `left`.
-    dimmed: Mask,
-    left: [f32; LANES],
-}
+#[repr(align(64))]
+struct Word([f32; LANES]);
 
-/// Sums over views for one output row. Views may be painted in several goes: the sums go on where they were.
+/// Sums over views for one output row, and the rays of the view at hand. Views may be painted in several goes: the sums go
+/// on where they were.
+///
+/// One vector a quantity, a word or a mask for each 16 pixels: what every run touches stays close together.
 #[derive(Debug)]
 pub(super) struct RowSums {
     width: usize,
-    words: Vec<Word>,
-    rays: Vec<Rays>,
     views: usize,
+    color: Vec<[Word; 3]>,
+    /// Share of rays that met something in focus.
+    focused: Vec<Word>,
+    /// Share of rays that met nothing.
+    missed: Vec<Word>,
+    /// Rays that have been stopped.
+    stopped: Vec<Mask>,
+    /// Rays that have lost some light: their share left is in `left`.
+    dimmed: Vec<Mask>,
+    left: Vec<Word>,
 }
 
 impl RowSums {
     /// A blank row of `width` pixels.
     pub(super) fn new(width: usize) -> Self {
         let words = width.div_ceil(LANES);
-        Self { width, words: vec![BLANK; words], rays: vec![Rays::default(); words], views: 0 }
+        let blank = vec![Word::default(); words];
+        Self {
+            width,
+            views: 0,
+            color: vec![[Word::default(); 3]; words],
+            focused: blank.clone(),
+            missed: blank.clone(),
+            stopped: vec![0; words],
+            dimmed: vec![0; words],
+            left: blank,
+        }
+    }
+
+    /// Makes the row blank again.
+    pub(super) fn clear(&mut self) {
+        self.views = 0;
+        self.color.fill([Word::default(); 3]);
+        self.focused.fill(Word::default());
+        self.missed.fill(Word::default());
     }
 
     /// Adds the views `shears` of output row `y`, with the instructions of `arch`.
@@ -131,53 +143,44 @@ impl RowSums {
         self.views += shears.len();
     }
 
-    /// Makes the row blank again.
-    pub(super) fn clear(&mut self) {
-        self.words.fill(BLANK);
-        self.views = 0;
-    }
-
     /// The mean of pixel `x` over all views so far: rays that met nothing are transparent where the background is open,
     /// and left out of the mean where it is closed.
     pub(super) fn pixel(&self, x: usize, open_background: bool) -> [f32; 4] {
-        let (word, lane) = (&self.words[x / LANES], x % LANES);
+        let (word, lane) = (x / LANES, x % LANES);
         let views = self.views as f32;
-        let hit = views - word.missed[lane];
+        let hit = views - self.missed[word].0[lane];
         if hit <= LEAST_HIT {
             return [0.0; 4];
         }
         let weight = if open_background { views } else { hit };
-        let [r, g, b] = word.color.map(|channel| channel[lane] / weight);
+        let [r, g, b] = self.color[word].map(|channel| channel.0[lane] / weight);
         [r, g, b, hit / weight]
     }
 
     /// Share of pixel `x`'s rays that met something in focus.
     pub(super) fn focused_share(&self, x: usize) -> f32 {
-        self.words[x / LANES].focused[x % LANES] / self.views as f32
+        self.focused[x / LANES].0[x % LANES] / self.views as f32
     }
 
     /// Lets all rays of the row go.
     fn start_view(&mut self) {
-        for rays in &mut self.rays {
-            rays.stopped = 0;
-            rays.dimmed = 0;
-        }
+        self.stopped.fill(0);
+        self.dimmed.fill(0);
         let overhang = self.width % LANES;
         if overhang > 0
-            && let Some(last) = self.rays.last_mut()
+            && let Some(last) = self.stopped.last_mut()
         {
-            last.stopped = Mask::MAX << overhang;
+            *last = Mask::MAX << overhang;
         }
     }
 
     /// Counts the rays that nothing stopped.
     fn count_missed(&mut self) {
-        for (word, rays) in self.words.iter_mut().zip(&self.rays) {
-            if rays.stopped == Mask::MAX {
-                continue;
-            }
-            for lane in (0..LANES).filter(|&lane| !has(rays.stopped, lane)) {
-                word.missed[lane] += if has(rays.dimmed, lane) { rays.left[lane] } else { 1.0 };
+        for (word, &stopped) in self.stopped.iter().enumerate().filter(|(_, stopped)| **stopped != Mask::MAX)
+        {
+            for lane in (0..LANES).filter(|&lane| !has(stopped, lane)) {
+                self.missed[word].0[lane] +=
+                    if has(self.dimmed[word], lane) { self.left[word].0[lane] } else { 1.0 };
             }
         }
     }
@@ -205,7 +208,7 @@ impl WithSimd for AddViews<'_> {
         let bins = self.canvas.bins_in_reach(self.y);
         for shear in self.shears {
             self.sums.start_view();
-            let mut brush = Brush { simd, words_left: self.sums.rays.len(), sums: self.sums };
+            let mut brush = Brush { simd, words_left: self.sums.stopped.len(), sums: self.sums };
             brush.paint_view(self.canvas, self.y, &shear.shifts, &bins);
             self.sums.count_missed();
         }
@@ -287,39 +290,94 @@ impl<S: Simd> Brush<'_, S> {
         }
         let span = span.start as usize..span.end as usize;
         let (first, last) = (span.start / LANES, (span.end - 1) / LANES);
-        let words = self.sums.words[first..=last].iter_mut().zip(&mut self.sums.rays[first..=last]);
-        for (index, (word, rays)) in (first..).zip(words) {
+        for word in first..=last {
             let mut wanted = Mask::MAX;
-            if index == first {
+            if word == first {
                 wanted &= Mask::MAX << (span.start % LANES);
             }
-            if index == last {
+            if word == last {
                 wanted &= Mask::MAX >> (LANES - 1 - (span.end - 1) % LANES);
             }
-            let free = wanted & !rays.stopped;
+            let free = wanted & !self.sums.stopped[word];
             if free == 0 {
                 continue;
             }
-            if source.alpha.is_none() && free & rays.dimmed == 0 {
-                take(self.simd, word, &source, index, free);
-                rays.stopped |= wanted;
+            if source.alpha.is_none() && free & self.sums.dimmed[word] == 0 {
+                self.take(word, &source, free);
             } else {
-                take_share(self.simd, word, rays, &source, index, free);
+                self.take_share(word, &source, free);
             }
-            self.words_left -= usize::from(rays.stopped == Mask::MAX);
+            self.words_left -= usize::from(self.sums.stopped[word] == Mask::MAX);
         }
+    }
+
+    /// Opaque fragments, full rays: adds the source to the lanes in `free` and stops them.
+    #[inline(always)]
+    fn take(&mut self, word: usize, source: &SourceRow<'_>, free: Mask) {
+        let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
+        for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
+            for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
+                let value = source.vector(simd, source.color, k * source.stride, word, i);
+                // Selected, not multiplied: a lane outside the span may hold anything.
+                let value = if free == Mask::MAX {
+                    value
+                } else {
+                    simd.select_f32s(lanes(simd, free, i), value, zero)
+                };
+                *sum = simd.add_f32s(*sum, value);
+            }
+        }
+        if source.focused {
+            let one = simd.splat_f32s(1.0);
+            for (i, sum) in S::as_mut_simd_f32s(&mut self.sums.focused[word].0).0.iter_mut().enumerate() {
+                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
+            }
+        }
+        self.sums.stopped[word] |= free;
+    }
+
+    /// Translucent fragments or dimmed rays: adds the source times what is left of each ray, and dims the rays.
+    #[inline(always)]
+    fn take_share(&mut self, word: usize, source: &SourceRow<'_>, free: Mask) {
+        let simd = self.simd;
+        let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let dimmed = self.sums.dimmed[word];
+        let left = &mut self.sums.left[word].0;
+        for (i, left) in S::as_mut_simd_f32s(left).0.iter_mut().enumerate() {
+            let wanted = lanes(simd, free, i);
+            let before = simd.select_f32s(lanes(simd, dimmed, i), *left, one);
+            for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
+                let value = source.vector(simd, source.color, k * source.stride, word, i);
+                let value = simd.select_f32s(wanted, simd.mul_f32s(before, value), zero);
+                let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
+                *sum = simd.add_f32s(*sum, value);
+            }
+            let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, 0, word, i));
+            if source.focused {
+                let sum = &mut S::as_mut_simd_f32s(&mut self.sums.focused[word].0).0[i];
+                *sum = simd.add_f32s(*sum, simd.select_f32s(wanted, simd.mul_f32s(before, alpha), zero));
+            }
+            let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
+            *left = simd.select_f32s(wanted, after, before);
+        }
+        self.sums.dimmed[word] |= free;
+        let spent = left
+            .iter()
+            .enumerate()
+            .fold(0, |mask, (lane, &left)| mask | Mask::from(left < STOPPED_BELOW) << lane);
+        self.sums.stopped[word] |= spent & free;
     }
 }
 
 impl SourceRow<'_> {
-    /// Vector `i` of the source of output word `index`, in the channel that begins at `channel` of `row`; lanes outside the
+    /// Vector `i` of the source of output word `word`, in the channel that begins at `channel` of `row`; lanes outside the
     /// span may be anything.
     #[inline(always)]
-    fn vector<S: Simd>(&self, simd: S, row: &[f32], channel: usize, index: usize, i: usize) -> S::f32s {
+    fn vector<S: Simd>(&self, simd: S, row: &[f32], channel: usize, word: usize, i: usize) -> S::f32s {
         match self.column {
             Column::Shifted(shift) => {
                 // A span lies within the picture on both sides, so the word reaches at most one word past its ends.
-                let start = (index * LANES + i * S::F32_LANES + LANES) as i32 + shift;
+                let start = (word * LANES + i * S::F32_LANES + LANES) as i32 + shift;
                 let values = &row[channel + start as usize..][..S::F32_LANES];
                 S::as_simd_f32s(values).0[0]
             }
@@ -337,59 +395,4 @@ static LANE_BITS: [u32; LANES] =
 fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
     let bits = S::as_simd_u32s(&LANE_BITS).0[i];
     simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
-}
-
-/// Opaque fragments, full rays: adds the source to the lanes in `free`.
-#[inline(always)]
-fn take<S: Simd>(simd: S, word: &mut Word, source: &SourceRow<'_>, index: usize, free: Mask) {
-    let zero = simd.splat_f32s(0.0);
-    for (k, sum) in word.color.iter_mut().enumerate() {
-        for (i, sum) in S::as_mut_simd_f32s(sum).0.iter_mut().enumerate() {
-            let value = source.vector(simd, source.color, k * source.stride, index, i);
-            // Selected, not multiplied: a lane outside the span may hold anything.
-            let value =
-                if free == Mask::MAX { value } else { simd.select_f32s(lanes(simd, free, i), value, zero) };
-            *sum = simd.add_f32s(*sum, value);
-        }
-    }
-    if source.focused {
-        let one = simd.splat_f32s(1.0);
-        for (i, sum) in S::as_mut_simd_f32s(&mut word.focused).0.iter_mut().enumerate() {
-            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
-        }
-    }
-}
-
-/// Translucent fragments or dimmed rays: adds the source times what is left of each ray, and dims the rays.
-#[inline(always)]
-fn take_share<S: Simd>(
-    simd: S,
-    word: &mut Word,
-    rays: &mut Rays,
-    source: &SourceRow<'_>,
-    index: usize,
-    free: Mask,
-) {
-    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    for (i, left) in S::as_mut_simd_f32s(&mut rays.left).0.iter_mut().enumerate() {
-        let wanted = lanes(simd, free, i);
-        let before = simd.select_f32s(lanes(simd, rays.dimmed, i), *left, one);
-        for (k, sum) in word.color.iter_mut().enumerate() {
-            let value = source.vector(simd, source.color, k * source.stride, index, i);
-            let value = simd.select_f32s(wanted, simd.mul_f32s(before, value), zero);
-            let sum = &mut S::as_mut_simd_f32s(sum).0[i];
-            *sum = simd.add_f32s(*sum, value);
-        }
-        let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, 0, index, i));
-        if source.focused {
-            let sum = &mut S::as_mut_simd_f32s(&mut word.focused).0[i];
-            *sum = simd.add_f32s(*sum, simd.select_f32s(wanted, simd.mul_f32s(before, alpha), zero));
-        }
-        let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
-        *left = simd.select_f32s(wanted, after, before);
-    }
-    rays.dimmed |= free;
-    for (lane, &left) in rays.left.iter().enumerate() {
-        rays.stopped |= (Mask::from(left < STOPPED_BELOW) << lane) & free;
-    }
 }

@@ -97,26 +97,22 @@ impl NullaryFnOnce for SmoothRow<'_> {
         let width = weights.len();
         let (red, green, blue) = (&mut red[..width], &mut green[..width], &mut blue[..width]);
         let mut last = [red[0], green[0], blue[0]];
-        let mut step = |x: usize, a: f32| {
-            if a > 0.0 {
-                let keep = 1.0 - a;
-                last = [
-                    keep * red[x] + a * last[0],
-                    keep * green[x] + a * last[1],
-                    keep * blue[x] + a * last[2],
-                ];
-                [red[x], green[x], blue[x]] = last;
-            } else {
-                last = [red[x], green[x], blue[x]];
-            }
-        };
         for x in 1..width {
-            step(x, weights[x]);
+            last = mixed([red[x], green[x], blue[x]], last, weights[x]);
+            [red[x], green[x], blue[x]] = last;
         }
         for x in (0..width - 1).rev() {
-            step(x, weights[x + 1]);
+            last = mixed([red[x], green[x], blue[x]], last, weights[x + 1]);
+            [red[x], green[x], blue[x]] = last;
         }
     }
+}
+
+/// `color` moved towards `other` by weight `a`; itself, bit for bit, for weight 0.
+#[inline(always)]
+fn mixed(color: [f32; 3], other: [f32; 3], a: f32) -> [f32; 3] {
+    let keep = 1.0 - a;
+    [keep * color[0] + a * other[0], keep * color[1] + a * other[1], keep * color[2] + a * other[2]]
 }
 
 fn along_columns(surface: &mut Surface<'_>, radius_per_coc: f32) {
