@@ -1,0 +1,384 @@
+//! Laws that every method keeps, looped over the registry. Scenes are made in CoC space, so each law is about the blur
+//! alone; expected values are derived where they are used.
+
+use thinlens::image::{Image, Plane};
+use thinlens::lens::{LensSpec, ThinLens};
+use thinlens::methods::{METHODS, Method};
+use thinlens::scene::{EffectKind, Layer, Plan, Scene};
+use thinlens::settings::{MethodParameters, Origin, SensorDistance, Settings, Values};
+use thinlens::stack::StackKind;
+
+type Pixel = [f32; 4];
+
+/// A layer of `width × height` samples, `sample(x, y)` = colour, alpha and CoC radius.
+fn layer(width: usize, height: usize, sample: impl Fn(usize, usize) -> (Pixel, f32)) -> Layer {
+    let color = std::array::from_fn(|k| Plane::from_fn(width, height, |x, y| sample(x, y).0[k]));
+    Layer {
+        color,
+        alpha: Plane::from_fn(width, height, |x, y| sample(x, y).0[3]),
+        coc_px: Plane::from_fn(width, height, |x, y| sample(x, y).1),
+    }
+}
+
+/// Point-sampled layers, nearest first.
+fn scene(layers: Vec<Layer>) -> Scene {
+    Scene { layers, kind: StackKind::PointSampled, supersample: 1, limited_fragments: 0 }
+}
+
+fn grey(value: f32) -> Pixel {
+    [value, value, value, 1.0]
+}
+
+/// The plan for `scene` with `views` lens samples, without the anti-aliasing that mixes neighbours in focus.
+fn plan(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Plan {
+    let values = Values {
+        method: Some(method.info().name.to_owned()),
+        views: Some(views),
+        blades: Some(blades),
+        ..Values::default()
+    };
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+    Plan::decide(&scene.facts(), &settings).unwrap().forced(EffectKind::Resolve, false)
+}
+
+fn blur_with(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Image {
+    method.blur(scene, &plan(method, scene, views, blades), &|_| {}).unwrap()
+}
+
+fn blur(method: &dyn Method, scene: &Scene, views: usize) -> Image {
+    blur_with(method, scene, views, 0)
+}
+
+/// A number from 0 to 1 that depends on its arguments alone.
+fn noise(x: usize, y: usize, seed: usize) -> f32 {
+    let mut bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+    bits = (bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) ^ (bits >> 15);
+    (bits % 65_536) as f32 / 65_535.0
+}
+
+/// Largest difference between two pictures.
+fn difference(a: &Image, b: &Image) -> f32 {
+    let values =
+        |image: &Image| image.planes.iter().flat_map(|plane| plane.values().to_vec()).collect::<Vec<_>>();
+    values(a).iter().zip(values(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Peak signal-to-noise ratio over all channels, for values from 0 to 1.
+fn psnr_db(a: &Image, b: &Image) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in a.planes.iter().zip(&b.planes) {
+        for (a, b) in a.values().iter().zip(b.values()) {
+            sum += f64::from(a - b).powi(2);
+            count += 1.0;
+        }
+    }
+    -10.0 * (sum / count).max(1e-20).log10()
+}
+
+/// A small world with every difficulty: a slanted floor through focus, a near bar, a far wall behind both, holes.
+fn world(width: usize, height: usize) -> Scene {
+    let texture = |x: usize, y: usize, seed| {
+        let fine = noise(x / 3, y / 3, seed);
+        [0.2 + 0.6 * fine, 0.3 + 0.4 * noise(x / 5, y / 4, seed + 1), 0.5 * fine, 1.0]
+    };
+    let bar = |x: usize| (x * 7 / width) % 3 == 1;
+    let floor = |y: usize| 8.0 - 14.0 * y as f32 / height as f32;
+    let front =
+        layer(
+            width,
+            height,
+            |x, y| if bar(x) { (texture(x, y, 1), -9.0) } else { (texture(x, y, 2), floor(y)) },
+        );
+    let middle =
+        layer(
+            width,
+            height,
+            |x, y| if bar(x) { (texture(x, y, 2), floor(y)) } else { (texture(x, y, 3), 9.0) },
+        );
+    let back = layer(width, height, |x, y| if bar(x) { (texture(x, y, 3), 9.0) } else { ([0.0; 4], 0.0) });
+    scene(vec![front, middle, back])
+}
+
+#[test]
+fn a_constant_picture_stays_constant_at_every_size_blur_and_aperture() {
+    for method in METHODS {
+        for (width, height) in [(1, 1), (1, 7), (9, 1), (2, 2), (17, 3), (33, 31)] {
+            for coc in [-40.0, -3.3, 0.7, 12.0] {
+                let flat = |_, _| (grey(0.6), coc);
+                let slanted = |x: usize, y: usize| (grey(0.6), coc + 0.4 * x as f32 - 0.3 * y as f32);
+                for layers in [vec![layer(width, height, flat)], vec![layer(width, height, slanted)]] {
+                    let scene = scene(layers);
+                    let expected = Image::from_fn(width, height, |_, _| grey(0.6));
+                    for blades in [0, 5] {
+                        let off = difference(&blur_with(method, &scene, 24, blades), &expected);
+                        assert!(
+                            off < 1e-5,
+                            "{}: {width} × {height}, c = {coc}, {blades} blades: off by {off}",
+                            method.info().name
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn without_blur_the_picture_is_the_input_bit_for_bit() {
+    let colors = |x, y| [noise(x, y, 1), -3.0 * noise(x, y, 2), 60_000.0 * noise(x, y, 3), 1.0];
+    for method in METHODS {
+        let focused =
+            scene(vec![layer(13, 9, |x, y| (colors(x, y), 0.0)), layer(13, 9, |_, _| (grey(9.0), 0.4))]);
+        assert_eq!(blur(method, &focused, 64), Image::from_fn(13, 9, colors), "{}", method.info().name);
+    }
+}
+
+#[test]
+fn an_infinite_f_number_is_a_pinhole() {
+    let spec = LensSpec {
+        focal_length_mm: 85.0,
+        f_number: f32::INFINITY,
+        focus_distance: 2.0,
+        sensor_width_mm: 36.0,
+        sensor_distance: SensorDistance::ThinLens,
+        metres_per_unit: 1.0,
+    };
+    let lens = ThinLens::new(&spec, 1920.0).unwrap();
+    for z in [1e-3, 0.5, 2.0, 1e6, f32::INFINITY] {
+        assert_eq!(lens.coc_radius_px(z), 0.0, "nothing blurs at depth {z}");
+    }
+}
+
+/// Sum, centroid and variance along x of a picture's red channel about `centre`.
+fn moments(image: &Image, centre: f64) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    for y in 0..image.height() {
+        for x in 0..image.width() {
+            let (value, offset) = (f64::from(image.planes[0].get(x, y)), x as f64 - centre);
+            sums.iter_mut()
+                .zip([1.0, offset, offset * offset])
+                .for_each(|(sum, weight)| *sum += value * weight);
+        }
+    }
+    [sums[0], sums[1] / sums[0], sums[2] / sums[0]]
+}
+
+#[test]
+fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
+    for method in METHODS {
+        for coc in [-9.5, -2.2, 1.4, 7.0] {
+            for (brightness, blades) in [(0.8, 0), (400.0, 0), (400.0, 6)] {
+                let emitter = |x, y| (if (x, y) == (20, 20) { grey(brightness) } else { grey(0.0) }, coc);
+                let scene = scene(vec![layer(41, 41, emitter)]);
+                let image = blur_with(method, &scene, 1024, blades);
+                let [sum, place, variance] = moments(&image, 20.0);
+                let case =
+                    format!("{}: c = {coc}, brightness {brightness}, {blades} blades", method.info().name);
+                assert!((sum / f64::from(brightness) - 1.0).abs() < 2e-3, "{case}: energy {sum}");
+                assert!(place.abs() < 0.02, "{case}: centroid off by {place}");
+                // A uniform aperture has variance c²·m, and the pixel adds up to 1/3; a method may round the radius to a
+                // bin of a 32nd of it, by a 64th, which is a 32nd of the variance.
+                let moment = plan(method, &scene, 8, blades).aperture.second_moment();
+                let disc = f64::from(coc).powi(2) * f64::from(moment);
+                let (least, most) = (disc * (1.0 - 1.0 / 32.0), disc * (1.0 + 1.0 / 32.0) + 1.0 / 3.0);
+                assert!((least..most).contains(&variance), "{case}: {variance}, not within {least} … {most}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_blurred_front_lets_the_focused_back_through_at_full_sharpness() {
+    let front =
+        || layer(48, 24, |x, _| if (20..26).contains(&x) { (grey(0.5), -8.0) } else { ([0.0; 4], 0.0) });
+    let back = |value: &dyn Fn(usize, usize) -> f32| layer(48, 24, |x, y| (grey(value(x, y)), 0.0));
+    let checker = |x: usize, y: usize| ((x + y) % 2) as f32;
+    for method in METHODS {
+        let shown =
+            |value: &dyn Fn(usize, usize) -> f32| blur(method, &scene(vec![front(), back(value)]), 256);
+        let (black, white, checkered) = (shown(&|_, _| 0.0), shown(&|_, _| 1.0), shown(&checker));
+        for y in 0..24 {
+            for x in 0..48 {
+                let expected = if checker(x, y) == 1.0 { white.pixel(x, y) } else { black.pixel(x, y) };
+                let found = checkered.pixel(x, y);
+                assert!(
+                    (found[0] - expected[0]).abs() < 1e-5,
+                    "{} at {x}, {y}: {found:?}",
+                    method.info().name
+                );
+            }
+        }
+        // Six columns of front spread over 16: the back shows through even at their middle.
+        let through = white.pixel(23, 12)[0] - black.pixel(23, 12)[0];
+        assert!((0.3..0.7).contains(&through), "{}: {through} of the back shows", method.info().name);
+    }
+}
+
+#[test]
+fn an_opaque_focused_front_hides_a_blurred_back() {
+    for method in METHODS {
+        let front = layer(32, 16, |x, y| (grey(noise(x, y, 4)), 0.0));
+        let back = layer(32, 16, |_, _| (grey(500.0), 12.0));
+        let image = blur(method, &scene(vec![front, back]), 64);
+        let expected = Image::from_fn(32, 16, |x, y| grey(noise(x, y, 4)));
+        let off = difference(&image, &expected);
+        assert!(off < 1e-5, "{}: off by {off}", method.info().name);
+    }
+}
+
+#[test]
+fn light_through_half_a_veil_is_halved() {
+    for method in METHODS {
+        let veil = layer(32, 16, |_, _| ([0.1, 0.1, 0.1, 0.5], -6.0));
+        let wall = layer(32, 16, |_, _| (grey(0.8), 5.0));
+        let image = blur(method, &Scene { kind: StackKind::Coverage, ..scene(vec![veil, wall]) }, 64);
+        let off = difference(&image, &Image::from_fn(32, 16, |_, _| grey(0.1 + 0.5 * 0.8)));
+        assert!(off < 1e-5, "{}: off by {off}", method.info().name);
+    }
+}
+
+#[test]
+fn an_object_before_nothing_keeps_a_transparent_picture() {
+    for method in METHODS {
+        let object = layer(64, 64, |x, y| {
+            let inside = (24..40).contains(&x) && (24..40).contains(&y);
+            (if inside { grey(0.5) } else { [0.0; 4] }, if inside { 5.0 } else { 0.0 })
+        });
+        let image = blur(method, &scene(vec![object]), 256);
+        let alpha: f32 = image.planes[3].values().iter().sum();
+        assert!((alpha - 256.0).abs() < 1.0, "{}: coverage {alpha} of 16 × 16 pixels", method.info().name);
+        for (red, alpha) in image.planes[0].values().iter().zip(image.planes[3].values()) {
+            assert!(
+                (red - 0.5 * alpha).abs() < 1e-5,
+                "{}: colour {red} at coverage {alpha}",
+                method.info().name
+            );
+        }
+        assert_eq!(image.pixel(0, 0), [0.0; 4], "{}: nothing far from it", method.info().name);
+    }
+}
+
+#[test]
+fn a_mirrored_or_turned_scene_gives_the_mirrored_or_turned_picture() {
+    type Place = fn(usize, usize) -> (usize, usize);
+    let places: [Place; 3] = [|x, y| (39 - x, y), |x, y| (x, 39 - y), |x, y| (y, x)];
+    let world = world(40, 40);
+    let moved = |plane: &Plane, place: Place| {
+        Plane::from_fn(40, 40, |x, y| {
+            let (x, y) = place(x, y);
+            plane.get(x, y)
+        })
+    };
+    for method in METHODS {
+        let image = blur(method, &world, 1024);
+        for place in places {
+            let layers = world.layers.iter().map(|layer| Layer {
+                color: layer.color.each_ref().map(|plane| moved(plane, place)),
+                alpha: moved(&layer.alpha, place),
+                coc_px: moved(&layer.coc_px, place),
+            });
+            let mirrored = blur(method, &scene(layers.collect()), 1024);
+            let expected = Image { planes: image.planes.each_ref().map(|plane| moved(plane, place)) };
+            // The views are not symmetric, so the two differ by their sampling error.
+            let db = psnr_db(&mirrored, &expected);
+            assert!(db > 48.0, "{}: {db:.1} dB", method.info().name);
+        }
+    }
+}
+
+#[test]
+fn finite_in_finite_out_however_hostile() {
+    let wild = [0.0, -5.0, 65_504.0, 1e-30, 1e4, f32::MIN_POSITIVE];
+    let alphas = [0.0, 1e-7, 0.3, 0.9995, 1.0];
+    let cocs = [-2000.0, -50.0, -0.5, 0.0, 1e-20, 0.499, 30.0, 900.0];
+    for method in METHODS {
+        for seed in 0..6usize {
+            let pick = |values: &[f32], x: usize, y: usize, k: usize| {
+                values[(noise(x, y, seed * 10 + k) * (values.len() as f32 - 0.01)) as usize]
+            };
+            let make = |k: usize| {
+                layer(23, 11, |x, y| {
+                    let color = pick(&wild, x, y, k);
+                    ([color, -color, color * 0.5, pick(&alphas, x, y, k + 1)], pick(&cocs, x, y, k + 2))
+                })
+            };
+            for views in [1, 3, 64] {
+                let image = blur(method, &scene(vec![make(0), make(3), make(6)]), views);
+                let finite =
+                    image.planes.iter().all(|plane| plane.values().iter().all(|value| value.is_finite()));
+                assert!(finite, "{}: seed {seed}, {views} views", method.info().name);
+                let alpha = image.planes[3].values().iter().all(|alpha| (0.0..=1.0 + 1e-5).contains(alpha));
+                assert!(alpha, "{}: seed {seed}, {views} views: alpha outside 0 … 1", method.info().name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scene_without_fragments_is_a_transparent_picture() {
+    for method in METHODS {
+        let image = blur(method, &scene(vec![layer(8, 5, |_, _| ([0.0; 4], 0.0))]), 16);
+        assert_eq!(image, Image::transparent(8, 5), "{}", method.info().name);
+    }
+}
+
+#[test]
+fn the_result_depends_neither_on_the_number_of_threads_nor_on_the_run() {
+    let world = world(61, 37);
+    for method in METHODS {
+        let with_threads = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| blur(method, &world, 32))
+        };
+        let one = with_threads(1);
+        assert_eq!(one, with_threads(3), "{}: one thread, three threads", method.info().name);
+        assert_eq!(one, with_threads(1), "{}: once, again", method.info().name);
+    }
+}
+
+#[test]
+fn a_small_change_of_focus_makes_a_small_change_of_picture() {
+    let world = world(48, 32);
+    let refocused = |shift: f32| {
+        let mut scene = world.clone();
+        for layer in &mut scene.layers {
+            layer.coc_px.values_mut().iter_mut().for_each(|coc| *coc += shift);
+        }
+        scene
+    };
+    for method in METHODS {
+        let before = blur(method, &refocused(0.0), 256);
+        let after = blur(method, &refocused(0.02), 256);
+        let db = psnr_db(&before, &after);
+        assert!(db > 38.0, "{}: {db:.1} dB apart for 0.02 px", method.info().name);
+    }
+}
+
+#[test]
+fn every_method_converges_to_the_reference() {
+    let reference = thinlens::methods::by_name("accumulate").unwrap();
+    for (world, blades) in [(world(56, 40), 0), (world(40, 56), 5)] {
+        let truth = blur_with(reference, &world, 4096, blades);
+        for method in METHODS {
+            let plan = plan(method, &world, 1024, blades).forced(EffectKind::Prefilter, false);
+            let db = psnr_db(&method.blur(&world, &plan, &|_| {}).unwrap(), &truth);
+            assert!(db > 45.0, "{}: {db:.1} dB from the reference", method.info().name);
+        }
+    }
+}
+
+#[test]
+fn supersampled_layers_blur_as_the_coverage_they_stand_for() {
+    // A slanted edge, far behind focus, at twice the resolution; everything is constant along it.
+    let edge = |x: usize, y: usize| x + y / 2 < 48;
+    let front = layer(96, 64, |x, y| if edge(x, y) { (grey(0.9), -5.0) } else { (grey(0.2), 6.0) });
+    let back = layer(96, 64, |x, y| if edge(x, y) { (grey(0.2), 6.0) } else { ([0.0; 4], 0.0) });
+    let scene = Scene { kind: StackKind::Supersampled, supersample: 2, ..scene(vec![front, back]) };
+    let reference = blur(thinlens::methods::by_name("accumulate").unwrap(), &scene, 1024);
+    for method in METHODS {
+        let image = blur(method, &scene, 1024);
+        assert_eq!((image.width(), image.height()), (48, 32), "{}: picture size", method.info().name);
+        let db = psnr_db(&image, &reference);
+        assert!(db > 40.0, "{}: {db:.1} dB from the samples' own truth", method.info().name);
+    }
+}
