@@ -310,6 +310,7 @@ mod the_report {
             method_reason: "the default".to_owned(),
             views: 64,
             jitter: 1.0,
+            fragment_px: 1.0,
             aperture: Aperture::Disc,
             coc_range_px: [-3.0, 12.5],
             highlight_threshold: f32::INFINITY,

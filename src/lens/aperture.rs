@@ -74,20 +74,26 @@ impl Aperture {
         Vec2::from_angle(self.side_angle(side)).rotate(upright)
     }
 
-    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point`; negative outside.
+    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point` (negative outside), and the unit
+    /// normal of the edge nearest to it.
     ///
     /// A negative scale turns the shape by 180°.
-    pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
+    pub fn nearest_edge(&self, point: Vec2, scale: f32) -> (f32, Vec2) {
         match *self {
-            Self::Disc => scale.abs() - point.length(),
+            Self::Disc => (scale.abs() - point.length(), point.normalize_or(Vec2::X)),
             Self::Polygon { blades, .. } => {
                 let wedge = TAU / blades as f32;
                 let point = if scale < 0.0 { -point } else { point };
                 let side = (self.angle_from_side(point) / wedge).round();
                 let normal = Vec2::from_angle(self.side_angle(side));
-                scale.abs() * (0.5 * wedge).cos() - normal.dot(point)
+                (scale.abs() * (0.5 * wedge).cos() - normal.dot(point), normal)
             }
         }
+    }
+
+    /// The depth of [`nearest_edge`](Self::nearest_edge).
+    pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
+        self.nearest_edge(point, scale).0
     }
 
     /// Angle of `point` from the normal of side 0, in `u` coordinates.

@@ -51,6 +51,9 @@ pub struct Plan {
     /// Where in the pixel the views lie, as a share of its width: 1 for samples at points, less for colours that are
     /// averages over the pixel already.
     pub jitter: f32,
+    /// Width of the square that a fragment stands for, in picture pixels; 0 when its colour is an average over the pixel,
+    /// which has softened every edge already.
+    pub fragment_px: f32,
     /// The aperture's shape.
     pub aperture: Aperture,
     /// Smallest and largest signed CoC radius in picture pixels.
@@ -110,6 +113,10 @@ impl Plan {
             method_reason,
             views,
             jitter: if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 },
+            fragment_px: match facts.kind {
+                StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
+                StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
+            },
             aperture: Aperture::new(settings.blades.value, settings.rotation_deg.value)?,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,

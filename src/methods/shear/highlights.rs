@@ -1,8 +1,8 @@
 //! Bright points as exact discs: a few views would show a point a thousand times brighter than its surroundings as dots.
 //!
 //! [`extract`] takes the excess of a bright, blurred fragment over its surroundings out of its surface; [`draw`] adds it
-//! back as the aperture's shape of radius `|c|`, with a linear edge one pixel wide, energy `e / (A c²)` a pixel (`A` the
-//! aperture's area at radius 1). Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray
+//! back as the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel and of the fragment, energy
+//! `e / (A c²)` a pixel (`A` the aperture's area at radius 1). Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray
 //! of picture point `p` and highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine
 //! in `p`: a run stays a run.
 
@@ -11,6 +11,7 @@ use super::runs::{Run, Runs};
 use super::surfaces::{Padded, Surface};
 use crate::image::Image;
 use crate::lens::Aperture;
+use crate::scene::Plan;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -35,14 +36,18 @@ pub(super) struct Highlight {
     pub(super) coc_px: f32,
     /// Light over that of its surroundings, summed over the fragment's area in picture pixels.
     pub(super) energy: [f32; 3],
+    /// Width of the fragment in picture pixels, see [`Plan::fragment_px`](crate::scene::Plan::fragment_px).
+    pub(super) size_px: f32,
 }
 
-/// Takes what is brighter than `threshold` out of `surfaces`, `supersample` samples a picture pixel along each axis.
-pub(super) fn extract(surfaces: &mut [Surface<'_>], threshold: f32, supersample: usize) -> Vec<Highlight> {
-    surfaces.iter_mut().flat_map(|surface| extract_from(surface, threshold, supersample)).collect()
+/// Takes what is brighter than the plan's threshold out of `surfaces`, `supersample` samples a picture pixel along each
+/// axis.
+pub(super) fn extract(surfaces: &mut [Surface<'_>], plan: &Plan, supersample: usize) -> Vec<Highlight> {
+    surfaces.iter_mut().flat_map(|surface| extract_from(surface, plan, supersample)).collect()
 }
 
-fn extract_from(surface: &mut Surface<'_>, threshold: f32, supersample: usize) -> Vec<Highlight> {
+fn extract_from(surface: &mut Surface<'_>, plan: &Plan, supersample: usize) -> Vec<Highlight> {
+    let threshold = plan.highlight_threshold;
     let view = &*surface;
     let found: Vec<(usize, usize, [f32; 3])> = (0..view.height())
         .into_par_iter()
@@ -59,6 +64,7 @@ fn extract_from(surface: &mut Surface<'_>, threshold: f32, supersample: usize) -
                 place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
                 coc_px: surface.coc_px.get(x, y),
                 energy: std::array::from_fn(|k| (color[k] - base[k]) / samples),
+                size_px: plan.fragment_px,
             }
         })
         .collect()
@@ -152,8 +158,9 @@ impl<'a> Disc<'a> {
         let pixels = if coc.abs() < SUMMED_BELOW_PX {
             disc.summed_coverage()
         } else {
-            // The linear edge adds 1/12 to the squared radius of a disc.
-            aperture.area() * (coc * coc + 1.0 / 12.0)
+            // An edge softened by a kernel of variance v covers as much as a squared radius larger by v.
+            let variance = (1.0 + highlight.size_px * highlight.size_px) / 12.0;
+            aperture.area() * (coc * coc + variance)
         };
         disc.light = highlight.energy.map(|energy| energy / pixels);
         disc
@@ -161,13 +168,15 @@ impl<'a> Disc<'a> {
 
     /// Radius within which the disc and its edge lie.
     fn reach(&self) -> f32 {
-        self.highlight.coc_px.abs() + 0.5
+        // Half the diagonals of pixel and fragment past the edge.
+        self.highlight.coc_px.abs() + std::f32::consts::FRAC_1_SQRT_2 * (1.0 + self.highlight.size_px)
     }
 
     /// Share of the pixel at `x, y` that the unhidden disc covers.
     fn coverage(&self, x: f32, y: f32) -> f32 {
         let lens = self.highlight.place - Vec2::new(x, y); // q − p = c·u
-        (self.aperture.depth_inside(lens, self.highlight.coc_px) + 0.5).clamp(0.0, 1.0)
+        let (depth, normal) = self.aperture.nearest_edge(lens, self.highlight.coc_px);
+        edge_coverage(depth, normal, self.highlight.size_px)
     }
 
     fn summed_coverage(&self) -> f32 {
@@ -234,6 +243,31 @@ impl<'a> Disc<'a> {
             }
         }
     }
+}
+
+/// Share of a pixel that lies inside a straight edge, `depth` inside it on average, when fragments are squares `size_px`
+/// wide: the edge seen through the square of the pixel and that of the fragment.
+///
+/// Across the edge's steeper axis that is [`soft_step`]; the other axis shifts the edge by up to its share of the normal,
+/// which nine shifts, three for each square, stand for.
+fn edge_coverage(depth: f32, normal: Vec2, size_px: f32) -> f32 {
+    let (steep, shallow) = (normal.abs().max_element(), normal.abs().min_element());
+    let reach = 0.5 * (1.0 + size_px) * (steep + shallow);
+    if depth.abs() >= reach {
+        return f32::from(depth > 0.0);
+    }
+    let thirds = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
+    let shifts = thirds.into_iter().flat_map(|pixel| thirds.map(|fragment| pixel + size_px * fragment));
+    shifts.map(|shift| soft_step((depth + shallow * shift) / steep, size_px)).sum::<f32>() / 9.0
+}
+
+/// A step at 0, seen through a box 1 wide and one `size_px` wide: the integral of the trapezoid that the two make.
+fn soft_step(depth: f32, size_px: f32) -> f32 {
+    let (flat, end) = (0.5 * (1.0 - size_px), 0.5 * (1.0 + size_px));
+    let from_end = (end - depth.abs()).max(0.0);
+    let sloped = depth.abs() > flat && size_px > 0.0;
+    let outer = if sloped { from_end * from_end / (2.0 * size_px) } else { (0.5 - depth.abs()).max(0.0) };
+    if depth > 0.0 { 1.0 - outer } else { outer }
 }
 
 /// `p = offset + scale · s`: where a column of an occluder's row lies in the picture, seen from the highlight.

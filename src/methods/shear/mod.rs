@@ -90,7 +90,7 @@ impl Method for Shear {
 fn load<'a>(scene: &'a Scene, plan: &Plan) -> (Vec<Surface<'a>>, Vec<Highlight>) {
     let mut surfaces: Vec<Surface<'a>> = scene.layers.iter().map(Surface::of).collect();
     let highlights = if plan.does(EffectKind::Highlights) {
-        highlights::extract(&mut surfaces, plan.highlight_threshold, scene.supersample)
+        highlights::extract(&mut surfaces, plan, scene.supersample)
     } else {
         Vec::new()
     };
