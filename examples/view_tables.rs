@@ -11,8 +11,8 @@ use std::f32::consts::PI;
 
 /// CoC radii at which `j + c·u` shall be even; the last stands for the lens alone.
 const RADII: [f32; 10] = [0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, f32::INFINITY];
-const STEPS: usize = 700;
-const SLICES: usize = 6;
+const STEPS: usize = 3000;
+const SLICES: usize = 12;
 
 type Point = (Vec2, Vec2);
 

@@ -235,7 +235,7 @@ fn an_output_that_is_an_input() {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(STACK, folder.path().join("in.exr")).unwrap();
     let before = fs::read(STACK).unwrap();
-    let arguments = [&["render", "in.exr", "--force", "-o", "./in.exr"], &LENS[..]].concat();
+    let arguments = [&["render", "in.exr", "-o", "./in.exr"], &LENS[..]].concat();
     let words = ["the output is one of the inputs", "help: "];
     assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["in.exr"]);
     assert!(fs::read(folder.path().join("in.exr")).unwrap() == before, "the input is untouched");

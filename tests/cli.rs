@@ -141,18 +141,17 @@ fn a_render_with_json_prints_its_report_and_the_origin_of_every_value() {
 }
 
 #[test]
-fn an_existing_output_is_replaced_only_by_force() {
+fn an_existing_output_survives_a_failed_render_and_gives_way_to_a_good_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.exr");
     fs::write(&out, "precious").unwrap();
-    let arguments = ["render", STACK, "-o", "out.exr", "--focus", "6", "--views", "4"];
-    let refused = run(folder.path(), &arguments);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(stderr(&refused).contains("help: add --force"), "{}", stderr(&refused));
+    let arguments = ["render", STACK, "-o", "out.exr", "--views", "4"];
+    let failed = run(folder.path(), &[&arguments[..], &["--focus", "0.001"]].concat());
+    assert_eq!(failed.status.code(), Some(1));
     assert_eq!(fs::read(&out).unwrap(), b"precious");
-    let forced = [&arguments[..], &["--force"]].concat();
-    assert_eq!(run(folder.path(), &forced).status.code(), Some(0));
-    assert_ne!(fs::read(&out).unwrap(), b"precious");
+    assert_eq!(run(folder.path(), &[&arguments[..], &["--focus", "6"]].concat()).status.code(), Some(0));
+    assert_eq!(fs::read(&out).unwrap()[..4], [0x76, 0x2f, 0x31, 0x01]);
+    assert_eq!(names(folder.path()), ["out.exr"]);
 }
 
 #[test]

@@ -4,24 +4,14 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::output::atomic;
 
-/// Checks that `output` can become a file: it is not one of `inputs`, nothing stands in its place that `force` does not
-/// allow to replace, and its folder can be written.
+/// Checks that `output` can become a file: it is not one of `inputs`, and its folder can be written. A file that stands in
+/// its place will be replaced, as a whole and only at the end.
 ///
 /// # Errors
 /// Which of these does not hold.
-pub(super) fn output<'a>(
-    output: &Path,
-    inputs: impl Iterator<Item = &'a PathBuf>,
-    force: bool,
-) -> Result<(), Error> {
+pub(super) fn output<'a>(output: &Path, inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
     not_an_input(output, inputs)?;
-    atomic::check_writable(output)?;
-    if output.is_file() && !force {
-        return Err(Error::output("the output exists already")
-            .in_file(output)
-            .help("add --force to replace it, or choose another name"));
-    }
-    Ok(())
+    atomic::check_writable(output)
 }
 
 fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
@@ -40,21 +30,16 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
 mod tests {
     use super::*;
 
-    fn check(path: &Path, inputs: &[PathBuf], force: bool) -> Result<(), String> {
-        output(path, inputs.iter(), force).map_err(|error| error.to_string())
+    fn check(path: &Path, inputs: &[PathBuf]) -> Result<(), String> {
+        output(path, inputs.iter()).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn a_new_file_in_a_folder_passes() {
+    fn a_new_file_in_a_folder_passes_and_so_does_one_to_replace() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(check(&folder.path().join("out.exr"), &[], false), Ok(()));
-    }
-
-    #[test]
-    fn an_existing_file_is_replaced_only_by_force() {
+        assert_eq!(check(&folder.path().join("out.exr"), &[]), Ok(()));
         let file = tempfile::NamedTempFile::new().unwrap();
-        assert!(check(file.path(), &[], false).unwrap_err().contains("--force"));
-        assert_eq!(check(file.path(), &[], true), Ok(()));
+        assert_eq!(check(file.path(), &[]), Ok(()));
     }
 
     #[test]
@@ -63,20 +48,20 @@ mod tests {
         let input = folder.path().join("in.exr");
         std::fs::write(&input, "").unwrap();
         let same = folder.path().join(".").join("in.exr");
-        assert!(check(&same, std::slice::from_ref(&input), true).unwrap_err().contains("one of the inputs"));
+        assert!(check(&same, std::slice::from_ref(&input)).unwrap_err().contains("one of the inputs"));
         #[cfg(unix)]
         {
             let link = folder.path().join("link.exr");
             std::os::unix::fs::symlink(&input, &link).unwrap();
-            assert!(check(&link, &[input], true).unwrap_err().contains("one of the inputs"));
+            assert!(check(&link, &[input]).unwrap_err().contains("one of the inputs"));
         }
     }
 
     #[test]
     fn a_folder_is_no_output_and_a_missing_folder_holds_none() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(check(folder.path(), &[], true).unwrap_err().contains("is a folder"));
-        let message = check(&folder.path().join("no/out.exr"), &[], false).unwrap_err();
+        assert!(check(folder.path(), &[]).unwrap_err().contains("is a folder"));
+        let message = check(&folder.path().join("no/out.exr"), &[]).unwrap_err();
         assert!(message.contains("does not exist"), "{message}");
     }
 }

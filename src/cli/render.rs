@@ -18,7 +18,7 @@ const EXAMPLES: &str = "\
 Examples:
   thinlens render stack.exr -o out.exr --focal-length 85 --f-number 1.4 --focus 6
   thinlens render beauty.exr --depth-file depth.exr -o out.png --preset portrait --focus-at 960,540
-  thinlens render peel0.exr peel1.exr peel2.exr -o out.exr --preset my-lens.toml --report out.json --force";
+  thinlens render peel0.exr peel1.exr peel2.exr -o out.exr --preset my-lens.toml --report out.json";
 
 /// Put a lens on a stack
 #[derive(Debug, Args)]
@@ -58,9 +58,6 @@ struct OutputArgs {
     /// Print the report on standard output
     #[arg(long)]
     json: bool,
-    /// Replace files that exist
-    #[arg(long)]
-    force: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -127,7 +124,7 @@ impl OutputArgs {
                 return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
             }
             seen.push(path);
-            checks::output(path, inputs.clone(), self.force)?;
+            checks::output(path, inputs.clone())?;
         }
         Ok(target)
     }

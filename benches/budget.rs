@@ -1,0 +1,147 @@
+//! What a render may cost: CPU seconds of the blur, how they grow with the blur's size, and memory.
+//!
+//! `cargo bench --bench budget` makes a 1080p stack of four peels; with the environment variable `THINLENS_STACK` it takes
+//! that file, with its lens from `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
+//! which a process of its own measures.
+
+use std::path::PathBuf;
+use std::process::Command;
+use thinlens::image::Plane;
+use thinlens::methods;
+use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
+use thinlens::render::{Job, NamedPreset, prepare};
+use thinlens::scene::{Layer, Plan, Scene};
+use thinlens::settings::{MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::stack::{Source, StackKind};
+
+const RUNS: usize = 5;
+const MEMORY_FLAG: &str = "--measure-memory";
+
+fn main() {
+    if std::env::args().any(|argument| argument == MEMORY_FLAG) {
+        return measure_memory();
+    }
+    let (scene, read_seconds) = scene();
+    println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
+    println!("views    CPU s   wall s");
+    for views in [16, 64, 256] {
+        let (cpu, wall) = blur(&scene, views);
+        println!("{views:5}   {cpu:6.3}   {wall:6.3}");
+        if let (64, Some(read)) = (views, read_seconds) {
+            println!("         blur / read: {:.2} (wall)", wall / read);
+        }
+    }
+    println!("CoC px   CPU s at 64 views");
+    let smallest = blur(&scaled(&scene, 16.0), 64).0;
+    println!("   16   {smallest:6.3}");
+    for coc in [32.0, 64.0, 128.0] {
+        let cpu = blur(&scaled(&scene, coc), 64).0;
+        println!("{coc:5}   {cpu:6.3}   {:.2} times that of 16 px", cpu / smallest);
+    }
+    drop(scene);
+    memory();
+}
+
+/// Median CPU and wall seconds of blurring `scene`.
+fn blur(scene: &Scene, views: usize) -> (f64, f64) {
+    let plan = plan(scene, views);
+    let method = methods::by_name("shear").expect("the registry has it");
+    let runs: Vec<(f64, f64)> = (0..RUNS)
+        .map(|_| {
+            let watch = Stopwatch::start();
+            method.blur(scene, &plan, &|_| {}).expect("the CPU does not fail");
+            (watch.cpu_seconds(), watch.seconds())
+        })
+        .collect();
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[RUNS / 2]
+    };
+    (median(runs.iter().map(|run| run.0).collect()), median(runs.iter().map(|run| run.1).collect()))
+}
+
+fn plan(scene: &Scene, views: usize) -> Plan {
+    let values = Values { views: Some(views), ..Values::default() };
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+    Plan::decide(&scene.facts(), &settings).expect("defaults make a plan")
+}
+
+/// The scene to measure with, and the wall seconds of reading it if it was read.
+fn scene() -> (Scene, Option<f64>) {
+    let Ok(stack) = std::env::var("THINLENS_STACK") else { return (made(1920, 1080), None) };
+    let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
+        preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)
+            .unwrap_or_else(|error| panic!("{error}")),
+        name: path,
+    });
+    let job = Job { sources: vec![Source::File(PathBuf::from(stack))], preset, ..Job::default() };
+    let prepared = prepare(&job).unwrap_or_else(|error| panic!("{error}"));
+    (prepared.scene, Some(prepared.clock.seconds().read))
+}
+
+/// Four layers: rows of upright bars before and behind focus over a slanted floor and a far wall.
+fn made(width: usize, height: usize) -> Scene {
+    let hash = |x: usize, y: usize, seed: usize| {
+        let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+        ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
+    };
+    let floor = |y: usize| 14.0 - 50.0 * y as f32 / height as f32;
+    // Surfaces from near to far, each present where its pattern says so; a pixel's layers are the first four.
+    let surface = |x: usize, y: usize, k: usize| match k {
+        0..=5 => {
+            let bar = (x + 97 * k) % (160 + 30 * k) < 40 + 8 * k && y > height / 5;
+            bar.then_some(-37.0 + 8.5 * k as f32)
+        }
+        6 => (y > height / 2).then(|| floor(y)),
+        _ => Some(15.0),
+    };
+    let fragment = |x: usize, y: usize, layer: usize| {
+        (0..8).filter_map(|k| surface(x, y, k).map(|coc| (coc, k))).nth(layer)
+    };
+    let layers = (0..4)
+        .map(|layer| Layer {
+            color: std::array::from_fn(|channel| {
+                Plane::from_fn(width, height, |x, y| {
+                    fragment(x, y, layer).map_or(0.0, |(_, k)| 0.9 * hash(x / 4, y / 4, 3 * k + channel))
+                })
+            }),
+            alpha: Plane::from_fn(width, height, |x, y| f32::from(u8::from(fragment(x, y, layer).is_some()))),
+            coc_px: Plane::from_fn(width, height, |x, y| fragment(x, y, layer).map_or(0.0, |(coc, _)| coc)),
+        })
+        .collect();
+    Scene { layers, kind: StackKind::PointSampled, supersample: 1, limited_fragments: 0 }
+}
+
+/// `scene` with its CoC radii scaled so that the largest is `coc` pixels.
+fn scaled(scene: &Scene, coc: f32) -> Scene {
+    let [near, far] = scene.facts().coc_range_px;
+    let factor = coc / near.abs().max(far.abs());
+    let mut scene = scene.clone();
+    for layer in &mut scene.layers {
+        layer.coc_px.values_mut().iter_mut().for_each(|value| *value *= factor);
+    }
+    scene
+}
+
+/// Runs this program again for memory alone, so that nothing measured before counts.
+fn memory() {
+    let program = std::env::current_exe().expect("this program's path");
+    let status = Command::new(program).arg(MEMORY_FLAG).status().expect("this program runs");
+    assert!(status.success(), "the memory run failed: {status}");
+}
+
+/// Blurs once and compares the process's peak memory with the decoded stack.
+fn measure_memory() {
+    let (scene, _) = scene();
+    let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
+    let plan = plan(&scene, 64);
+    let method = methods::by_name("shear").expect("the registry has it");
+    method.blur(&scene, &plan, &|_| {}).expect("the CPU does not fail");
+    let Some(peak) = peak_memory_bytes() else { return println!("peak memory: not known on this system") };
+    let ratio = peak as f64 / stack_bytes as f64;
+    println!(
+        "peak memory {} MiB, {ratio:.2} times the decoded stack of {} MiB",
+        peak >> 20,
+        stack_bytes >> 20
+    );
+}
