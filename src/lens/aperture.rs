@@ -74,26 +74,28 @@ impl Aperture {
         Vec2::from_angle(self.side_angle(side)).rotate(upright)
     }
 
-    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point` (negative outside), and the unit
-    /// normal of the edge nearest to it.
+    /// The two edges nearest to `point` of the shape scaled by `scale`: how deep inside of each `point` lies, in its own units
+    /// (negative outside), and the edge's unit normal. A disc has one edge; its second is infinitely far.
     ///
     /// A negative scale turns the shape by 180°.
-    pub fn nearest_edge(&self, point: Vec2, scale: f32) -> (f32, Vec2) {
-        match *self {
-            Self::Disc => (scale.abs() - point.length(), point.normalize_or(Vec2::X)),
-            Self::Polygon { blades, .. } => {
-                let wedge = TAU / blades as f32;
-                let point = if scale < 0.0 { -point } else { point };
-                let side = (self.angle_from_side(point) / wedge).round();
-                let normal = Vec2::from_angle(self.side_angle(side));
-                (scale.abs() * (0.5 * wedge).cos() - normal.dot(point), normal)
-            }
-        }
+    pub fn nearest_edges(&self, point: Vec2, scale: f32) -> [(f32, Vec2); 2] {
+        let Self::Polygon { blades, .. } = *self else {
+            return [(scale.abs() - point.length(), point.normalize_or(Vec2::X)), (f32::INFINITY, Vec2::X)];
+        };
+        let wedge = TAU / blades as f32;
+        let point = if scale < 0.0 { -point } else { point };
+        let position = self.angle_from_side(point) / wedge;
+        let nearest = position.round();
+        let next = nearest + if position < nearest { -1.0 } else { 1.0 };
+        [nearest, next].map(|side| {
+            let normal = Vec2::from_angle(self.side_angle(side));
+            (scale.abs() * (0.5 * wedge).cos() - normal.dot(point), normal)
+        })
     }
 
-    /// The depth of [`nearest_edge`](Self::nearest_edge).
+    /// How deep `point` lies inside the shape scaled by `scale`: the first depth of [`nearest_edges`](Self::nearest_edges).
     pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
-        self.nearest_edge(point, scale).0
+        self.nearest_edges(point, scale)[0].0
     }
 
     /// Angle of `point` from the normal of side 0, in `u` coordinates.

@@ -162,3 +162,50 @@ impl Mean {
         Cell { color: self.color.map(|sum| sum / self.weight), coc_px: self.coc_px / self.weight, weight }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A near stripe of red over a far green wall, the wall unknown behind the stripe.
+    fn stripe() -> Surface<'static> {
+        let near = |x: usize| (28..36).contains(&x);
+        let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 32, |x, _| f(x));
+        let color = [
+            plane(&|x| f32::from(u8::from(near(x)))),
+            plane(&|x| f32::from(u8::from(!near(x)))),
+            plane(&|_| 0.0),
+        ];
+        Surface::made(&color, plane(&|_| 1.0), plane(&|x| if near(x) { -20.0 } else { 6.0 }))
+    }
+
+    #[test]
+    fn behind_a_near_stripe_lies_what_surrounds_it() {
+        let guess = guess(&[stripe()]).unwrap();
+        for x in 28..36 {
+            assert_eq!(guess.alpha.get(x, 16), 1.0, "column {x} is filled");
+            assert!((guess.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
+            assert!(guess.color.pixel(x, 16)[0] < 1e-6, "column {x} has nothing of the stripe's red");
+            assert!((guess.color.pixel(x, 16)[1] - 1.0).abs() < 1e-5, "column {x} is the wall's green");
+        }
+    }
+
+    #[test]
+    fn behind_the_farthest_surface_there_is_nothing() {
+        let guess = guess(&[stripe()]).unwrap();
+        assert_eq!(guess.alpha.get(5, 16), 0.0, "no guess behind the wall");
+    }
+
+    #[test]
+    fn what_no_ray_can_reach_is_not_guessed() {
+        // A stripe hardly nearer than the wall: rays part by less than the surroundings are away.
+        let near = |x: usize| (8..56).contains(&x);
+        let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 64, |x, _| f(x));
+        let surface = Surface::made(
+            &[plane(&|_| 1.0), plane(&|_| 1.0), plane(&|_| 1.0)],
+            plane(&|_| 1.0),
+            plane(&|x| if near(x) { 0.0 } else { 3.0 }),
+        );
+        assert_eq!(guess(&[surface]).unwrap().alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
+    }
+}

@@ -36,8 +36,6 @@ pub(super) struct Highlight {
     pub(super) coc_px: f32,
     /// Light over that of its surroundings, summed over the fragment's area in picture pixels.
     pub(super) energy: [f32; 3],
-    /// Width of the fragment in picture pixels, see [`Plan::fragment_px`](crate::scene::Plan::fragment_px).
-    pub(super) size_px: f32,
 }
 
 /// Takes what is brighter than the plan's threshold out of `surfaces`, `supersample` samples a picture pixel along each
@@ -64,7 +62,6 @@ fn extract_from(surface: &mut Surface<'_>, plan: &Plan, supersample: usize) -> V
                 place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
                 coc_px: surface.coc_px.get(x, y),
                 energy: std::array::from_fn(|k| (color[k] - base[k]) / samples),
-                size_px: plan.fragment_px,
             }
         })
         .collect()
@@ -106,6 +103,8 @@ fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f
 /// What [`draw`] reads beside the highlights.
 #[derive(Debug)]
 pub(super) struct Occluders<'a> {
+    /// Width of the picture.
+    pub(super) width: usize,
     /// The runs of all surfaces.
     pub(super) runs: &'a Runs,
     /// Their bins.
@@ -114,15 +113,10 @@ pub(super) struct Occluders<'a> {
     pub(super) alpha: &'a [Padded<1>],
 }
 
-/// Adds the discs of `highlights` to `image`.
-pub(super) fn draw(
-    image: &mut Image,
-    highlights: &[Highlight],
-    aperture: Aperture,
-    occluders: &Occluders<'_>,
-) {
+/// Adds the discs of `highlights`, each in the shape of `bokeh`, to `image`.
+pub(super) fn draw(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh, occluders: &Occluders<'_>) {
     let (width, height) = (image.width(), image.height());
-    let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, aperture)).collect();
+    let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, bokeh)).collect();
     let [red, green, blue, _] = &mut image.planes;
     red.values_mut()
         .par_chunks_mut(width * STRIP)
@@ -143,49 +137,78 @@ pub(super) fn draw(
         });
 }
 
+/// The shape of a blurred point.
+#[derive(Debug)]
+pub(super) struct Bokeh {
+    aperture: Aperture,
+    /// Width of the fragment, see [`Plan::fragment_px`].
+    fragment_px: f32,
+    /// What softening takes from the corners, in pixels: the same for every radius that keeps the corners apart.
+    corner_loss_px: f32,
+}
+
+impl Bokeh {
+    /// The shape that `aperture` gives fragments `fragment_px` wide.
+    pub(super) fn new(aperture: Aperture, fragment_px: f32) -> Self {
+        let bokeh = Self { aperture, fragment_px, corner_loss_px: 0.0 };
+        let radius = 2.0 * SUMMED_BELOW_PX;
+        Self { corner_loss_px: bokeh.pixels(radius) - bokeh.summed_pixels(Vec2::ZERO, radius), ..bokeh }
+    }
+
+    /// Radius within which the shape of radius `coc_px` and its edge lie.
+    fn reach(&self, coc_px: f32) -> f32 {
+        // Half the diagonals of pixel and fragment past the edge.
+        coc_px.abs() + std::f32::consts::FRAC_1_SQRT_2 * (1.0 + self.fragment_px)
+    }
+
+    /// Share of a pixel that the shape of radius `coc_px` covers, `offset` from the pixel to the point.
+    fn coverage(&self, offset: Vec2, coc_px: f32) -> f32 {
+        // At a corner two edges cover, each on its own.
+        let edges = self.aperture.nearest_edges(offset, coc_px); // q − p = c·u
+        edges.map(|(depth, normal)| edge_coverage(depth, normal, self.fragment_px)).iter().product()
+    }
+
+    /// Pixels that the shape of radius `coc_px` covers.
+    fn pixels(&self, coc_px: f32) -> f32 {
+        // An edge softened by a kernel of variance v covers as much as a squared radius larger by v.
+        let variance = (1.0 + self.fragment_px * self.fragment_px) / 12.0;
+        self.aperture.area() * (coc_px * coc_px + variance) - self.corner_loss_px
+    }
+
+    /// The same, pixel by pixel for a point at `place`: what small shapes need.
+    fn summed_pixels(&self, place: Vec2, coc_px: f32) -> f32 {
+        let reach = self.reach(coc_px);
+        let range = |centre: f32| (centre - reach).ceil() as i32..=(centre + reach).floor() as i32;
+        range(place.y)
+            .flat_map(|y| range(place.x).map(move |x| Vec2::new(x as f32, y as f32)))
+            .map(|pixel| self.coverage(place - pixel, coc_px))
+            .sum()
+    }
+}
+
 /// A highlight about to be drawn.
 struct Disc<'a> {
     highlight: &'a Highlight,
-    aperture: Aperture,
+    bokeh: &'a Bokeh,
     /// Light of one fully covered pixel.
     light: [f32; 3],
 }
 
 impl<'a> Disc<'a> {
-    fn new(highlight: &'a Highlight, aperture: Aperture) -> Self {
-        let mut disc = Self { highlight, aperture, light: [0.0; 3] };
-        let coc = highlight.coc_px;
-        let pixels = if coc.abs() < SUMMED_BELOW_PX {
-            disc.summed_coverage()
-        } else {
-            // An edge softened by a kernel of variance v covers as much as a squared radius larger by v.
-            let variance = (1.0 + highlight.size_px * highlight.size_px) / 12.0;
-            aperture.area() * (coc * coc + variance)
-        };
-        disc.light = highlight.energy.map(|energy| energy / pixels);
-        disc
+    fn new(highlight: &'a Highlight, bokeh: &'a Bokeh) -> Self {
+        let coc_px = highlight.coc_px;
+        let summed = coc_px.abs() < SUMMED_BELOW_PX;
+        let pixels = if summed { bokeh.summed_pixels(highlight.place, coc_px) } else { bokeh.pixels(coc_px) };
+        Self { highlight, bokeh, light: highlight.energy.map(|energy| energy / pixels) }
     }
 
-    /// Radius within which the disc and its edge lie.
     fn reach(&self) -> f32 {
-        // Half the diagonals of pixel and fragment past the edge.
-        self.highlight.coc_px.abs() + std::f32::consts::FRAC_1_SQRT_2 * (1.0 + self.highlight.size_px)
+        self.bokeh.reach(self.highlight.coc_px)
     }
 
     /// Share of the pixel at `x, y` that the unhidden disc covers.
-    fn coverage(&self, x: f32, y: f32) -> f32 {
-        let lens = self.highlight.place - Vec2::new(x, y); // q − p = c·u
-        let (depth, normal) = self.aperture.nearest_edge(lens, self.highlight.coc_px);
-        edge_coverage(depth, normal, self.highlight.size_px)
-    }
-
-    fn summed_coverage(&self) -> f32 {
-        let (place, reach) = (self.highlight.place, self.reach());
-        let range = |centre: f32| (centre - reach).ceil() as i32..=(centre + reach).floor() as i32;
-        range(place.y)
-            .flat_map(|y| range(place.x).map(move |x| (x, y)))
-            .map(|(x, y)| self.coverage(x as f32, y as f32))
-            .sum()
+    fn coverage(&self, x: usize, y: usize) -> f32 {
+        self.bokeh.coverage(self.highlight.place - Vec2::new(x as f32, y as f32), self.highlight.coc_px)
     }
 
     fn touches(&self, first_row: usize, end_row: usize) -> bool {
@@ -211,7 +234,7 @@ impl<'a> Disc<'a> {
         seen.resize(end - first, 1.0);
         self.hide(y, first, seen, occluders);
         for (x, &seen) in (first..end).zip(seen.iter()) {
-            let share = seen * self.coverage(x as f32, y as f32);
+            let share = seen * self.coverage(x, y);
             if share > 0.0 {
                 for (plane, light) in row.iter_mut().zip(self.light) {
                     plane[x] += light * share;
@@ -232,14 +255,11 @@ impl<'a> Disc<'a> {
             }
             let f = bin_coc / coc_px;
             let row = ((y as f32) * (1.0 - f) + place.y * f + 0.5).floor();
-            if row < 0.0 || row >= height as f32 {
-                continue;
-            }
-            let row = row as usize;
+            let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
             for run in occluders.runs.rows[row].of_bin(bin) {
                 let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(0, row));
-                hide_behind(run, map, first, seen, alpha);
+                hide_behind(run, occluders.columns_of(run), map, (first, &mut *seen), alpha);
             }
         }
     }
@@ -277,9 +297,25 @@ struct Affine {
     scale: f32,
 }
 
-/// Takes what `run` hides from `seen`, with fractional ends; `alpha` is the coverage of a translucent run's row.
-fn hide_behind(run: &Run, map: Affine, first: usize, seen: &mut [f32], alpha: Option<&[f32]>) {
-    let ends = [run.start as f32 - 0.5, run.end as f32 - 0.5].map(|s| map.offset + map.scale * s);
+impl Occluders<'_> {
+    /// From where to where `run` reaches, in columns: for ever, where it ends at the picture's border.
+    fn columns_of(&self, run: &Run) -> [f32; 2] {
+        let start = if run.start == 0 { f32::NEG_INFINITY } else { run.start as f32 - 0.5 };
+        let end = if run.end as usize == self.width { f32::INFINITY } else { run.end as f32 - 0.5 };
+        [start, end]
+    }
+}
+
+/// Takes what `run`, which reaches over `columns`, hides from the columns `seen` (the first column, and what is seen of each),
+/// with fractional ends; `alpha` is the coverage of the run's row if it lets light through.
+fn hide_behind(
+    run: &Run,
+    columns: [f32; 2],
+    map: Affine,
+    (first, seen): (usize, &mut [f32]),
+    alpha: Option<&[f32]>,
+) {
+    let ends = columns.map(|s| map.offset + map.scale * s);
     let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
     let last = first + seen.len() - 1;
     if to < first as f32 - 0.5 || from > last as f32 + 0.5 {
@@ -291,9 +327,95 @@ fn hide_behind(run: &Run, map: Affine, first: usize, seen: &mut [f32], alpha: Op
         let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
         let opacity = alpha.map_or(1.0, |row| {
             let source = (x as f32 - map.offset) / map.scale;
-            row[(source + 0.5).floor().clamp(run.start as f32, run.end as f32 - 1.0) as usize]
+            row[(source.round() as usize).clamp(run.start as usize, run.end as usize - 1)]
         });
         let seen = &mut seen[x - first];
         *seen = (*seen - covered * opacity).max(0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::methods::shear::runs;
+
+    const SIZE: usize = 64;
+
+    /// The disc of one highlight of energy 1 at the middle, behind a wall of CoC radius −10 where `wall` says so.
+    fn drawn(coc_px: f32, size_px: f32, aperture: Aperture, wall: impl Fn(usize) -> f32) -> Image {
+        let zeros = || Plane::zeros(SIZE, SIZE);
+        let alpha = Plane::from_fn(SIZE, SIZE, |x, _| wall(x));
+        let surface = Surface::made(&[zeros(), zeros(), zeros()], alpha, Plane::filled(SIZE, SIZE, -10.0));
+        let padded = [Padded::copy_of([surface.alpha.as_ref()])];
+        let bins = Bins::new([-10.0, 20.0], 0.5);
+        let runs = runs::find(&[surface], &bins);
+        let highlight = Highlight { place: Vec2::splat(32.0), coc_px, energy: [1.0; 3] };
+        let mut image = Image::transparent(SIZE, SIZE);
+        draw(
+            &mut image,
+            &[highlight],
+            &Bokeh::new(aperture, size_px),
+            &Occluders { width: SIZE, runs: &runs, bins: &bins, alpha: &padded },
+        );
+        image
+    }
+
+    fn energy(image: &Image) -> f32 {
+        image.planes[1].values().iter().sum()
+    }
+
+    #[test]
+    fn a_disc_holds_its_energy_at_every_radius_shape_and_softness() {
+        for aperture in [Aperture::Disc, Aperture::new(5, 10.0).unwrap(), Aperture::new(6, 0.0).unwrap()] {
+            for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
+                for size in [0.0, 0.5, 1.0] {
+                    let sum = energy(&drawn(coc, size, aperture, |_| 0.0));
+                    assert!((sum - 1.0).abs() < 1e-2, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_wall_before_the_right_half_of_the_view_hides_half_of_the_disc() {
+        // A wall from column 32 on, its edge at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10 / 20: it
+        // meets the edge from p = (31.5 + 16) / 1.5 = 31 ⅔ on, which leaves column 32 a sixth of its width.
+        let free = drawn(20.0, 1.0, Aperture::Disc, |_| 0.0);
+        let hidden = drawn(20.0, 1.0, Aperture::Disc, |x| f32::from(u8::from(x >= 32)));
+        for x in 0..SIZE {
+            let share = [1.0, 1.0 / 6.0, 0.0][(x + 1).saturating_sub(32).min(2)];
+            let off = (hidden.pixel(x, 32)[0] - share * free.pixel(x, 32)[0]).abs();
+            assert!(off < 1e-6, "column {x}: off by {off}");
+        }
+    }
+
+    #[test]
+    fn a_veil_dims_the_disc_by_its_coverage() {
+        let (free, veiled) =
+            (drawn(12.0, 0.0, Aperture::Disc, |_| 0.0), drawn(12.0, 0.0, Aperture::Disc, |_| 0.25));
+        assert!((energy(&veiled) / energy(&free) - 0.75).abs() < 1e-4, "three quarters pass");
+    }
+
+    #[test]
+    fn a_highlight_before_the_wall_is_not_hidden_by_it() {
+        let sum = energy(&drawn(-14.0, 1.0, Aperture::Disc, |_| 1.0));
+        assert!((sum - 1.0).abs() < 1e-2, "all of it: {sum}");
+    }
+
+    #[test]
+    fn a_soft_step_rises_from_nothing_to_everything_through_a_half() {
+        for size in [0.0, 0.25, 1.0] {
+            assert_eq!(
+                [soft_step(-2.0, size), soft_step(0.0, size), soft_step(2.0, size)],
+                [0.0, 0.5, 1.0],
+                "size {size}"
+            );
+            let steps: Vec<f32> = (-20..=20).map(|i| soft_step(i as f32 * 0.1, size)).collect();
+            assert!(
+                steps.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 0.11),
+                "size {size}: {steps:?}"
+            );
+        }
     }
 }

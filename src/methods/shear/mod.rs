@@ -38,7 +38,7 @@ use crate::image::{Image, Plane};
 use crate::lens::{View, views};
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
 use bins::Bins;
-use highlights::{Highlight, Occluders};
+use highlights::{Bokeh, Highlight, Occluders};
 use paint::{Canvas, RowSums};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -77,8 +77,9 @@ impl Method for Shear {
         let alpha = padded_alpha(&surfaces);
         let canvas = Canvas { surfaces: &surfaces, alpha: &alpha, runs: &runs, bins: &bins };
         let (mut image, focused_share) = paint(&canvas, scene.picture_size(), plan, progress);
-        let occluders = Occluders { runs: &runs, bins: &bins, alpha: &alpha };
-        highlights::draw(&mut image, &highlights, plan.aperture, &occluders);
+        let occluders = Occluders { width: image.width(), runs: &runs, bins: &bins, alpha: &alpha };
+        let bokeh = Bokeh::new(plan.aperture, plan.fragment_px);
+        highlights::draw(&mut image, &highlights, &bokeh, &occluders);
         if plan.does(EffectKind::Resolve) {
             resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
         }

@@ -396,3 +396,97 @@ fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
     let bits = S::as_simd_u32s(&LANE_BITS).0[i];
     simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::lens::{Aperture, views};
+    use crate::methods::shear::runs;
+
+    const WIDTH: usize = 53;
+    const HEIGHT: usize = 7;
+
+    /// Two layers with runs of all kinds: short and long, opaque and translucent, near and far.
+    fn surfaces() -> Vec<Surface<'static>> {
+        let plane = |f: fn(usize, usize) -> f32| Plane::from_fn(WIDTH, HEIGHT, f);
+        let color = |f| std::array::from_fn(|_| plane(f));
+        let front_alpha = plane(|x, y| [1.0, 1.0, 0.4, 0.0, 1.0][(x / 3 + y) % 5]);
+        let front = Surface::made(
+            &color(|x, y| (x * 3 + y) as f32 * 0.1),
+            front_alpha,
+            plane(|x, _| -6.0 - (x / 9) as f32),
+        );
+        let back = Surface::made(
+            &color(|x, y| (x + y * y) as f32 * 0.3),
+            plane(|_, _| 1.0),
+            plane(|_, y| 0.2 * y as f32),
+        );
+        vec![front, back]
+    }
+
+    /// Calls `paint` with a canvas of [`surfaces`] and its views.
+    fn with_canvas<T>(paint: impl Fn(&Canvas<'_>, &[Shear]) -> T) -> T {
+        let surfaces = surfaces();
+        let bins = Bins::new([-12.0, 2.0], 0.5);
+        let runs = runs::find(&surfaces, &bins);
+        let alpha: Vec<Padded<1>> =
+            surfaces.iter().map(|surface| Padded::copy_of([&surface.alpha])).collect();
+        let shears: Vec<Shear> =
+            views(64, Aperture::Disc).iter().map(|view| Shear::new(view, &bins)).collect();
+        paint(&Canvas { surfaces: &surfaces, alpha: &alpha, runs: &runs, bins: &bins }, &shears)
+    }
+
+    fn rows(canvas: &Canvas<'_>, goes: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {
+        let row = |y| {
+            let mut sums = RowSums::new(WIDTH);
+            goes.iter().for_each(|shears| sums.add(canvas, y, shears, arch));
+            (0..WIDTH)
+                .map(|x| {
+                    let [r, g, b, a] = sums.pixel(x, false);
+                    [r, g, b, a, sums.focused_share(x)]
+                })
+                .collect::<Vec<_>>()
+        };
+        (0..HEIGHT).flat_map(row).collect()
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        with_canvas(|canvas, shears| {
+            let scalar = rows(canvas, &[shears], Arch::Scalar);
+            assert!(scalar.iter().any(|pixel| pixel[0] > 1.0), "there is a picture to compare");
+            #[cfg(target_arch = "x86_64")]
+            {
+                if let Some(v3) = pulp::x86::V3::try_new() {
+                    assert_eq!(rows(canvas, &[shears], Arch::V3(v3)), scalar, "AVX2 and scalar");
+                }
+                if let Some(v4) = pulp::x86::V4::try_new() {
+                    assert_eq!(rows(canvas, &[shears], Arch::V4(v4)), scalar, "AVX-512 and scalar");
+                }
+            }
+            assert_eq!(rows(canvas, &[shears], Arch::new()), scalar, "this machine's choice and scalar");
+        });
+    }
+
+    #[test]
+    fn views_painted_in_two_goes_are_the_views_painted_in_one() {
+        with_canvas(|canvas, shears| {
+            let (first, second) = shears.split_at(24);
+            assert_eq!(
+                rows(canvas, &[first, second], Arch::new()),
+                rows(canvas, &[shears], Arch::new()),
+                "24 + 40 = 64"
+            );
+        });
+    }
+
+    #[test]
+    fn every_ray_meets_the_layer_behind_at_the_latest() {
+        with_canvas(|canvas, shears| {
+            for pixel in rows(canvas, &[shears], Arch::new()) {
+                assert!((pixel[3] - 1.0).abs() < 1e-6, "alpha {}", pixel[3]);
+            }
+        });
+    }
+}

@@ -1,8 +1,9 @@
 //! Rows as runs: for each row and each bin, the stretches of fragments that move together.
 //!
-//! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours in the peel lies
-//! that way, less than [`JOIN_PX`] off. Surfaces then have no cracks where they pass from bin to bin; joining wider would
-//! thicken edges. A translucent fragment never joins twice: it would count twice.
+//! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours lies that way,
+//! less than [`JOIN_PX`] off: the neighbour in its own peel or, where that is of another surface, in any other peel. Surfaces
+//! then have no cracks where they pass from bin to bin, nor where something nearer begins and pushes them one peel back;
+//! joining wider would thicken edges. A translucent fragment never joins twice: it would count twice.
 
 use super::bins::{Bins, EMPTY};
 use super::surfaces::Surface;
@@ -76,16 +77,16 @@ pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
     let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width(), s.height()));
     let indices: Vec<Vec<u16>> = surfaces.iter().map(|surface| bin_indices(surface, bins)).collect();
     let arch = Arch::new();
-    let scratch = || (vec![0; width], Vec::new());
+    let scratch = || (vec![0; width], vec![0; width], Vec::new());
     let rows: Vec<RowRuns> = (0..height)
         .into_par_iter()
-        .map_init(scratch, |(keys, found), y| {
-            found.clear();
-            for (layer, surface) in surfaces.iter().enumerate() {
-                arch.dispatch(RowKeys { surface, indices: &indices[layer], y, keys });
-                scan(keys, layer as u8, found);
+        .map_init(scratch, |(keys, found, runs), y| {
+            runs.clear();
+            for layer in 0..surfaces.len() {
+                arch.dispatch(RowKeys { surfaces, indices: &indices, layer, y, keys, found });
+                scan(keys, layer as u8, runs);
             }
-            sorted_by_bin(found, bins.count())
+            sorted_by_bin(runs, bins.count())
         })
         .collect();
     let runs_above = (0..bins.count())
@@ -118,48 +119,91 @@ fn bin_indices(surface: &Surface<'_>, bins: &Bins) -> Vec<u16> {
     indices
 }
 
-/// Fills `keys` for row `y` of a surface; to be compiled for each instruction set.
+/// Fills `keys` for row `y` of surface `layer`; to be compiled for each instruction set.
 struct RowKeys<'a> {
-    surface: &'a Surface<'a>,
-    indices: &'a [u16],
+    surfaces: &'a [Surface<'a>],
+    indices: &'a [Vec<u16>],
+    layer: usize,
     y: usize,
     keys: &'a mut [Key],
+    /// Scratch: for each column, whether the neighbour at hand is found.
+    found: &'a mut [Key],
 }
 
-impl NullaryFnOnce for RowKeys<'_> {
+impl<'a> NullaryFnOnce for RowKeys<'a> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { surface, indices, y, keys } = self;
-        let width = keys.len();
-        let row = |y: usize| (&indices[y * width..(y + 1) * width], surface.coc_px.row(y));
-        let (bins, coc) = row(y);
+        let Self { surfaces, indices, layer, y, keys, found } = self;
+        let (width, height) = (keys.len(), surfaces[layer].height());
+        let row = |layer: usize, y: usize| {
+            (&indices[layer][y * width..(y + 1) * width], surfaces[layer].coc_px.row(y))
+        };
+        let here = row(layer, y);
+        let (bins, last) = (here.0, width - 1);
+        let (tail, head) =
+            (|row: Row<'a>| (&row.0[1..], &row.1[1..]), |row: Row<'a>| (&row.0[..last], &row.1[..last]));
         keys.fill(0);
         if y > 0 {
-            join(keys, (bins, coc), row(y - 1));
+            join_surface(keys, found, here, layer, surfaces.len(), |peel| row(peel, y - 1));
         }
-        if y + 1 < surface.height() {
-            join(keys, (bins, coc), row(y + 1));
+        if y + 1 < height {
+            join_surface(keys, found, here, layer, surfaces.len(), |peel| row(peel, y + 1));
         }
-        let (first, second) = ((&bins[..width - 1], &coc[..width - 1]), (&bins[1..], &coc[1..]));
-        join(&mut keys[1..], second, first);
-        join(&mut keys[..width - 1], first, second);
-        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surface.alpha.row(y)) {
+        join_surface(&mut keys[1..], found, tail(here), layer, surfaces.len(), |peel| head(row(peel, y)));
+        join_surface(&mut keys[..last], found, head(here), layer, surfaces.len(), |peel| tail(row(peel, y)));
+        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surfaces[layer].alpha.row(y)) {
             let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
             *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
         }
     }
 }
 
-/// Marks in `keys` the bins that neighbours `there` make the fragments `here` join.
+/// Bins and CoC radii of a stretch of a row.
+type Row<'a> = (&'a [u16], &'a [f32]);
+
+/// Columns whose neighbours in other peels are looked at together.
+const STRETCH: usize = 32;
+
+/// Joins the fragments `here`, of peel `layer`, to their neighbours on one side, of which `there(peel)` are those in `peel`.
+///
+/// A surface goes on in its own peel; only where another one begins there may it go on in any other peel.
 #[inline(always)]
-fn join(keys: &mut [Key], here: (&[u16], &[f32]), there: (&[u16], &[f32])) {
+fn join_surface<'a>(
+    keys: &mut [Key],
+    found: &mut [Key],
+    here: Row<'a>,
+    layer: usize,
+    peels: usize,
+    there: impl Fn(usize) -> Row<'a>,
+) {
+    let found = &mut found[..keys.len()];
+    found.fill(0);
+    join(keys, found, here, there(layer));
+    for start in (0..keys.len()).step_by(STRETCH) {
+        let columns = start..(start + STRETCH).min(keys.len());
+        let fragments = here.0[columns.clone()].iter().zip(&found[columns.clone()]);
+        let lost = fragments.fold(false, |lost, (&bin, &found)| lost | ((bin != EMPTY) & (found == 0)));
+        if lost {
+            let part = |row: Row<'a>| (&row.0[columns.clone()], &row.1[columns.clone()]);
+            for peel in (0..peels).filter(|&peel| peel != layer) {
+                join(&mut keys[columns.clone()], &mut found[columns.clone()], part(here), part(there(peel)));
+            }
+        }
+    }
+}
+
+/// Marks in `keys` the bins that neighbours `there` make the fragments `here` join, unless the neighbour is already `found`.
+#[inline(always)]
+fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, there: Row<'_>) {
     let fragments = here.0.iter().zip(here.1).zip(there.0.iter().zip(there.1));
-    for (key, ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(fragments) {
-        let near = (other_coc - coc).abs() < JOIN_PX;
+    for ((key, found), ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(found).zip(fragments)
+    {
+        let near = ((other_coc - coc).abs() < JOIN_PX) & (other_bin != EMPTY) & (*found == 0);
         *key |= Key::from(near & (other_bin < bin)) * NEARER;
-        *key |= Key::from(near & (other_bin > bin) & (other_bin != EMPTY)) * FARTHER;
+        *key |= Key::from(near & (other_bin > bin)) * FARTHER;
+        *found |= Key::from(near);
     }
 }
 
