@@ -48,6 +48,7 @@ fn blur(scene: &Scene, views: usize) -> (f64, f64) {
     let method = methods::by_name("shear").expect("the registry has it");
     let runs: Vec<(f64, f64)> = (0..RUNS)
         .map(|_| {
+            let scene = scene.clone();
             let watch = Stopwatch::start();
             method.blur(scene, &plan, &|_| {}).expect("the CPU does not fail");
             (watch.cpu_seconds(), watch.seconds())
@@ -136,7 +137,7 @@ fn measure_memory() {
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     let plan = plan(&scene, 64);
     let method = methods::by_name("shear").expect("the registry has it");
-    method.blur(&scene, &plan, &|_| {}).expect("the CPU does not fail");
+    method.blur(scene, &plan, &|_| {}).expect("the CPU does not fail");
     let Some(peak) = peak_memory_bytes() else { return println!("peak memory: not known on this system") };
     let ratio = peak as f64 / stack_bytes as f64;
     println!(

@@ -1,28 +1,37 @@
 //! The one pixel type: planes of `f32`, scene-linear, colour premultiplied by alpha.
 
+/// Values that may be read before the first and after the last of a plane, so that a vector may begin or end outside a row.
+pub const MARGIN: usize = 16;
+
 /// One channel of a picture: `[height][width]`, row by row from the top.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
     width: usize,
     height: usize,
-    values: Vec<f32>,
+    /// [`MARGIN`] zeros, the rows without gaps, [`MARGIN`] zeros.
+    padded: Vec<f32>,
 }
 
 impl Plane {
     /// A plane of `value` everywhere.
     pub fn filled(width: usize, height: usize, value: f32) -> Self {
-        Self { width, height, values: vec![value; width * height] }
+        let mut plane = Self::zeros(width, height);
+        plane.values_mut().fill(value);
+        plane
     }
 
     /// A plane of zeros.
     pub fn zeros(width: usize, height: usize) -> Self {
-        Self::filled(width, height, 0.0)
+        Self { width, height, padded: vec![0.0; MARGIN + width * height + MARGIN] }
     }
 
     /// A plane of `value(x, y)`.
     pub fn from_fn(width: usize, height: usize, mut value: impl FnMut(usize, usize) -> f32) -> Self {
-        let values = (0..width * height).map(|i| value(i % width, i / width)).collect();
-        Self { width, height, values }
+        let mut plane = Self::zeros(width, height);
+        for y in 0..height {
+            plane.row_mut(y).iter_mut().enumerate().for_each(|(x, sample)| *sample = value(x, y));
+        }
+        plane
     }
 
     /// Width in pixels.
@@ -37,32 +46,48 @@ impl Plane {
 
     /// The value at column `x`, row `y`.
     pub fn get(&self, x: usize, y: usize) -> f32 {
-        self.values[y * self.width + x]
+        self.values()[y * self.width + x]
     }
 
     /// Sets the value at column `x`, row `y`.
     pub fn set(&mut self, x: usize, y: usize, value: f32) {
-        self.values[y * self.width + x] = value;
+        self.padded[MARGIN + y * self.width + x] = value;
     }
 
     /// Row `y`, `width` values.
     pub fn row(&self, y: usize) -> &[f32] {
-        &self.values[y * self.width..(y + 1) * self.width]
+        &self.values()[y * self.width..(y + 1) * self.width]
     }
 
     /// Row `y`, to write.
     pub fn row_mut(&mut self, y: usize) -> &mut [f32] {
-        &mut self.values[y * self.width..(y + 1) * self.width]
+        let width = self.width;
+        &mut self.values_mut()[y * width..(y + 1) * width]
     }
 
     /// All values, row by row.
     pub fn values(&self) -> &[f32] {
-        &self.values
+        &self.padded[MARGIN..MARGIN + self.width * self.height]
+    }
+
+    /// Row `y` with [`MARGIN`] values on either side: column `x` is at `MARGIN + x`. The margins belong to the neighbouring
+    /// rows, or to none.
+    #[inline(always)]
+    pub fn row_with_margins(&self, y: usize) -> &[f32] {
+        &self.padded[y * self.width..][..MARGIN + self.width + MARGIN]
     }
 
     /// All values, to write.
     pub fn values_mut(&mut self) -> &mut [f32] {
-        &mut self.values
+        let length = self.width * self.height;
+        &mut self.padded[MARGIN..MARGIN + length]
+    }
+}
+
+impl Default for Plane {
+    /// A plane without values.
+    fn default() -> Self {
+        Self::zeros(0, 0)
     }
 }
 

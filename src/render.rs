@@ -109,7 +109,7 @@ impl Prepared {
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self { stack, summary, settings, lens, scene, plan, device, mut clock, .. } = self;
         let method = methods::by_name(&plan.method).ok_or_else(|| unknown_method(&plan.method))?;
-        let image = clock.time(Stage::Blur, || method.blur(&scene, &plan, progress))?;
+        let image = clock.time(Stage::Blur, || method.blur(scene, &plan, progress))?;
         let frame = picture_frame(&stack.frame, stack.supersample);
         Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, clock })
     }

@@ -42,7 +42,7 @@ fn plan(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Plan {
 }
 
 fn blur_with(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Image {
-    method.blur(scene, &plan(method, scene, views, blades), &|_| {}).unwrap()
+    method.blur(scene.clone(), &plan(method, scene, views, blades), &|_| {}).unwrap()
 }
 
 fn blur(method: &dyn Method, scene: &Scene, views: usize) -> Image {
@@ -361,7 +361,7 @@ fn every_method_converges_to_the_reference() {
         let truth = blur_with(reference, &world, 4096, blades);
         for method in METHODS {
             let plan = plan(method, &world, 1024, blades).forced(EffectKind::Prefilter, false);
-            let db = psnr_db(&method.blur(&world, &plan, &|_| {}).unwrap(), &truth);
+            let db = psnr_db(&method.blur(world.clone(), &plan, &|_| {}).unwrap(), &truth);
             assert!(db > 45.0, "{}: {db:.1} dB from the reference", method.info().name);
         }
     }

@@ -37,11 +37,11 @@ impl Method for Accumulate {
         }
     }
 
-    fn blur(&self, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+    fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         if !plan.does(EffectKind::Blur) {
             return Ok(scene.pinhole());
         }
-        let volume = Volume::new(scene, plan);
+        let volume = Volume::new(&scene, plan);
         let samples = views(plan.views, plan.aperture);
         let planes = planes_from_rows(
             scene.picture_size(),
@@ -163,7 +163,7 @@ impl<'a> Volume<'a> {
             if alpha <= 0.0 || extent.near.get(x, y) > stay[1] || extent.far.get(x, y) < stay[0] {
                 continue;
             }
-            sum.add(layer.color.each_ref().map(|plane| plane.get(x, y)), transmitted);
+            sum.add(layer.color_at(x, y), transmitted);
             transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
             if transmitted <= 0.0 {
                 break;

@@ -34,11 +34,12 @@ pub trait Method: fmt::Debug + Sync {
     /// What it is.
     fn info(&self) -> MethodInfo;
 
-    /// The picture of `scene` as `plan` asks for it, of the scene's picture size.
+    /// The picture of `scene` as `plan` asks for it, of the scene's picture size. The scene is given away: it is the larger
+    /// part of all memory, and a method may work in it.
     ///
     /// # Errors
     /// When a device fails; on the CPU a method that has a plan succeeds.
-    fn blur(&self, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
+    fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
 }
 
 /// Every method, in the order they are listed.

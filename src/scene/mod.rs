@@ -29,6 +29,23 @@ pub struct Layer {
     pub coc_px: Plane,
 }
 
+impl Layer {
+    /// Width in samples.
+    pub fn width(&self) -> usize {
+        self.alpha.width()
+    }
+
+    /// Height in samples.
+    pub fn height(&self) -> usize {
+        self.alpha.height()
+    }
+
+    /// Colour of column `x` of row `y`.
+    pub fn color_at(&self, x: usize, y: usize) -> [f32; 3] {
+        self.color.each_ref().map(|plane| plane.get(x, y))
+    }
+}
+
 /// A stack as the methods see it: fragments `(x, y, c)`, no depth, no units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
@@ -105,7 +122,7 @@ impl Scene {
             if alpha <= 0.0 {
                 continue;
             }
-            let [r, g, b] = layer.color.each_ref().map(|plane| plane.get(x, y));
+            let [r, g, b] = layer.color_at(x, y);
             for (sum, value) in result.iter_mut().zip([r, g, b, alpha]) {
                 *sum += transmitted * value;
             }

@@ -4,8 +4,8 @@
 //! pyramid over the nearest layer keeps, in each cell, only the farthest cluster of CoC radii below it; each pixel takes
 //! the finest cell around it that lies behind its own last fragment, unless that is so coarse that no ray would get there.
 
-use super::surfaces::Surface;
 use crate::image::Plane;
+use crate::scene::Layer;
 use rayon::prelude::*;
 
 /// What lies within this of the farthest radius belongs to the farthest cluster, in picture pixels.
@@ -29,9 +29,9 @@ struct Level {
     cells: Vec<Cell>,
 }
 
-/// The guessed surface, empty where nothing farther is near; `None` without surfaces.
-pub(super) fn guess(surfaces: &[Surface<'_>]) -> Option<Surface<'static>> {
-    let nearest = surfaces.first()?;
+/// The guessed surface, empty where nothing farther is near; `None` without layers.
+pub(super) fn guess(layers: &[Layer]) -> Option<Layer> {
+    let nearest = layers.first()?;
     let (width, height) = (nearest.width(), nearest.height());
     let mut levels = vec![base(nearest)];
     while let Some(last) = levels.last()
@@ -44,35 +44,31 @@ pub(super) fn guess(surfaces: &[Surface<'_>]) -> Option<Surface<'static>> {
         .into_par_iter()
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            last_coc(surfaces, x, y).map_or(Cell::default(), |coc| behind(&levels, x, y, coc))
+            last_coc(layers, x, y).map_or(Cell::default(), |coc| behind(&levels, x, y, coc))
         })
         .collect();
     let plane =
         |value: &dyn Fn(&Cell) -> f32| Plane::from_fn(width, height, |x, y| value(&cells[y * width + x]));
     let color = std::array::from_fn(|k| plane(&|cell| cell.color[k]));
-    Some(Surface::made(&color, plane(&|cell| cell.weight), plane(&|cell| cell.coc_px)))
+    Some(Layer { color, alpha: plane(&|cell| cell.weight), coc_px: plane(&|cell| cell.coc_px) })
 }
 
 /// CoC radius of the last fragment at `x, y`.
-fn last_coc(surfaces: &[Surface<'_>], x: usize, y: usize) -> Option<f32> {
-    surfaces
-        .iter()
-        .rev()
-        .find(|surface| surface.alpha.get(x, y) > 0.0)
-        .map(|surface| surface.coc_px.get(x, y))
+fn last_coc(layers: &[Layer], x: usize, y: usize) -> Option<f32> {
+    layers.iter().rev().find(|layer| layer.alpha.get(x, y) > 0.0).map(|layer| layer.coc_px.get(x, y))
 }
 
-fn base(surface: &Surface<'_>) -> Level {
-    let (width, height) = (surface.width(), surface.height());
+fn base(layer: &Layer) -> Level {
+    let (width, height) = (layer.width(), layer.height());
     let cells = (0..width * height)
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            let alpha = surface.alpha.get(x, y);
+            let alpha = layer.alpha.get(x, y);
             if alpha <= 0.0 {
                 return Cell::default();
             }
-            let color = surface.color.pixel(x, y).map(|value| value / alpha);
-            Cell { color, coc_px: surface.coc_px.get(x, y), weight: 1.0 }
+            let color = layer.color_at(x, y).map(|value| value / alpha);
+            Cell { color, coc_px: layer.coc_px.get(x, y), weight: 1.0 }
         })
         .collect();
     Level { width, height, cells }
@@ -168,7 +164,7 @@ mod tests {
     use super::*;
 
     /// A near stripe of red over a far green wall, the wall unknown behind the stripe.
-    fn stripe() -> Surface<'static> {
+    fn stripe() -> Layer {
         let near = |x: usize| (28..36).contains(&x);
         let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 32, |x, _| f(x));
         let color = [
@@ -176,7 +172,7 @@ mod tests {
             plane(&|x| f32::from(u8::from(!near(x)))),
             plane(&|_| 0.0),
         ];
-        Surface::made(&color, plane(&|_| 1.0), plane(&|x| if near(x) { -20.0 } else { 6.0 }))
+        Layer { color, alpha: plane(&|_| 1.0), coc_px: plane(&|x| if near(x) { -20.0 } else { 6.0 }) }
     }
 
     #[test]
@@ -185,8 +181,8 @@ mod tests {
         for x in 28..36 {
             assert_eq!(guess.alpha.get(x, 16), 1.0, "column {x} is filled");
             assert!((guess.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
-            assert!(guess.color.pixel(x, 16)[0] < 1e-6, "column {x} has nothing of the stripe's red");
-            assert!((guess.color.pixel(x, 16)[1] - 1.0).abs() < 1e-5, "column {x} is the wall's green");
+            assert!(guess.color_at(x, 16)[0] < 1e-6, "column {x} has nothing of the stripe's red");
+            assert!((guess.color_at(x, 16)[1] - 1.0).abs() < 1e-5, "column {x} is the wall's green");
         }
     }
 
@@ -201,11 +197,9 @@ mod tests {
         // A stripe hardly nearer than the wall: rays part by less than the surroundings are away.
         let near = |x: usize| (8..56).contains(&x);
         let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 64, |x, _| f(x));
-        let surface = Surface::made(
-            &[plane(&|_| 1.0), plane(&|_| 1.0), plane(&|_| 1.0)],
-            plane(&|_| 1.0),
-            plane(&|x| if near(x) { 0.0 } else { 3.0 }),
-        );
-        assert_eq!(guess(&[surface]).unwrap().alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
+        let color = [0, 1, 2].map(|_| plane(&|_| 1.0));
+        let layer =
+            Layer { color, alpha: plane(&|_| 1.0), coc_px: plane(&|x| if near(x) { 0.0 } else { 3.0 }) };
+        assert_eq!(guess(&[layer]).unwrap().alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
     }
 }

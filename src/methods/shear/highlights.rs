@@ -8,9 +8,9 @@
 
 use super::bins::Bins;
 use super::runs::{Run, Runs};
-use super::surfaces::{Padded, Surface};
 use crate::image::Image;
 use crate::lens::Aperture;
+use crate::scene::Layer;
 use crate::scene::Plan;
 use glam::Vec2;
 use rayon::prelude::*;
@@ -38,15 +38,15 @@ pub(super) struct Highlight {
     pub(super) energy: [f32; 3],
 }
 
-/// Takes what is brighter than the plan's threshold out of `surfaces`, `supersample` samples a picture pixel along each
+/// Takes what is brighter than the plan's threshold out of `layers`, `supersample` samples a picture pixel along each
 /// axis.
-pub(super) fn extract(surfaces: &mut [Surface<'_>], plan: &Plan, supersample: usize) -> Vec<Highlight> {
-    surfaces.iter_mut().flat_map(|surface| extract_from(surface, plan, supersample)).collect()
+pub(super) fn extract(layers: &mut [Layer], plan: &Plan, supersample: usize) -> Vec<Highlight> {
+    layers.iter_mut().flat_map(|layer| extract_from(layer, plan, supersample)).collect()
 }
 
-fn extract_from(surface: &mut Surface<'_>, plan: &Plan, supersample: usize) -> Vec<Highlight> {
+fn extract_from(layer: &mut Layer, plan: &Plan, supersample: usize) -> Vec<Highlight> {
     let threshold = plan.highlight_threshold;
-    let view = &*surface;
+    let view = &*layer;
     let found: Vec<(usize, usize, [f32; 3])> = (0..view.height())
         .into_par_iter()
         .flat_map_iter(|y| flagged(view, y, threshold).into_iter().map(move |x| (x, y)))
@@ -56,11 +56,11 @@ fn extract_from(surface: &mut Surface<'_>, plan: &Plan, supersample: usize) -> V
     found
         .into_iter()
         .map(|(x, y, base)| {
-            let color = surface.color.pixel(x, y);
-            surface.color.set_pixel(x, y, base);
+            let color = layer.color_at(x, y);
+            layer.color.iter_mut().zip(base).for_each(|(plane, value)| plane.set(x, y, value));
             Highlight {
                 place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
-                coc_px: surface.coc_px.get(x, y),
+                coc_px: layer.coc_px.get(x, y),
                 energy: std::array::from_fn(|k| (color[k] - base[k]) / samples),
             }
         })
@@ -72,21 +72,21 @@ fn brightness(color: [f32; 3]) -> f32 {
 }
 
 /// Columns of row `y` that hold a highlight.
-fn flagged(surface: &Surface<'_>, y: usize, threshold: f32) -> Vec<usize> {
-    let [red, green, blue] = [0, 1, 2].map(|k| surface.color.row(k, y));
-    let (alpha, coc) = (surface.alpha.row(y), surface.coc_px.row(y));
+fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
+    let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
+    let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
     let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
     (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > LEAST_COC_PX).collect()
 }
 
 /// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, never more than the fragment's own;
 /// where there are none, the fragment's own colour at the threshold.
-fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f32; 3] {
-    let own = surface.color.pixel(x, y);
+fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
+    let own = layer.color_at(x, y);
     let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
-    for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(surface.height() - 1) {
-        for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(surface.width() - 1) {
-            let (near, alpha) = (surface.color.pixel(nx, ny), surface.alpha.get(nx, ny));
+    for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(layer.height() - 1) {
+        for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(layer.width() - 1) {
+            let (near, alpha) = (layer.color_at(nx, ny), layer.alpha.get(nx, ny));
             if alpha > 0.0 && brightness(near) <= threshold {
                 sum.iter_mut().zip(near).for_each(|(sum, value)| *sum += value);
                 alpha_sum += alpha;
@@ -94,7 +94,7 @@ fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f
         }
     }
     // Premultiplied colours over their alpha, at the fragment's own alpha.
-    let scale = surface.alpha.get(x, y) / alpha_sum;
+    let scale = layer.alpha.get(x, y) / alpha_sum;
     std::array::from_fn(|k| {
         if alpha_sum > 0.0 { (sum[k] * scale).min(own[k]) } else { own[k] * threshold / brightness(own) }
     })
@@ -105,12 +105,12 @@ fn surroundings(surface: &Surface<'_>, x: usize, y: usize, threshold: f32) -> [f
 pub(super) struct Occluders<'a> {
     /// Width of the picture.
     pub(super) width: usize,
-    /// The runs of all surfaces.
+    /// The runs of all layers.
     pub(super) runs: &'a Runs,
     /// Their bins.
     pub(super) bins: &'a Bins,
-    /// Coverage of the surfaces; empty when every fragment is opaque.
-    pub(super) alpha: &'a [Padded<1>],
+    /// The layers themselves.
+    pub(super) layers: &'a [Layer],
 }
 
 /// Adds the discs of `highlights`, each in the shape of `bokeh`, to `image`.
@@ -247,7 +247,7 @@ impl<'a> Disc<'a> {
     fn hide(&self, y: usize, first: usize, seen: &mut [f32], occluders: &Occluders<'_>) {
         let Highlight { place, coc_px, .. } = *self.highlight;
         let height = occluders.runs.rows.len();
-        // Nearer by less than this is the highlight's own surface.
+        // Nearer by less than this is the highlight's own layer.
         let own = f32::max(0.75, 0.06 * coc_px.abs());
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
             if bin_coc >= coc_px - own {
@@ -258,7 +258,7 @@ impl<'a> Disc<'a> {
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
             for run in occluders.runs.rows[row].of_bin(bin) {
-                let alpha = (!run.opaque).then(|| occluders.alpha[run.layer as usize].row(0, row));
+                let alpha = (!run.opaque).then(|| occluders.layers[run.layer as usize].alpha.row(row));
                 hide_behind(run, occluders.columns_of(run), map, (first, &mut *seen), alpha);
             }
         }
@@ -346,17 +346,17 @@ mod tests {
     fn drawn(coc_px: f32, size_px: f32, aperture: Aperture, wall: impl Fn(usize) -> f32) -> Image {
         let zeros = || Plane::zeros(SIZE, SIZE);
         let alpha = Plane::from_fn(SIZE, SIZE, |x, _| wall(x));
-        let surface = Surface::made(&[zeros(), zeros(), zeros()], alpha, Plane::filled(SIZE, SIZE, -10.0));
-        let padded = [Padded::copy_of([surface.alpha.as_ref()])];
+        let near = Plane::filled(SIZE, SIZE, -10.0);
+        let layers = [Layer { color: [zeros(), zeros(), zeros()], alpha, coc_px: near }];
         let bins = Bins::new([-10.0, 20.0], 0.5);
-        let runs = runs::find(&[surface], &bins);
+        let runs = runs::find(&layers, &bins);
         let highlight = Highlight { place: Vec2::splat(32.0), coc_px, energy: [1.0; 3] };
         let mut image = Image::transparent(SIZE, SIZE);
         draw(
             &mut image,
             &[highlight],
             &Bokeh::new(aperture, size_px),
-            &Occluders { width: SIZE, runs: &runs, bins: &bins, alpha: &padded },
+            &Occluders { width: SIZE, runs: &runs, bins: &bins, layers: &layers },
         );
         image
     }

@@ -1,11 +1,11 @@
-//! Merging: the samples of a supersampled stack become coverage surfaces at picture resolution.
+//! Merging: the samples of a supersampled stack become coverage layers at picture resolution.
 //!
 //! For each pixel its `S²·M` fragments are sorted by CoC radius and gathered into clusters, nearest first. A cluster's
 //! coverage is the sum of its fragments' alpha over `S²`, its colour the same sum (premultiplied), its radius the mean
 //! (`1/z` is affine in `c`). Of more clusters than layers, the least visible are dropped.
 
-use super::surfaces::Surface;
 use crate::image::Plane;
+use crate::scene::Layer;
 use rayon::prelude::*;
 
 /// A fragment joins the cluster if it lies within this of the cluster's last radius, in picture pixels …
@@ -35,45 +35,45 @@ struct Cluster {
     coc_px: f32,
 }
 
-/// Merges `surfaces`, `supersample` samples a pixel along each axis, into as many coverage surfaces.
-pub(super) fn merge(surfaces: &[Surface<'_>], supersample: usize) -> Vec<Surface<'static>> {
+/// Merges `layers`, `supersample` samples a pixel along each axis, into as many coverage layers.
+pub(super) fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
     let (width, height) =
-        surfaces.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
-    let layers = surfaces.len();
-    let mut clusters = vec![Cluster::default(); width * height * layers];
-    clusters.par_chunks_mut((width * layers).max(1)).enumerate().for_each_init(
+        layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
+    let count = layers.len();
+    let mut clusters = vec![Cluster::default(); width * height * count];
+    clusters.par_chunks_mut((width * count).max(1)).enumerate().for_each_init(
         Vec::new,
         |fragments, (y, row)| {
-            for (x, pixel) in row.chunks_mut(layers).enumerate() {
-                gather(surfaces, x, y, supersample, fragments);
+            for (x, pixel) in row.chunks_mut(count).enumerate() {
+                gather(layers, x, y, supersample, fragments);
                 cluster(fragments, (supersample * supersample) as f32, pixel);
             }
         },
     );
-    (0..layers)
+    (0..count)
         .map(|layer| {
             let plane = |value: &dyn Fn(&Cluster) -> f32| {
-                Plane::from_fn(width, height, |x, y| value(&clusters[(y * width + x) * layers + layer]))
+                Plane::from_fn(width, height, |x, y| value(&clusters[(y * width + x) * count + layer]))
             };
             let color = std::array::from_fn(|k| plane(&|cluster| cluster.color[k]));
-            Surface::made(&color, plane(&|cluster| cluster.alpha), plane(&|cluster| cluster.coc_px))
+            Layer { color, alpha: plane(&|cluster| cluster.alpha), coc_px: plane(&|cluster| cluster.coc_px) }
         })
         .collect()
 }
 
 /// Collects the fragments of picture pixel `x, y`, nearest first.
-fn gather(surfaces: &[Surface<'_>], x: usize, y: usize, supersample: usize, fragments: &mut Vec<Fragment>) {
+fn gather(layers: &[Layer], x: usize, y: usize, supersample: usize, fragments: &mut Vec<Fragment>) {
     fragments.clear();
-    for surface in surfaces {
+    for layer in layers {
         for sample in 0..supersample * supersample {
             let (sx, sy) = (x * supersample + sample % supersample, y * supersample + sample / supersample);
-            let alpha = surface.alpha.get(sx, sy);
+            let alpha = layer.alpha.get(sx, sy);
             if alpha > 0.0 {
-                let color = surface.color.pixel(sx, sy);
+                let color = layer.color_at(sx, sy);
                 fragments.push(Fragment {
                     color,
                     alpha,
-                    coc_px: surface.coc_px.get(sx, sy),
+                    coc_px: layer.coc_px.get(sx, sy),
                     sample: sample as u32,
                 });
             }
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn two_fragments_of_one_sample_are_two_surfaces_however_near() {
+    fn two_fragments_of_one_sample_are_two_layers_however_near() {
         let found = clusters(&[fragment(0, 3.0, 1.0), fragment(0, 3.1, 0.0)], 2);
         assert_eq!([found[0].alpha, found[1].alpha], [0.25, 0.25], "two clusters");
     }

@@ -9,7 +9,6 @@
 //!
 //! | pass | module | does |
 //! | --- | --- | --- |
-//! | load | [`surfaces`] | working copies of the layers |
 //! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
 //! | merge | [`merge`] | samples of a supersampled stack → coverage peels |
 //! | fill | [`fill`] | a guessed surface where the stack has none |
@@ -19,7 +18,7 @@
 //! | draw | [`highlights`] | the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
-//! Cost: rows × views × (bins + pixels). Memory: a copy of the colours, the runs, the picture. Limits: knows only what the
+//! Cost: rows × views × (bins + pixels). Memory: the scene, in which it works, the runs, and the picture. Limits: knows only what the
 //! peels know; content past the frame is its border repeated.
 
 mod bins;
@@ -30,19 +29,16 @@ mod paint;
 mod prefilter;
 mod resolve;
 mod runs;
-mod surfaces;
 
 use super::{Method, MethodInfo, Progress, planes_from_rows};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::lens::{View, views};
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use crate::scene::{EffectKind, Layer, Plan, Scene};
 use bins::Bins;
 use highlights::{Bokeh, Highlight, Occluders};
 use paint::{Canvas, RowSums};
 use pulp::Arch;
-use rayon::prelude::*;
-use surfaces::{Padded, Surface};
 
 /// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
 const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
@@ -64,20 +60,20 @@ impl Method for Shear {
         }
     }
 
-    fn blur(&self, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+    fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         if !plan.does(EffectKind::Blur) {
             return Ok(scene.pinhole());
         }
-        let (mut surfaces, highlights) = load(scene, plan);
+        let size = scene.picture_size();
+        let (mut layers, highlights) = load(scene, plan);
         let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(plan.views >= MANY_VIEWS)]);
-        let runs = runs::find(&surfaces, &bins);
+        let runs = runs::find(&layers, &bins);
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut surfaces, plan.views, plan.parameters.shear.prefilter);
+            prefilter::smooth(&mut layers, plan.views, plan.parameters.shear.prefilter);
         }
-        let alpha = padded_alpha(&surfaces);
-        let canvas = Canvas { surfaces: &surfaces, alpha: &alpha, runs: &runs, bins: &bins };
-        let (mut image, focused_share) = paint(&canvas, scene.picture_size(), plan, progress);
-        let occluders = Occluders { width: image.width(), runs: &runs, bins: &bins, alpha: &alpha };
+        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins };
+        let (mut image, focused_share) = paint(&canvas, size, plan, progress);
+        let occluders = Occluders { width: image.width(), runs: &runs, bins: &bins, layers: &layers };
         let bokeh = Bokeh::new(plan.aperture, plan.fragment_px);
         highlights::draw(&mut image, &highlights, &bokeh, &occluders);
         if plan.does(EffectKind::Resolve) {
@@ -87,31 +83,21 @@ impl Method for Shear {
     }
 }
 
-/// The surfaces to paint, at picture resolution, and the highlights taken out of them.
-fn load<'a>(scene: &'a Scene, plan: &Plan) -> (Vec<Surface<'a>>, Vec<Highlight>) {
-    let mut surfaces: Vec<Surface<'a>> = scene.layers.iter().map(Surface::of).collect();
+/// The layers to paint, at picture resolution, and the highlights taken out of them.
+fn load(scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
+    let Scene { mut layers, supersample, .. } = scene;
     let highlights = if plan.does(EffectKind::Highlights) {
-        highlights::extract(&mut surfaces, plan, scene.supersample)
+        highlights::extract(&mut layers, plan, supersample)
     } else {
         Vec::new()
     };
     if plan.does(EffectKind::Merge) {
-        surfaces = merge::merge(&surfaces, scene.supersample);
+        layers = merge::merge(&layers, supersample);
     }
     if plan.does(EffectKind::Fill) {
-        surfaces.extend(fill::guess(&surfaces));
+        layers.extend(fill::guess(&layers));
     }
-    (surfaces, highlights)
-}
-
-/// Coverage in padded rows, if any fragment lets light through.
-fn padded_alpha(surfaces: &[Surface<'_>]) -> Vec<Padded<1>> {
-    let translucent = |alpha: &f32| *alpha > 0.0 && *alpha < OPAQUE_ALPHA;
-    if surfaces.iter().any(|surface| surface.alpha.values().par_iter().any(translucent)) {
-        surfaces.iter().map(|surface| Padded::copy_of([&surface.alpha])).collect()
-    } else {
-        Vec::new()
-    }
+    (layers, highlights)
 }
 
 /// Paints all views of `plan`: the picture, and for each pixel the share of rays that met something in focus.

@@ -15,10 +15,14 @@
 
 use super::bins::Bins;
 use super::runs::{Run, Runs};
-use super::surfaces::{LANES, Padded, Surface};
+use crate::image::MARGIN;
 use crate::lens::View;
+use crate::scene::Layer;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
+
+/// Lanes of a word: pixels that are handled at once.
+const LANES: usize = MARGIN;
 
 /// A bit for each lane of a word.
 type Mask = u16;
@@ -35,10 +39,8 @@ const FOCUSED_BELOW_PX: f32 = 1.01;
 /// What the painter reads.
 #[derive(Debug)]
 pub(super) struct Canvas<'a> {
-    /// The surfaces, nearest first.
-    pub(super) surfaces: &'a [Surface<'a>],
-    /// Their coverage in padded rows; empty when every fragment is opaque.
-    pub(super) alpha: &'a [Padded<1>],
+    /// The layers, nearest first.
+    pub(super) layers: &'a [Layer],
     /// Their runs.
     pub(super) runs: &'a Runs,
     /// The bins of the runs.
@@ -226,9 +228,8 @@ struct Brush<'a, S> {
 /// One row of a surface, as a span reads it.
 #[derive(Clone, Copy)]
 struct SourceRow<'a> {
-    /// All three channels.
-    color: &'a [f32],
-    stride: usize,
+    /// Red, green, blue, with margins.
+    color: [&'a [f32]; 3],
     /// `None` for opaque fragments.
     alpha: Option<&'a [f32]>,
     column: Column,
@@ -265,11 +266,11 @@ impl<S: Simd> Brush<'_, S> {
     fn paint_run(&mut self, canvas: &Canvas<'_>, run: &Run, row: usize, shift: Shift) {
         let (start, end) = (run.start as i32 - shift.columns, run.end as i32 - shift.columns);
         let width = self.sums.width as i32;
-        let surface = &canvas.surfaces[run.layer as usize];
+        let layer = &canvas.layers[run.layer as usize];
+        let [red, green, blue] = &layer.color;
         let source = |column| SourceRow {
-            color: surface.color.padded_row(row),
-            stride: surface.color.stride(),
-            alpha: (!run.opaque).then(|| canvas.alpha[run.layer as usize].padded_row(row)),
+            color: [red.row_with_margins(row), green.row_with_margins(row), blue.row_with_margins(row)],
+            alpha: (!run.opaque).then(|| layer.alpha.row_with_margins(row)),
             column,
             focused: shift.focused,
         };
@@ -317,7 +318,7 @@ impl<S: Simd> Brush<'_, S> {
         let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
         for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
             for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-                let value = source.vector(simd, source.color, k * source.stride, word, i);
+                let value = source.vector(simd, source.color[k], word, i);
                 // Selected, not multiplied: a lane outside the span may hold anything.
                 let value = if free == Mask::MAX {
                     value
@@ -347,12 +348,12 @@ impl<S: Simd> Brush<'_, S> {
             let wanted = lanes(simd, free, i);
             let before = simd.select_f32s(lanes(simd, dimmed, i), *left, one);
             for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
-                let value = source.vector(simd, source.color, k * source.stride, word, i);
+                let value = source.vector(simd, source.color[k], word, i);
                 let value = simd.select_f32s(wanted, simd.mul_f32s(before, value), zero);
                 let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
                 *sum = simd.add_f32s(*sum, value);
             }
-            let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, 0, word, i));
+            let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, word, i));
             if source.focused {
                 let sum = &mut S::as_mut_simd_f32s(&mut self.sums.focused[word].0).0[i];
                 *sum = simd.add_f32s(*sum, simd.select_f32s(wanted, simd.mul_f32s(before, alpha), zero));
@@ -370,18 +371,17 @@ impl<S: Simd> Brush<'_, S> {
 }
 
 impl SourceRow<'_> {
-    /// Vector `i` of the source of output word `word`, in the channel that begins at `channel` of `row`; lanes outside the
-    /// span may be anything.
+    /// Vector `i` of the source of output word `word` in `row`; lanes outside the span may be anything.
     #[inline(always)]
-    fn vector<S: Simd>(&self, simd: S, row: &[f32], channel: usize, word: usize, i: usize) -> S::f32s {
+    fn vector<S: Simd>(&self, simd: S, row: &[f32], word: usize, i: usize) -> S::f32s {
         match self.column {
             Column::Shifted(shift) => {
-                // A span lies within the picture on both sides, so the word reaches at most one word past its ends.
-                let start = (word * LANES + i * S::F32_LANES + LANES) as i32 + shift;
-                let values = &row[channel + start as usize..][..S::F32_LANES];
+                // A span lies within the picture on both sides, so a word reaches less than the margin past its ends.
+                let start = (word * LANES + i * S::F32_LANES + MARGIN) as i32 + shift;
+                let values = &row[start as usize..][..S::F32_LANES];
                 S::as_simd_f32s(values).0[0]
             }
-            Column::Border(column) => simd.splat_f32s(row[channel + LANES + column]),
+            Column::Border(column) => simd.splat_f32s(row[MARGIN + column]),
         }
     }
 }
@@ -408,33 +408,31 @@ mod tests {
     const HEIGHT: usize = 7;
 
     /// Two layers with runs of all kinds: short and long, opaque and translucent, near and far.
-    fn surfaces() -> Vec<Surface<'static>> {
+    fn layers() -> Vec<Layer> {
         let plane = |f: fn(usize, usize) -> f32| Plane::from_fn(WIDTH, HEIGHT, f);
         let color = |f| std::array::from_fn(|_| plane(f));
         let front_alpha = plane(|x, y| [1.0, 1.0, 0.4, 0.0, 1.0][(x / 3 + y) % 5]);
-        let front = Surface::made(
-            &color(|x, y| (x * 3 + y) as f32 * 0.1),
-            front_alpha,
-            plane(|x, _| -6.0 - (x / 9) as f32),
-        );
-        let back = Surface::made(
-            &color(|x, y| (x + y * y) as f32 * 0.3),
-            plane(|_, _| 1.0),
-            plane(|_, y| 0.2 * y as f32),
-        );
+        let front = Layer {
+            color: color(|x, y| (x * 3 + y) as f32 * 0.1),
+            alpha: front_alpha,
+            coc_px: plane(|x, _| -6.0 - (x / 9) as f32),
+        };
+        let back = Layer {
+            color: color(|x, y| (x + y * y) as f32 * 0.3),
+            alpha: plane(|_, _| 1.0),
+            coc_px: plane(|_, y| 0.2 * y as f32),
+        };
         vec![front, back]
     }
 
-    /// Calls `paint` with a canvas of [`surfaces`] and its views.
+    /// Calls `paint` with a canvas of [`layers`] and its views.
     fn with_canvas<T>(paint: impl Fn(&Canvas<'_>, &[Shear]) -> T) -> T {
-        let surfaces = surfaces();
+        let layers = layers();
         let bins = Bins::new([-12.0, 2.0], 0.5);
-        let runs = runs::find(&surfaces, &bins);
-        let alpha: Vec<Padded<1>> =
-            surfaces.iter().map(|surface| Padded::copy_of([&surface.alpha])).collect();
+        let runs = runs::find(&layers, &bins);
         let shears: Vec<Shear> =
             views(64, Aperture::Disc).iter().map(|view| Shear::new(view, &bins)).collect();
-        paint(&Canvas { surfaces: &surfaces, alpha: &alpha, runs: &runs, bins: &bins }, &shears)
+        paint(&Canvas { layers: &layers, runs: &runs, bins: &bins }, &shears)
     }
 
     fn rows(canvas: &Canvas<'_>, goes: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {

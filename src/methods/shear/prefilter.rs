@@ -5,7 +5,8 @@
 //! applied as an edge-aware recursive filter of the same variance, along rows, then along columns, each way once:
 //! `y_i = x_i + a (y_{i−1} − x_i)`, `a = 0` wherever the surface ends. Always a convex mix of the surface's own colours.
 
-use super::surfaces::Surface;
+use crate::image::Plane;
+use crate::scene::Layer;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -19,12 +20,12 @@ const LEAST_VARIANCE: f32 = 0.03;
 /// Columns that one task smooths.
 const STRIP: usize = 128;
 
-/// Smooths `surfaces` for `views` lens samples; `strength` scales the box's radius.
-pub(super) fn smooth(surfaces: &mut [Surface<'_>], views: usize, strength: f32) {
+/// Smooths `layers` for `views` lens samples; `strength` scales the box's radius.
+pub(super) fn smooth(layers: &mut [Layer], views: usize, strength: f32) {
     let radius_per_coc = 0.5 * strength * (PI / views as f32).sqrt();
-    for surface in surfaces {
-        along_rows(surface, radius_per_coc);
-        along_columns(surface, radius_per_coc);
+    for layer in layers {
+        along_rows(layer, radius_per_coc);
+        along_columns(layer, radius_per_coc);
     }
 }
 
@@ -66,20 +67,25 @@ impl NullaryFnOnce for FillWeights<'_> {
     }
 }
 
-fn along_rows(surface: &mut Surface<'_>, radius_per_coc: f32) {
-    let (alpha, coc) = (&surface.alpha, &surface.coc_px);
+fn along_rows(layer: &mut Layer, radius_per_coc: f32) {
+    let Layer { color: [red, green, blue], alpha, coc_px } = layer;
+    let width = alpha.width();
     let arch = Arch::new();
-    surface.color.rows_mut().enumerate().for_each_init(
-        || vec![0.0; alpha.width()],
-        |weights, (y, row)| {
-            let (alpha, coc) = (alpha.row(y), coc.row(y));
-            let last = alpha.len() - 1;
-            let (there, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
-            if arch.dispatch(FillWeights { weights: &mut weights[1..], there, here, radius_per_coc }) {
-                arch.dispatch(SmoothRow { row, weights });
-            }
-        },
-    );
+    red.values_mut()
+        .par_chunks_mut(width)
+        .zip(green.values_mut().par_chunks_mut(width))
+        .zip(blue.values_mut().par_chunks_mut(width))
+        .enumerate()
+        .for_each_init(
+            || vec![0.0; width],
+            |weights, (y, ((red, green), blue))| {
+                let (alpha, coc, last) = (alpha.row(y), coc_px.row(y), width - 1);
+                let (there, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
+                if arch.dispatch(FillWeights { weights: &mut weights[1..], there, here, radius_per_coc }) {
+                    arch.dispatch(SmoothRow { row: [red, green, blue], weights });
+                }
+            },
+        );
 }
 
 /// Both passes over one row; `weights[x]` lies between `x − 1` and `x`.
@@ -115,28 +121,48 @@ fn mixed(color: [f32; 3], other: [f32; 3], a: f32) -> [f32; 3] {
     [keep * color[0] + a * other[0], keep * color[1] + a * other[1], keep * color[2] + a * other[2]]
 }
 
-fn along_columns(surface: &mut Surface<'_>, radius_per_coc: f32) {
-    let (alpha, coc) = (&surface.alpha, &surface.coc_px);
-    let height = alpha.height();
+fn along_columns(layer: &mut Layer, radius_per_coc: f32) {
+    let Layer { color, alpha, coc_px } = layer;
+    let (width, height) = (alpha.width(), alpha.height());
     let arch = Arch::new();
-    surface.color.strips_mut(STRIP).into_par_iter().enumerate().for_each_init(
+    strips(color).into_par_iter().enumerate().for_each_init(
         || vec![0.0; STRIP * height],
-        |weights, (i, mut rows)| {
-            let columns = i * STRIP..(i * STRIP + STRIP).min(alpha.width());
-            let row = |y: usize| (&alpha.row(y)[columns.clone()], &coc.row(y)[columns.clone()]);
+        |weights, (i, mut channels)| {
+            let columns = i * STRIP..(i * STRIP + STRIP).min(width);
+            let row = |y: usize| (&alpha.row(y)[columns.clone()], &coc_px.row(y)[columns.clone()]);
             let mut blurred = vec![false; height];
             for y in 1..height {
                 let weights = &mut weights[y * STRIP..y * STRIP + columns.len()];
                 blurred[y] =
                     arch.dispatch(FillWeights { weights, there: row(y - 1), here: row(y), radius_per_coc });
             }
-            arch.dispatch(SmoothColumns { rows: &mut rows, weights, blurred: &blurred });
+            for rows in &mut channels {
+                arch.dispatch(SmoothColumns { rows, weights, blurred: &blurred });
+            }
         },
     );
 }
 
-/// Both passes over one strip, three channels a row; row `y` of `weights` lies between rows `y − 1` and `y`, and is all 0
-/// where `blurred` says no.
+/// One strip: the rows of each channel.
+type Strip<'a> = [Vec<&'a mut [f32]>; 3];
+
+/// The planes cut into upright strips of [`STRIP`] columns.
+fn strips(color: &mut [Plane; 3]) -> Vec<Strip<'_>> {
+    let (width, height) = (color[0].width(), color[0].height());
+    let empty = || std::array::from_fn(|_| Vec::with_capacity(height));
+    let mut strips: Vec<Strip<'_>> = (0..width.div_ceil(STRIP)).map(|_| empty()).collect();
+    for (channel, plane) in color.iter_mut().enumerate() {
+        for row in plane.values_mut().chunks_mut(width) {
+            for (i, piece) in row.chunks_mut(STRIP).enumerate() {
+                strips[i][channel].push(piece);
+            }
+        }
+    }
+    strips
+}
+
+/// Both passes over one channel of a strip; row `y` of `weights` lies between rows `y − 1` and `y`, and is all 0 where
+/// `blurred` says no.
 struct SmoothColumns<'a, 'b> {
     rows: &'a mut [&'b mut [f32]],
     weights: &'a [f32],
@@ -150,16 +176,12 @@ impl NullaryFnOnce for SmoothColumns<'_, '_> {
     fn call(self) {
         let Self { rows, weights, blurred } = self;
         for y in (1..blurred.len()).filter(|&y| blurred[y]) {
-            let (above, below) = rows[3 * (y - 1)..].split_at_mut(3);
-            for (source, target) in above.iter().zip(below) {
-                mix(source, target, &weights[y * STRIP..]);
-            }
+            let (above, below) = rows.split_at_mut(y);
+            mix(above[y - 1], below[0], &weights[y * STRIP..]);
         }
         for y in (1..blurred.len()).rev().filter(|&y| blurred[y]) {
-            let (above, below) = rows[3 * (y - 1)..].split_at_mut(3);
-            for (target, source) in above.iter_mut().zip(below) {
-                mix(source, target, &weights[y * STRIP..]);
-            }
+            let (above, below) = rows.split_at_mut(y);
+            mix(below[0], above[y - 1], &weights[y * STRIP..]);
         }
     }
 }
@@ -175,7 +197,6 @@ fn mix(source: &[f32], target: &mut [f32], weights: &[f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
 
     fn smoothed(
         width: usize,
@@ -184,14 +205,13 @@ mod tests {
         coc: impl Fn(usize, usize) -> f32,
     ) -> Plane {
         let channel = Plane::from_fn(width, height, &color);
-        let surface = Surface::made(
-            &std::array::from_fn(|_| channel.clone()),
-            Plane::filled(width, height, 1.0),
-            Plane::from_fn(width, height, &coc),
-        );
-        let mut surfaces = [surface];
-        smooth(&mut surfaces, 64, 1.4);
-        Plane::from_fn(width, height, |x, y| surfaces[0].color.pixel(x, y)[1])
+        let mut layers = [Layer {
+            color: std::array::from_fn(|_| channel.clone()),
+            alpha: Plane::filled(width, height, 1.0),
+            coc_px: Plane::from_fn(width, height, &coc),
+        }];
+        smooth(&mut layers, 64, 1.4);
+        layers[0].color[1].clone()
     }
 
     #[test]

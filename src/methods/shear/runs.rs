@@ -6,7 +6,7 @@
 //! joining wider would thicken edges. A translucent fragment never joins twice: it would count twice.
 
 use super::bins::{Bins, EMPTY};
-use super::surfaces::Surface;
+use crate::scene::Layer;
 use crate::scene::OPAQUE_ALPHA;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -72,18 +72,18 @@ const OPAQUE: Key = 4;
 const BIN_SHIFT: u32 = 3;
 const NO_KEY: Key = Key::MAX;
 
-/// Finds the runs of `surfaces`.
-pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
-    let (width, height) = surfaces.first().map_or((0, 0), |s| (s.width(), s.height()));
-    let indices: Vec<Vec<u16>> = surfaces.iter().map(|surface| bin_indices(surface, bins)).collect();
+/// Finds the runs of `layers`.
+pub(super) fn find(layers: &[Layer], bins: &Bins) -> Runs {
+    let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
+    let indices: Vec<Vec<u16>> = layers.iter().map(|layer| bin_indices(layer, bins)).collect();
     let arch = Arch::new();
     let scratch = || (vec![0; width], vec![0; width], Vec::new());
     let rows: Vec<RowRuns> = (0..height)
         .into_par_iter()
         .map_init(scratch, |(keys, found, runs), y| {
             runs.clear();
-            for layer in 0..surfaces.len() {
-                arch.dispatch(RowKeys { surfaces, indices: &indices, layer, y, keys, found });
+            for layer in 0..layers.len() {
+                arch.dispatch(RowKeys { layers, indices: &indices, layer, y, keys, found });
                 scan(keys, layer as u8, runs);
             }
             sorted_by_bin(runs, bins.count())
@@ -105,11 +105,11 @@ pub(super) fn find(surfaces: &[Surface<'_>], bins: &Bins) -> Runs {
 }
 
 /// The bin of every fragment, [`EMPTY`] where there is none.
-fn bin_indices(surface: &Surface<'_>, bins: &Bins) -> Vec<u16> {
-    let width = surface.width();
-    let mut indices = vec![EMPTY; width * surface.height()];
+fn bin_indices(layer: &Layer, bins: &Bins) -> Vec<u16> {
+    let width = layer.width();
+    let mut indices = vec![EMPTY; width * layer.height()];
     indices.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        let fragments = surface.alpha.row(y).iter().zip(surface.coc_px.row(y));
+        let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
         for (index, (&alpha, &coc)) in row.iter_mut().zip(fragments) {
             if alpha > 0.0 {
                 *index = bins.index(coc);
@@ -121,7 +121,7 @@ fn bin_indices(surface: &Surface<'_>, bins: &Bins) -> Vec<u16> {
 
 /// Fills `keys` for row `y` of surface `layer`; to be compiled for each instruction set.
 struct RowKeys<'a> {
-    surfaces: &'a [Surface<'a>],
+    layers: &'a [Layer],
     indices: &'a [Vec<u16>],
     layer: usize,
     y: usize,
@@ -135,10 +135,10 @@ impl<'a> NullaryFnOnce for RowKeys<'a> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { surfaces, indices, layer, y, keys, found } = self;
-        let (width, height) = (keys.len(), surfaces[layer].height());
+        let Self { layers, indices, layer, y, keys, found } = self;
+        let (width, height) = (keys.len(), layers[layer].height());
         let row = |layer: usize, y: usize| {
-            (&indices[layer][y * width..(y + 1) * width], surfaces[layer].coc_px.row(y))
+            (&indices[layer][y * width..(y + 1) * width], layers[layer].coc_px.row(y))
         };
         let here = row(layer, y);
         let (bins, last) = (here.0, width - 1);
@@ -146,14 +146,14 @@ impl<'a> NullaryFnOnce for RowKeys<'a> {
             (|row: Row<'a>| (&row.0[1..], &row.1[1..]), |row: Row<'a>| (&row.0[..last], &row.1[..last]));
         keys.fill(0);
         if y > 0 {
-            join_surface(keys, found, here, layer, surfaces.len(), |peel| row(peel, y - 1));
+            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y - 1));
         }
         if y + 1 < height {
-            join_surface(keys, found, here, layer, surfaces.len(), |peel| row(peel, y + 1));
+            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y + 1));
         }
-        join_surface(&mut keys[1..], found, tail(here), layer, surfaces.len(), |peel| head(row(peel, y)));
-        join_surface(&mut keys[..last], found, head(here), layer, surfaces.len(), |peel| tail(row(peel, y)));
-        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(surfaces[layer].alpha.row(y)) {
+        join_surface(&mut keys[1..], found, tail(here), layer, layers.len(), |peel| head(row(peel, y)));
+        join_surface(&mut keys[..last], found, head(here), layer, layers.len(), |peel| tail(row(peel, y)));
+        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(layers[layer].alpha.row(y)) {
             let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
             *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
         }
@@ -284,9 +284,9 @@ mod tests {
     use super::*;
     use crate::image::Plane;
 
-    fn surface(alpha: &[f32], coc: &[f32]) -> Surface<'static> {
+    fn layer(alpha: &[f32], coc: &[f32]) -> Layer {
         let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
-        Surface::made(&std::array::from_fn(|_| plane(alpha)), plane(alpha), plane(coc))
+        Layer { color: std::array::from_fn(|_| plane(alpha)), alpha: plane(alpha), coc_px: plane(coc) }
     }
 
     fn run(start: u32, end: u32, opaque: bool) -> Run {
@@ -295,14 +295,14 @@ mod tests {
 
     #[test]
     fn fragments_of_one_bin_are_one_run() {
-        let runs = find(&[surface(&[1.0; 4], &[3.0; 4])], &Bins::new([3.0, 3.0], 0.5));
+        let runs = find(&[layer(&[1.0; 4], &[3.0; 4])], &Bins::new([3.0, 3.0], 0.5));
         assert_eq!(runs.rows[0].of_bin(0), [run(0, 4, true)], "the whole row");
     }
 
     #[test]
     fn a_slanted_surface_overlaps_itself_from_bin_to_bin() {
         let bins = Bins::new([0.0, 0.4], 0.5);
-        let runs = find(&[surface(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
+        let runs = find(&[layer(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
         assert_eq!(
             runs.rows[0].of_bin(0),
             [run(0, 3, true)],
@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn an_edge_in_depth_does_not_join() {
         let bins = Bins::new([0.0, 5.0], 0.5);
-        let runs = find(&[surface(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
+        let runs = find(&[layer(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
         assert_eq!(runs.rows[0].of_bin(0), [run(0, 2, true)], "in front");
         assert_eq!(runs.rows[0].of_bin(10), [run(2, 4, true)], "behind");
     }
@@ -326,7 +326,7 @@ mod tests {
     #[test]
     fn a_translucent_fragment_stays_in_its_bin() {
         let bins = Bins::new([0.0, 0.4], 0.5);
-        let runs = find(&[surface(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
+        let runs = find(&[layer(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
         let translucent =
             |bin| runs.rows[0].of_bin(bin).iter().filter(|run| !run.opaque).copied().collect::<Vec<_>>();
         assert_eq!(translucent(0), [run(1, 2, false)], "once in its own bin");
@@ -335,7 +335,7 @@ mod tests {
 
     #[test]
     fn empty_samples_end_runs() {
-        let runs = find(&[surface(&[1.0, 0.0, 1.0], &[3.0; 3])], &Bins::new([3.0, 3.0], 0.5));
+        let runs = find(&[layer(&[1.0, 0.0, 1.0], &[3.0; 3])], &Bins::new([3.0, 3.0], 0.5));
         assert_eq!(runs.rows[0].of_bin(0), [run(0, 1, true), run(2, 3, true)], "two runs");
     }
 }
