@@ -4,6 +4,8 @@
 //! that file, with its lens from `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
 //! which a process of its own measures.
 
+#![expect(clippy::print_stdout, reason = "the figures are the result")]
+
 use std::path::PathBuf;
 use std::process::Command;
 use thinlens::image::Plane;

@@ -1,6 +1,8 @@
 //! Laws that every method keeps, looped over the registry. Scenes are made in CoC space, so each law is about the blur
 //! alone; expected values are derived where they are used.
 
+#![expect(clippy::unwrap_used, reason = "a law whose scene cannot be made has failed")]
+
 use thinlens::image::{Image, Plane};
 use thinlens::lens::{LensSpec, ThinLens};
 use thinlens::methods::{METHODS, Method};
