@@ -14,7 +14,7 @@
 //! | fill | [`fill`] | a guessed surface where the stack has none |
 //! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
-//! | paint | [`paint`] | the views |
+//! | paint | [`mod@paint`] | the views |
 //! | draw | [`highlights`] | the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
