@@ -14,7 +14,7 @@ use crate::output::usage::{Stage, StageClock};
 use crate::scene::{self, Facts, Plan, Scene};
 use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values, nearest};
 use crate::stack::depth::DepthScale;
-use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
+use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
 
 /// A preset and the name it was asked for by.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,6 +155,17 @@ fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Fa
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
     let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
     let scene = Scene::from_stack(stack, &lens, &scale);
+    if scene.limited_fragments > 0 {
+        let (width, height) = scene.picture_size();
+        let limit = scene::coc_limit_px(width, height);
+        stack.findings.push(Finding::warning(
+            "coc",
+            format!(
+                "{} fragments lie so near the lens that their CoC was limited to {limit} px",
+                scene.limited_fragments
+            ),
+        ));
+    }
     let facts = scene.facts();
     let plan = Plan::decide(&facts, settings)?;
     Ok((lens, scene, facts, plan))

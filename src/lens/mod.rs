@@ -100,3 +100,107 @@ impl ThinLens {
             .then(|| self.focus_distance / (1.0 - coc_radius_px / self.coc_infinity_px))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH_PX: f32 = 640.0;
+
+    fn spec(sensor_distance: SensorDistance) -> LensSpec {
+        LensSpec {
+            focal_length_mm: 100.0,
+            f_number: 2.8,
+            focus_distance: 0.4,
+            sensor_width_mm: 36.0,
+            sensor_distance,
+            metres_per_unit: 1.0,
+        }
+    }
+
+    fn lens(sensor_distance: SensorDistance) -> ThinLens {
+        ThinLens::new(&spec(sensor_distance), WIDTH_PX).unwrap()
+    }
+
+    #[test]
+    fn a_renderers_blur_is_that_of_its_sensor_at_the_focal_length() {
+        // Diameter (W f / s) (f / N) |z − z_f| / (z z_f), lengths in metres: Blender's and Mitsuba's.
+        for z in [0.3f32, 0.39, 0.5, 3.0] {
+            let diameter = WIDTH_PX * 0.1 / 0.036 * (0.1 / 2.8) * (z - 0.4) / (z * 0.4);
+            let radius = lens(SensorDistance::FocalLength).coc_radius_px(z);
+            assert!((2.0 * radius / diameter - 1.0).abs() < 1e-5, "z = {z}: {radius}, diameter {diameter}");
+        }
+    }
+
+    #[test]
+    fn a_real_camera_blurs_more_by_its_bellows_factor() {
+        // The image of what stands at z_f lies at v = f z_f / (z_f − f) = 4/3 f.
+        let [renderer, camera] = [SensorDistance::FocalLength, SensorDistance::ThinLens].map(lens);
+        let factor = camera.coc_infinity_px / renderer.coc_infinity_px;
+        assert!((factor - 4.0 / 3.0).abs() < 1e-5, "{factor}");
+        // And equals ½ f² / (N (z_f − f)) · W / s.
+        let expected = 0.5 * 0.01 / (2.8 * 0.3) * WIDTH_PX / 0.036;
+        assert!((camera.coc_infinity_px / expected - 1.0).abs() < 1e-5, "{} px", camera.coc_infinity_px);
+    }
+
+    #[test]
+    fn blur_vanishes_in_focus_is_negative_before_it_and_rises_with_depth() {
+        let lens = lens(SensorDistance::FocalLength);
+        assert_eq!(lens.coc_radius_px(lens.focus_distance), 0.0, "in focus");
+        let radii: Vec<f32> = (1..2000).map(|i| lens.coc_radius_px(i as f32 * 0.01)).collect();
+        assert!(radii.windows(2).all(|pair| pair[0] < pair[1]), "rising");
+        assert!(radii[0] < 0.0, "negative in front");
+        for background in [f32::INFINITY, f32::NAN, 0.0, -1.0] {
+            assert_eq!(
+                lens.coc_radius_px(background),
+                lens.coc_infinity_px,
+                "depth {background} is background"
+            );
+        }
+    }
+
+    #[test]
+    fn depth_follows_from_blur_up_to_infinity() {
+        let lens = lens(SensorDistance::ThinLens);
+        for z in [0.05, 0.3, 0.4, 0.41, 2.0, 50.0] {
+            let back = lens.depth_planar(lens.coc_radius_px(z)).unwrap();
+            assert!((back / z - 1.0).abs() < 1e-3, "depth {z} became {back}");
+        }
+        assert_eq!(lens.depth_planar(lens.coc_infinity_px), None, "nothing is farther than infinity");
+    }
+
+    #[test]
+    fn a_lens_focused_at_infinity_blurs_by_the_inverse_of_depth() {
+        let spec = LensSpec { focus_distance: f32::INFINITY, ..spec(SensorDistance::FocalLength) };
+        let lens = ThinLens::new(&spec, WIDTH_PX).unwrap();
+        // c = −½ (f / N) f (W / s) / z
+        let expected = -0.5 * (0.1 / 2.8) * 0.1 * WIDTH_PX / 0.036 / 7.0;
+        assert!((lens.coc_radius_px(7.0) / expected - 1.0).abs() < 1e-3, "{}", lens.coc_radius_px(7.0));
+    }
+
+    #[test]
+    fn units_cancel() {
+        let centimetres =
+            LensSpec { focus_distance: 40.0, metres_per_unit: 0.01, ..spec(SensorDistance::ThinLens) };
+        let lens_cm = ThinLens::new(&centimetres, WIDTH_PX).unwrap();
+        let off = lens_cm.coc_radius_px(120.0) / lens(SensorDistance::ThinLens).coc_radius_px(1.2) - 1.0;
+        assert!(off.abs() < 1e-5, "off by {off}");
+    }
+
+    #[test]
+    fn lenses_that_cannot_be_are_refused() {
+        let base = spec(SensorDistance::FocalLength);
+        for (spec, word) in [
+            (LensSpec { f_number: 0.0, ..base }, "f-number"),
+            (LensSpec { f_number: f32::NAN, ..base }, "f-number"),
+            (LensSpec { focus_distance: 0.1, ..base }, "focus"),
+            (LensSpec { focus_distance: f32::NAN, ..base }, "focus"),
+            (LensSpec { focal_length_mm: -1.0, ..base }, "focal length"),
+            (LensSpec { sensor_width_mm: 0.0, ..base }, "sensor width"),
+            (LensSpec { metres_per_unit: f32::INFINITY, ..base }, "depth unit"),
+        ] {
+            let error = ThinLens::new(&spec, WIDTH_PX).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}, about {word}");
+        }
+    }
+}

@@ -82,7 +82,8 @@ impl Plan {
     /// Decides what to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, or zero views.
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, zero views, or a highlight threshold within the
+    /// range of a picture.
     pub fn decide(facts: &Facts, settings: &Settings) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         let (method, method_reason) = match settings.method.value.as_str() {
@@ -97,7 +98,15 @@ impl Plan {
                 .with("found", views.to_string())
                 .help("set it with --views, or in the preset's [method]"));
         }
-        let (highlight_threshold, highlights) = highlights(facts, parameters.shear.highlight_threshold);
+        let wanted = parameters.shear.highlight_threshold;
+        if wanted != 0.0 && wanted.is_nan() | (wanted < bright_step_floor(0)) {
+            return Err(Error::settings(
+                "a highlight is brighter than white: its threshold must be 1 or more, or 0 for none",
+            )
+            .with("found", wanted.to_string())
+            .help("set highlight_threshold in the preset's [method.shear]"));
+        }
+        let (highlight_threshold, highlights) = highlights(facts, wanted);
         let effects = vec![
             blur(facts),
             merge(facts),
@@ -176,7 +185,7 @@ fn merge(facts: &Facts) -> Effect {
 /// The threshold that keeps the discs within their budget, and the decision.
 fn highlights(facts: &Facts, wanted: f32) -> (f32, Effect) {
     let off = |reason: &str| (f32::INFINITY, effect(EffectKind::Highlights, false, reason));
-    if wanted <= 0.0 {
+    if wanted == 0.0 {
         return off("switched off: highlight_threshold is 0");
     }
     let pixels = (facts.picture_size.0 * facts.picture_size.1) as f64;
@@ -257,4 +266,112 @@ fn resolve(facts: &Facts, parameters: &MethodParameters) -> Effect {
         (true, format!("one sample a pixel, {} fragments in focus", facts.focused_fragments))
     };
     effect(EffectKind::Resolve, on, reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{BRIGHT_STEPS, BrightStep};
+    use crate::settings::{Origin, Values};
+
+    fn facts() -> Facts {
+        Facts {
+            picture_size: (100, 100),
+            layers: 4,
+            kind: StackKind::PointSampled,
+            supersample: 1,
+            coc_range_px: [-8.0, 3.0],
+            fragments: 20_000,
+            translucent_fragments: 0,
+            focused_fragments: 500,
+            open_samples: 0,
+            bright: [BrightStep::default(); BRIGHT_STEPS],
+            limited_fragments: 0,
+        }
+    }
+
+    fn decide(facts: &Facts, values: &Values) -> Result<Plan, Error> {
+        Plan::decide(facts, &Settings::resolve(&[(Origin::Flag, values)], MethodParameters::default()))
+    }
+
+    fn plan(facts: &Facts) -> Plan {
+        decide(facts, &Values::default()).unwrap()
+    }
+
+    #[test]
+    fn what_stays_within_its_pixel_is_not_blurred() {
+        let blurs = |range| plan(&Facts { coc_range_px: range, ..facts() }).does(EffectKind::Blur);
+        assert_eq!(
+            [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
+            [false, true, true],
+            "half a pixel"
+        );
+    }
+
+    #[test]
+    fn only_point_samples_are_spread_over_the_pixel_and_resolved() {
+        for (kind, jitter, fragment_px) in [
+            (StackKind::PointSampled, 1.0, 1.0),
+            (StackKind::Coverage, 0.5, 0.0),
+            (StackKind::BeautyDepth, 0.5, 0.0),
+            (StackKind::RendererAntialiased, 0.5, 0.0),
+        ] {
+            let plan = plan(&Facts { kind, ..facts() });
+            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{kind:?}");
+            assert_eq!(plan.does(EffectKind::Resolve), kind == StackKind::PointSampled, "{kind:?}");
+        }
+        let supersampled = plan(&Facts { kind: StackKind::Supersampled, supersample: 4, ..facts() });
+        assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
+        assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
+    }
+
+    #[test]
+    fn surfaces_are_guessed_only_where_peels_are_few() {
+        let fills = |layers| plan(&Facts { layers, ..facts() }).does(EffectKind::Fill);
+        assert_eq!([fills(1), fills(2), fills(3), fills(4)], [true, true, false, false], "one and two");
+    }
+
+    /// Facts with `fragments` of brightness 2 to 2.8 and one of 1000, whose discs cover 300 px each.
+    fn lights(fragments: usize) -> Facts {
+        let step = |fragments| BrightStep { fragments, disc_area_px: 300.0 * fragments as f64 };
+        let mut facts = facts();
+        (facts.bright[2], facts.bright[19]) = (step(fragments), step(1));
+        facts
+    }
+
+    #[test]
+    fn a_bright_area_does_not_become_a_million_discs() {
+        let few = plan(&lights(100));
+        assert!(few.does(EffectKind::Highlights) && few.highlight_threshold <= 2.0, "all of them: {few:?}");
+        let many = plan(&lights(9000));
+        assert!(many.does(EffectKind::Highlights), "the brightest is still a disc");
+        assert!(many.highlight_threshold > 2.8, "the area is not: {}", many.highlight_threshold);
+        let reason =
+            &many.effects.iter().find(|effect| effect.name == EffectKind::Highlights).unwrap().reason;
+        assert!(reason.contains("raised"), "and the plan says so: {reason}");
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused_by_name() {
+        let refused = |values| decide(&facts(), &values).unwrap_err().to_string();
+        assert!(
+            refused(Values { views: Some(0), ..Values::default() }).contains("number of views"),
+            "zero views"
+        );
+        assert!(
+            refused(Values { blades: Some(2), ..Values::default() }).contains("3 to 100 blades"),
+            "two blades"
+        );
+        let mut settings = Settings::resolve(&[], MethodParameters::default());
+        settings.parameters.shear.highlight_threshold = 0.4;
+        let error = Plan::decide(&facts(), &settings).unwrap_err().to_string();
+        assert!(error.contains("brighter than white"), "{error}");
+    }
+
+    #[test]
+    fn a_forced_effect_says_that_it_was_asked_for() {
+        let plan = plan(&facts()).forced(EffectKind::Fill, true);
+        assert!(plan.does(EffectKind::Fill), "on");
+        assert!(plan.effects.iter().any(|effect| effect.reason.starts_with("asked for")), "with the reason");
+    }
 }
