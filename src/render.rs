@@ -151,7 +151,7 @@ impl Rendered {
 /// From stack to plan; the stack's peels move into the scene.
 fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
     let scale = depth_scale(stack, settings)?;
-    let focus_distance = focus_distance(stack, &scale, settings.focus.value)?;
+    let focus_distance = focus_distance(stack, &scale, settings.lens.focus.value)?;
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
     let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
     let scene = Scene::from_stack(stack, &lens, &scale);
@@ -212,16 +212,16 @@ fn unknown_method(name: &str) -> Error {
 
 /// Everything that turns the stack's depth into planar depth.
 fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
-    let [near, far] = [settings.near.value, settings.far.value];
+    let [near, far] = [settings.lens.near.value, settings.lens.far.value];
     if stack.convention == DepthConvention::Normalised && far <= near {
         return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
             .with("found", format!("near {near}, far {far}"))
             .help("set the distances of depth 0 and depth 1 with --near and --far"));
     }
-    let focal_lengths = settings.focal_length_mm.value / settings.sensor_width_mm.value;
+    let focal_lengths = settings.lens.focal_length_mm.value / settings.lens.sensor_width_mm.value;
     Ok(DepthScale {
         convention: stack.convention,
-        near_clip: settings.near_clip.value,
+        near_clip: settings.lens.near_clip.value,
         near_far: [near, far],
         focal_px: focal_lengths * stack.frame.display.width as f32,
     })
@@ -229,12 +229,12 @@ fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> 
 
 fn lens_spec(settings: &Settings, focus_distance: f32) -> LensSpec {
     LensSpec {
-        focal_length_mm: settings.focal_length_mm.value,
-        f_number: settings.f_number.value,
+        focal_length_mm: settings.lens.focal_length_mm.value,
+        f_number: settings.lens.f_number.value,
         focus_distance,
-        sensor_width_mm: settings.sensor_width_mm.value,
-        sensor_distance: settings.sensor_distance.value,
-        metres_per_unit: settings.metres_per_unit.value,
+        sensor_width_mm: settings.lens.sensor_width_mm.value,
+        sensor_distance: settings.lens.sensor_distance.value,
+        metres_per_unit: settings.lens.metres_per_unit.value,
     }
 }
 
@@ -280,9 +280,15 @@ mod tests {
             ..Job::default()
         };
         let settings = resolve(&job, &camera);
-        assert_eq!((settings.f_number.value, settings.f_number.origin), (4.0, Origin::Flag));
-        assert_eq!((settings.blades.value, settings.blades.origin), (5, Origin::Preset("p".to_owned())));
-        assert_eq!((settings.focal_length_mm.value, settings.focal_length_mm.origin), (20.0, Origin::Header));
+        assert_eq!((settings.lens.f_number.value, settings.lens.f_number.origin), (4.0, Origin::Flag));
+        assert_eq!(
+            (settings.lens.blades.value, settings.lens.blades.origin),
+            (5, Origin::Preset("p".to_owned()))
+        );
+        assert_eq!(
+            (settings.lens.focal_length_mm.value, settings.lens.focal_length_mm.origin),
+            (20.0, Origin::Header)
+        );
     }
 
     #[test]

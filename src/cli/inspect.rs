@@ -10,7 +10,7 @@ use thinlens::lens::ThinLens;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::render::{Prepared, prepare};
 use thinlens::scene::{Facts, Plan};
-use thinlens::settings::{Focus, Settings, Sourced};
+use thinlens::settings::{Focus, LensSettings, Sourced};
 use thinlens::stack::{Carry, Stack, Window};
 
 const EXAMPLES: &str = "\
@@ -67,7 +67,7 @@ fn to_text(prepared: &Prepared) -> Result<String, fmt::Error> {
     let Prepared { stack, summary, settings, lens, facts, plan, device, .. } = prepared;
     let mut text = String::new();
     write_stack(&mut text, stack, summary)?;
-    write_lens(&mut text, settings, lens)?;
+    write_lens(&mut text, &settings.lens, lens)?;
     write_ranges(&mut text, facts, lens)?;
     write_plan(&mut text, plan)?;
     line(&mut text, "device", &device.name)?;
@@ -100,26 +100,28 @@ fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::
     Ok(())
 }
 
-fn write_lens(text: &mut String, settings: &Settings, lens: &ThinLens) -> fmt::Result {
+fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Result {
     fn sourced<T>(text: &mut String, name: &str, value: impl Display, from: &Sourced<T>) -> fmt::Result {
         line(text, name, format_args!("{:<24} {}", value.to_string(), from.origin))
     }
-    let s = settings;
-    let focus = match s.focus.value {
+    let focus = match set.focus.value {
         Focus::Distance(distance) => format!("{distance} depth units"),
         Focus::Point([x, y]) => format!("{} depth units, at {x},{y}", lens.focus_distance),
         Focus::Centre => format!("{} depth units, centre", lens.focus_distance),
     };
-    let blades = if s.blades.value == 0 { "disc".to_owned() } else { s.blades.value.to_string() };
+    let blades = if set.blades.value == 0 { "disc".to_owned() } else { set.blades.value.to_string() };
     writeln!(text, "lens")?;
-    sourced(text, "focal length", format_args!("{} mm", s.focal_length_mm.value), &s.focal_length_mm)?;
-    sourced(text, "f-number", s.f_number.value, &s.f_number)?;
-    sourced(text, "focus", focus, &s.focus)?;
-    sourced(text, "sensor width", format_args!("{} mm", s.sensor_width_mm.value), &s.sensor_width_mm)?;
-    sourced(text, "sensor distance", kebab(&s.sensor_distance.value), &s.sensor_distance)?;
-    sourced(text, "blades", blades, &s.blades)?;
-    sourced(text, "rotation", format_args!("{}°", s.rotation_deg.value), &s.rotation_deg)?;
-    sourced(text, "depth unit", format_args!("{} m", s.metres_per_unit.value), &s.metres_per_unit)?;
+    sourced(text, "focal length", format_args!("{} mm", set.focal_length_mm.value), &set.focal_length_mm)?;
+    sourced(text, "f-number", set.f_number.value, &set.f_number)?;
+    sourced(text, "focus", focus, &set.focus)?;
+    sourced(text, "sensor width", format_args!("{} mm", set.sensor_width_mm.value), &set.sensor_width_mm)?;
+    sourced(text, "sensor distance", kebab(&set.sensor_distance.value), &set.sensor_distance)?;
+    sourced(text, "blades", blades, &set.blades)?;
+    sourced(text, "rotation", format_args!("{}°", set.rotation_deg.value), &set.rotation_deg)?;
+    sourced(text, "depth unit", format_args!("{} m", set.metres_per_unit.value), &set.metres_per_unit)?;
+    sourced(text, "near clip", format_args!("{} depth units", set.near_clip.value), &set.near_clip)?;
+    sourced(text, "depth 0 is at", format_args!("{} depth units", set.near.value), &set.near)?;
+    sourced(text, "depth 1 is at", format_args!("{} depth units", set.far.value), &set.far)?;
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
 }
 

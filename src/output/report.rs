@@ -6,7 +6,7 @@ use super::usage::Seconds;
 use crate::error::Error;
 use crate::lens::ThinLens;
 use crate::scene::{Effect, Plan};
-use crate::settings::{DepthConvention, Focus, MethodParameters, SensorDistance, Settings, Sourced};
+use crate::settings::{DepthConvention, LensSettings, MethodParameters, Settings};
 use crate::stack::{Finding, Precision, Stack, StackKind};
 use serde::Serialize;
 use std::path::Path;
@@ -62,28 +62,9 @@ pub struct Device {
 /// The lens as it was set, and what follows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LensReport {
-    /// Focal length in millimetres.
-    pub focal_length_mm: Sourced<f32>,
-    /// Focal length over aperture diameter; `null` for a pinhole.
-    pub f_number: Sourced<f32>,
-    /// What was asked to be in focus.
-    pub focus: Sourced<Focus>,
-    /// Sensor width in millimetres.
-    pub sensor_width_mm: Sourced<f32>,
-    /// How far behind the lens the sensor stands.
-    pub sensor_distance: Sourced<SensorDistance>,
-    /// Number of aperture blades, 0 for a disc.
-    pub blades: Sourced<u32>,
-    /// Rotation of the aperture in degrees.
-    pub rotation_deg: Sourced<f32>,
-    /// Length of one depth unit in metres.
-    pub metres_per_unit: Sourced<f32>,
-    /// Where a depth along the ray starts to count.
-    pub near_clip: Sourced<f32>,
-    /// Planar depth of a normalised 0.
-    pub near: Sourced<f32>,
-    /// Planar depth of a normalised 1.
-    pub far: Sourced<f32>,
+    /// Every value with its origin; an infinite f-number is `null`.
+    #[serde(flatten)]
+    pub settings: LensSettings,
     /// The planar distance that came out as in focus, in depth units.
     pub focus_distance: f32,
     /// CoC radius at infinity in pixels.
@@ -123,19 +104,8 @@ pub struct StackReport {
 impl LensReport {
     /// The lens of `settings`, resolved to `lens`.
     pub fn new(settings: &Settings, lens: &ThinLens) -> Self {
-        let set = settings.clone();
         Self {
-            focal_length_mm: set.focal_length_mm,
-            f_number: set.f_number,
-            focus: set.focus,
-            sensor_width_mm: set.sensor_width_mm,
-            sensor_distance: set.sensor_distance,
-            blades: set.blades,
-            rotation_deg: set.rotation_deg,
-            metres_per_unit: set.metres_per_unit,
-            near_clip: set.near_clip,
-            near: set.near,
-            far: set.far,
+            settings: settings.lens.clone(),
             focus_distance: lens.focus_distance,
             c_inf: lens.coc_infinity_px,
         }

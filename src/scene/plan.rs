@@ -126,7 +126,7 @@ impl Plan {
                 StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
                 StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
             },
-            aperture: Aperture::new(settings.blades.value, settings.rotation_deg.value)?,
+            aperture: Aperture::new(settings.lens.blades.value, settings.lens.rotation_deg.value)?,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
             effects,

@@ -117,9 +117,9 @@ pub struct Values {
     pub views: Option<usize>,
 }
 
-/// All values, each with its origin.
+/// What describes lens, aperture and depth, each value with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Settings {
+pub struct LensSettings {
     /// See [`Values::focal_length_mm`].
     pub focal_length_mm: Sourced<f32>,
     /// See [`Values::f_number`].
@@ -142,6 +142,13 @@ pub struct Settings {
     pub near: Sourced<f32>,
     /// See [`Values::far`].
     pub far: Sourced<f32>,
+}
+
+/// All values, each with its origin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Settings {
+    /// Lens, aperture and depth.
+    pub lens: LensSettings,
     /// See [`Values::method`].
     pub method: Sourced<String>,
     /// See [`Values::views`]; `None` leaves it to the method.
@@ -177,17 +184,19 @@ impl Settings {
             layers.iter().rev().find_map(set).unwrap_or(Sourced { value: default, origin: Origin::Default })
         }
         Self {
-            focal_length_mm: pick(layers, 50.0, |v| v.focal_length_mm),
-            f_number: pick(layers, 2.8, |v| v.f_number),
-            focus: pick(layers, Focus::Centre, |v| v.focus),
-            sensor_width_mm: pick(layers, 36.0, |v| v.sensor_width_mm),
-            sensor_distance: pick(layers, SensorDistance::FocalLength, |v| v.sensor_distance),
-            blades: pick(layers, 0, |v| v.blades),
-            rotation_deg: pick(layers, 0.0, |v| v.rotation_deg),
-            metres_per_unit: pick(layers, 1.0, |v| v.metres_per_unit),
-            near_clip: pick(layers, 0.0, |v| v.near_clip),
-            near: pick(layers, 0.0, |v| v.near),
-            far: pick(layers, 1.0, |v| v.far),
+            lens: LensSettings {
+                focal_length_mm: pick(layers, 50.0, |v| v.focal_length_mm),
+                f_number: pick(layers, 2.8, |v| v.f_number),
+                focus: pick(layers, Focus::Centre, |v| v.focus),
+                sensor_width_mm: pick(layers, 36.0, |v| v.sensor_width_mm),
+                sensor_distance: pick(layers, SensorDistance::FocalLength, |v| v.sensor_distance),
+                blades: pick(layers, 0, |v| v.blades),
+                rotation_deg: pick(layers, 0.0, |v| v.rotation_deg),
+                metres_per_unit: pick(layers, 1.0, |v| v.metres_per_unit),
+                near_clip: pick(layers, 0.0, |v| v.near_clip),
+                near: pick(layers, 0.0, |v| v.near),
+                far: pick(layers, 1.0, |v| v.far),
+            },
             method: pick(layers, "auto".to_owned(), |v| v.method.clone()),
             views: pick(layers, None, |v| v.views.map(Some)),
             parameters,
