@@ -150,8 +150,8 @@ impl Plan {
     }
 }
 
-/// Views beyond this change nothing that a float can hold.
-const MAX_VIEWS: usize = 1 << 20;
+/// The error of this many views is below what a half float can hold.
+const MAX_VIEWS: usize = 1 << 16;
 
 fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
     Effect { name, on, reason: reason.into() }

@@ -94,19 +94,53 @@ impl Shear {
 #[repr(align(64))]
 struct Word([f32; LANES]);
 
-/// Sums over views for one output row, and the rays of the view at hand. Views may be painted in several goes: the sums go
-/// on where they were.
+/// Views after which the sums are put aside: a float that has grown large takes what is added to it by halves and quarters,
+/// so thousands of views are summed in goes.
+const VIEWS_IN_A_GO: usize = 256;
+
+/// Sums over views, a word for each 16 pixels.
+#[derive(Debug, Clone)]
+struct Sums {
+    color: Vec<[Word; 3]>,
+    /// Share of rays that met something in focus.
+    focused: Vec<Word>,
+    /// Share of rays that met nothing.
+    missed: Vec<Word>,
+}
+
+impl Sums {
+    fn blank(words: usize) -> Self {
+        let blank = vec![Word::default(); words];
+        Self { color: vec![[Word::default(); 3]; words], focused: blank.clone(), missed: blank }
+    }
+
+    fn clear(&mut self) {
+        self.color.fill([Word::default(); 3]);
+        self.focused.fill(Word::default());
+        self.missed.fill(Word::default());
+    }
+
+    fn words(&self) -> impl Iterator<Item = &Word> {
+        self.color.as_flattened().iter().chain(&self.focused).chain(&self.missed)
+    }
+
+    fn words_mut(&mut self) -> impl Iterator<Item = &mut Word> {
+        self.color.as_flattened_mut().iter_mut().chain(&mut self.focused).chain(&mut self.missed)
+    }
+}
+
+/// Sums over views for one output row, and the rays of the view at hand. Views may be painted in several calls: the sums go
+/// on where they were, bit for bit.
 ///
 /// One vector a quantity, a word or a mask for each 16 pixels: what every run touches stays close together.
 #[derive(Debug)]
 pub(super) struct RowSums {
     width: usize,
     views: usize,
-    color: Vec<[Word; 3]>,
-    /// Share of rays that met something in focus.
-    focused: Vec<Word>,
-    /// Share of rays that met nothing.
-    missed: Vec<Word>,
+    /// Of the go at hand.
+    sums: Sums,
+    /// Of all goes before it.
+    settled: Sums,
     /// Rays that have been stopped.
     stopped: Vec<Mask>,
     /// Rays that have lost some light: their share left is in `left`.
@@ -118,31 +152,45 @@ impl RowSums {
     /// A blank row of `width` pixels.
     pub(super) fn new(width: usize) -> Self {
         let words = width.div_ceil(LANES);
-        let blank = vec![Word::default(); words];
         Self {
             width,
             views: 0,
-            color: vec![[Word::default(); 3]; words],
-            focused: blank.clone(),
-            missed: blank.clone(),
+            sums: Sums::blank(words),
+            settled: Sums::blank(words),
             stopped: vec![0; words],
             dimmed: vec![0; words],
-            left: blank,
+            left: vec![Word::default(); words],
         }
     }
 
     /// Makes the row blank again.
     pub(super) fn clear(&mut self) {
         self.views = 0;
-        self.color.fill([Word::default(); 3]);
-        self.focused.fill(Word::default());
-        self.missed.fill(Word::default());
+        self.sums.clear();
+        self.settled.clear();
     }
 
     /// Adds the views `shears` of output row `y`, with the instructions of `arch`.
     pub(super) fn add(&mut self, canvas: &Canvas<'_>, y: usize, shears: &[Shear], arch: Arch) {
-        arch.dispatch(AddViews { sums: self, canvas, y, shears });
-        self.views += shears.len();
+        let mut rest = shears;
+        while !rest.is_empty() {
+            let room = VIEWS_IN_A_GO - self.views % VIEWS_IN_A_GO;
+            let (go, others) = rest.split_at(room.min(rest.len()));
+            arch.dispatch(AddViews { row: self, canvas, y, shears: go });
+            self.views += go.len();
+            rest = others;
+            if self.views.is_multiple_of(VIEWS_IN_A_GO) {
+                self.settle();
+            }
+        }
+    }
+
+    /// Puts the sums of a go aside.
+    fn settle(&mut self) {
+        for (settled, sum) in self.settled.words_mut().zip(self.sums.words()) {
+            settled.0.iter_mut().zip(sum.0).for_each(|(settled, sum)| *settled += sum);
+        }
+        self.sums.clear();
     }
 
     /// The mean of pixel `x` over all views so far: rays that met nothing are transparent where the background is open,
@@ -150,18 +198,19 @@ impl RowSums {
     pub(super) fn pixel(&self, x: usize, open_background: bool) -> [f32; 4] {
         let (word, lane) = (x / LANES, x % LANES);
         let views = self.views as f32;
-        let hit = views - self.missed[word].0[lane];
+        let hit = views - (self.settled.missed[word].0[lane] + self.sums.missed[word].0[lane]);
         if hit <= LEAST_HIT {
             return [0.0; 4];
         }
         let weight = if open_background { views } else { hit };
-        let [r, g, b] = self.color[word].map(|channel| channel.0[lane] / weight);
-        [r, g, b, hit / weight]
+        let color = |k: usize| self.settled.color[word][k].0[lane] + self.sums.color[word][k].0[lane];
+        [color(0) / weight, color(1) / weight, color(2) / weight, hit / weight]
     }
 
     /// Share of pixel `x`'s rays that met something in focus.
     pub(super) fn focused_share(&self, x: usize) -> f32 {
-        self.focused[x / LANES].0[x % LANES] / self.views as f32
+        let (word, lane) = (x / LANES, x % LANES);
+        (self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane]) / self.views as f32
     }
 
     /// Lets all rays of the row go.
@@ -181,7 +230,7 @@ impl RowSums {
         for (word, &stopped) in self.stopped.iter().enumerate().filter(|(_, stopped)| **stopped != Mask::MAX)
         {
             for lane in (0..LANES).filter(|&lane| !has(stopped, lane)) {
-                self.missed[word].0[lane] +=
+                self.sums.missed[word].0[lane] +=
                     if has(self.dimmed[word], lane) { self.left[word].0[lane] } else { 1.0 };
             }
         }
@@ -196,7 +245,7 @@ fn has(mask: Mask, lane: usize) -> bool {
 
 /// [`RowSums::add`], to be compiled for each instruction set.
 struct AddViews<'a> {
-    sums: &'a mut RowSums,
+    row: &'a mut RowSums,
     canvas: &'a Canvas<'a>,
     y: usize,
     shears: &'a [Shear],
@@ -209,10 +258,10 @@ impl WithSimd for AddViews<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let bins = self.canvas.bins_in_reach(self.y);
         for shear in self.shears {
-            self.sums.start_view();
-            let mut brush = Brush { simd, words_left: self.sums.stopped.len(), sums: self.sums };
+            self.row.start_view();
+            let mut brush = Brush { simd, words_left: self.row.stopped.len(), row: self.row };
             brush.paint_view(self.canvas, self.y, &shear.shifts, &bins);
-            self.sums.count_missed();
+            self.row.count_missed();
         }
     }
 }
@@ -220,7 +269,7 @@ impl WithSimd for AddViews<'_> {
 /// Paints one view of one row.
 struct Brush<'a, S> {
     simd: S,
-    sums: &'a mut RowSums,
+    row: &'a mut RowSums,
     /// Words with rays still on their way.
     words_left: usize,
 }
@@ -265,7 +314,7 @@ impl<S: Simd> Brush<'_, S> {
     #[inline(always)]
     fn paint_run(&mut self, canvas: &Canvas<'_>, run: &Run, row: usize, shift: Shift) {
         let (start, end) = (run.start as i32 - shift.columns, run.end as i32 - shift.columns);
-        let width = self.sums.width as i32;
+        let width = self.row.width as i32;
         let layer = &canvas.layers[run.layer as usize];
         let [red, green, blue] = &layer.color;
         let source = |column| SourceRow {
@@ -299,16 +348,16 @@ impl<S: Simd> Brush<'_, S> {
             if word == last {
                 wanted &= Mask::MAX >> (LANES - 1 - (span.end - 1) % LANES);
             }
-            let free = wanted & !self.sums.stopped[word];
+            let free = wanted & !self.row.stopped[word];
             if free == 0 {
                 continue;
             }
-            if source.alpha.is_none() && free & self.sums.dimmed[word] == 0 {
+            if source.alpha.is_none() && free & self.row.dimmed[word] == 0 {
                 self.take(word, &source, free);
             } else {
                 self.take_share(word, &source, free);
             }
-            self.words_left -= usize::from(self.sums.stopped[word] == Mask::MAX);
+            self.words_left -= usize::from(self.row.stopped[word] == Mask::MAX);
         }
     }
 
@@ -316,7 +365,7 @@ impl<S: Simd> Brush<'_, S> {
     #[inline(always)]
     fn take(&mut self, word: usize, source: &SourceRow<'_>, free: Mask) {
         let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
-        for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
+        for (k, sum) in self.row.sums.color[word].iter_mut().enumerate() {
             for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
                 let value = source.vector(simd, source.color[k], word, i);
                 // Selected, not multiplied: a lane outside the span may hold anything.
@@ -330,11 +379,11 @@ impl<S: Simd> Brush<'_, S> {
         }
         if source.focused {
             let one = simd.splat_f32s(1.0);
-            for (i, sum) in S::as_mut_simd_f32s(&mut self.sums.focused[word].0).0.iter_mut().enumerate() {
+            for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[word].0).0.iter_mut().enumerate() {
                 *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
             }
         }
-        self.sums.stopped[word] |= free;
+        self.row.stopped[word] |= free;
     }
 
     /// Translucent fragments or dimmed rays: adds the source times what is left of each ray, and dims the rays.
@@ -342,12 +391,12 @@ impl<S: Simd> Brush<'_, S> {
     fn take_share(&mut self, word: usize, source: &SourceRow<'_>, free: Mask) {
         let simd = self.simd;
         let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-        let dimmed = self.sums.dimmed[word];
-        let left = &mut self.sums.left[word].0;
+        let dimmed = self.row.dimmed[word];
+        let left = &mut self.row.left[word].0;
         for (i, left) in S::as_mut_simd_f32s(left).0.iter_mut().enumerate() {
             let wanted = lanes(simd, free, i);
             let before = simd.select_f32s(lanes(simd, dimmed, i), *left, one);
-            for (k, sum) in self.sums.color[word].iter_mut().enumerate() {
+            for (k, sum) in self.row.sums.color[word].iter_mut().enumerate() {
                 let value = source.vector(simd, source.color[k], word, i);
                 let value = simd.select_f32s(wanted, simd.mul_f32s(before, value), zero);
                 let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
@@ -355,18 +404,18 @@ impl<S: Simd> Brush<'_, S> {
             }
             let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, word, i));
             if source.focused {
-                let sum = &mut S::as_mut_simd_f32s(&mut self.sums.focused[word].0).0[i];
+                let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[word].0).0[i];
                 *sum = simd.add_f32s(*sum, simd.select_f32s(wanted, simd.mul_f32s(before, alpha), zero));
             }
             let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
             *left = simd.select_f32s(wanted, after, before);
         }
-        self.sums.dimmed[word] |= free;
+        self.row.dimmed[word] |= free;
         let spent = left
             .iter()
             .enumerate()
             .fold(0, |mask, (lane, &left)| mask | Mask::from(left < STOPPED_BELOW) << lane);
-        self.sums.stopped[word] |= spent & free;
+        self.row.stopped[word] |= spent & free;
     }
 }
 
@@ -468,7 +517,7 @@ mod tests {
     }
 
     #[test]
-    fn views_painted_in_two_goes_are_the_views_painted_in_one() {
+    fn views_painted_in_two_calls_are_the_views_painted_in_one() {
         with_canvas(|canvas, shears| {
             let (first, second) = shears.split_at(24);
             assert_eq!(
