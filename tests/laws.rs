@@ -239,6 +239,41 @@ fn an_opaque_focused_front_hides_a_blurred_back() {
 }
 
 #[test]
+fn a_slanted_surface_has_no_cracks() {
+    for method in METHODS {
+        // As steep as a surface may be: neighbours, even across a corner, less than half a pixel of CoC apart.
+        for (across, down) in [(0.0, 0.3), (0.24, 0.1), (-0.45, 0.0), (0.2, -0.28)] {
+            let slanted =
+                layer(48, 48, |x, y| (grey(0.5), across * (x as f32 - 24.0) + down * (y as f32 - 24.0)));
+            let bright = layer(48, 48, |_, _| (grey(0.9), 25.0));
+            let image = blur(method, &scene(vec![slanted, bright]), 256);
+            // Away from the border, past which a slanted surface goes on level.
+            for (x, y) in (14..34).flat_map(|y| (14..34).map(move |x| (x, y))) {
+                let leak = image.pixel(x, y)[0] - 0.5;
+                let case = format!("{}: slant {across}, {down}", method.info().name);
+                assert!(leak.abs() < 1e-5, "{case}: {leak} shows through at {x}, {y}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_surface_that_something_nearer_pushes_one_peel_back_has_no_cracks_either() {
+    // A floor through focus, a near bar before its middle rows: there the floor is the second peel.
+    let floor = |y: usize| 0.3 * (y as f32 - 24.0);
+    let barred = |y: usize| (20..28).contains(&y);
+    let first = layer(48, 48, |_, y| (grey(0.5), if barred(y) { -12.0 } else { floor(y) }));
+    let second = layer(48, 48, |_, y| if barred(y) { (grey(0.5), floor(y)) } else { (grey(0.9), 25.0) });
+    let third = layer(48, 48, |_, y| if barred(y) { (grey(0.9), 25.0) } else { ([0.0; 4], 0.0) });
+    let shear = thinlens::methods::by_name("shear").unwrap();
+    let image = blur(shear, &scene(vec![first, second, third]), 256);
+    for y in 14..34 {
+        let leak = image.pixel(24, y)[0] - 0.5;
+        assert!(leak.abs() < 1e-5, "{leak} shows through in row {y}");
+    }
+}
+
+#[test]
 fn light_through_half_a_veil_is_halved() {
     for method in METHODS {
         let veil = layer(32, 16, |_, _| ([0.1, 0.1, 0.1, 0.5], -6.0));
