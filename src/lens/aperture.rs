@@ -74,28 +74,32 @@ impl Aperture {
         Vec2::from_angle(self.side_angle(side)).rotate(upright)
     }
 
-    /// The two edges nearest to `point` of the shape scaled by `scale`: how deep inside of each `point` lies, in its own units
-    /// (negative outside), and the edge's unit normal. A disc has one edge; its second is infinitely far.
+    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point`; negative outside.
     ///
     /// A negative scale turns the shape by 180°.
-    pub fn nearest_edges(&self, point: Vec2, scale: f32) -> [(f32, Vec2); 2] {
-        let Self::Polygon { blades, .. } = *self else {
-            return [(scale.abs() - point.length(), point.normalize_or(Vec2::X)), (f32::INFINITY, Vec2::X)];
-        };
-        let wedge = TAU / blades as f32;
+    pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
+        let Self::Polygon { blades, .. } = *self else { return scale.abs() - point.length() };
         let point = if scale < 0.0 { -point } else { point };
-        let position = self.angle_from_side(point) / wedge;
-        let nearest = position.round();
-        let next = nearest + if position < nearest { -1.0 } else { 1.0 };
-        [nearest, next].map(|side| {
-            let normal = Vec2::from_angle(self.side_angle(side));
-            (scale.abs() * (0.5 * wedge).cos() - normal.dot(point), normal)
-        })
+        let side = (self.angle_from_side(point) / (TAU / blades as f32)).round();
+        scale.abs() * self.apothem() - Vec2::from_angle(self.side_angle(side)).dot(point)
     }
 
-    /// How deep `point` lies inside the shape scaled by `scale`: the first depth of [`nearest_edges`](Self::nearest_edges).
-    pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
-        self.nearest_edges(point, scale)[0].0
+    /// Distance of a side from the centre; a disc's is its radius.
+    pub fn apothem(&self) -> f32 {
+        match *self {
+            Self::Disc => 1.0,
+            Self::Polygon { blades, .. } => (PI / blades as f32).cos(),
+        }
+    }
+
+    /// Outward unit normals of the sides; none for a disc.
+    pub fn side_normals(&self) -> Vec<Vec2> {
+        match *self {
+            Self::Disc => Vec::new(),
+            Self::Polygon { blades, .. } => {
+                (0..blades).map(|side| Vec2::from_angle(self.side_angle(side as f32))).collect()
+            }
+        }
     }
 
     /// Angle of `point` from the normal of side 0, in `u` coordinates.

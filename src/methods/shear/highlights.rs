@@ -2,16 +2,15 @@
 //!
 //! [`extract`] takes the excess of a bright, blurred fragment over its surroundings out of its surface; [`draw`] adds it
 //! back as the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel and of the fragment, energy
-//! `e / (A c²)` a pixel (`A` the aperture's area at radius 1). Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray
-//! of picture point `p` and highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine
-//! in `p`: a run stays a run.
+//! `e / (A c²)` a pixel (`A` the aperture's area at radius 1; softening keeps the area). Each row of a disc is clipped by the
+//! runs of nearer bins, seen from the highlight: the ray of picture point `p` and highlight `q` passes CoC depth `c_k` at
+//! `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine in `p`: a run stays a run.
 
 use super::bins::Bins;
 use super::runs::{Run, Runs};
 use crate::image::Image;
 use crate::lens::Aperture;
-use crate::scene::Layer;
-use crate::scene::Plan;
+use crate::scene::{Layer, Plan};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -24,8 +23,8 @@ const SURROUNDINGS: usize = 4;
 /// Rows that one task draws.
 const STRIP: usize = 16;
 
-/// Discs up to this radius are normalised by the sum of their own pixels, larger ones by their area.
-const SUMMED_BELOW_PX: f32 = 8.0;
+/// Rows in which a pixel at an edge is measured.
+const EDGE_ROWS: usize = 16;
 
 /// The excess light of one fragment.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,18 +140,23 @@ pub(super) fn draw(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh, o
 #[derive(Debug)]
 pub(super) struct Bokeh {
     aperture: Aperture,
+    /// Outward normals of the aperture's sides; none for a disc.
+    normals: Vec<Vec2>,
     /// Width of the fragment, see [`Plan::fragment_px`].
     fragment_px: f32,
-    /// What softening takes from the corners, in pixels: the same for every radius that keeps the corners apart.
-    corner_loss_px: f32,
+    /// Rows across the softening of an edge: their offsets, and the share of it that each stands for.
+    edge_rows: [(f32, f32); EDGE_ROWS],
 }
 
 impl Bokeh {
     /// The shape that `aperture` gives fragments `fragment_px` wide.
     pub(super) fn new(aperture: Aperture, fragment_px: f32) -> Self {
-        let bokeh = Self { aperture, fragment_px, corner_loss_px: 0.0 };
-        let radius = 2.0 * SUMMED_BELOW_PX;
-        Self { corner_loss_px: bokeh.pixels(radius) - bokeh.summed_pixels(Vec2::ZERO, radius), ..bokeh }
+        let height = (1.0 + fragment_px) / EDGE_ROWS as f32;
+        let edge_rows = std::array::from_fn(|i| {
+            let top = i as f32 * height - 0.5 * (1.0 + fragment_px);
+            (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
+        });
+        Self { aperture, normals: aperture.side_normals(), fragment_px, edge_rows }
     }
 
     /// Radius within which the shape of radius `coc_px` and its edge lie.
@@ -161,28 +165,47 @@ impl Bokeh {
         coc_px.abs() + std::f32::consts::FRAC_1_SQRT_2 * (1.0 + self.fragment_px)
     }
 
-    /// Share of a pixel that the shape of radius `coc_px` covers, `offset` from the pixel to the point.
+    /// Share of a pixel that the shape of radius `coc_px` covers, `offset` from the pixel to the point, seen through the
+    /// squares of the pixel and of the fragment.
     fn coverage(&self, offset: Vec2, coc_px: f32) -> f32 {
-        // At a corner two edges cover, each on its own.
-        let edges = self.aperture.nearest_edges(offset, coc_px); // q − p = c·u
-        edges.map(|(depth, normal)| edge_coverage(depth, normal, self.fragment_px)).iter().product()
+        let depth = self.aperture.depth_inside(offset, coc_px); // q − p = c·u
+        if depth.abs() >= self.reach(0.0) {
+            return f32::from(u8::from(depth > 0.0));
+        }
+        // Exact along x, row by row along y.
+        let row = |&(shift, share): &(f32, f32)| {
+            self.extent(offset.y + shift, coc_px).map_or(0.0, |[left, right]| {
+                let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
+                share * (step(right) - step(left))
+            })
+        };
+        self.edge_rows.iter().map(row).sum()
     }
 
-    /// Pixels that the shape of radius `coc_px` covers.
-    fn pixels(&self, coc_px: f32) -> f32 {
-        // An edge softened by a kernel of variance v covers as much as a squared radius larger by v.
-        let variance = (1.0 + self.fragment_px * self.fragment_px) / 12.0;
-        self.aperture.area() * (coc_px * coc_px + variance) - self.corner_loss_px
-    }
-
-    /// The same, pixel by pixel for a point at `place`: what small shapes need.
-    fn summed_pixels(&self, place: Vec2, coc_px: f32) -> f32 {
-        let reach = self.reach(coc_px);
-        let range = |centre: f32| (centre - reach).ceil() as i32..=(centre + reach).floor() as i32;
-        range(place.y)
-            .flat_map(|y| range(place.x).map(move |x| Vec2::new(x as f32, y as f32)))
-            .map(|pixel| self.coverage(place - pixel, coc_px))
-            .sum()
+    /// From where to where the shape of radius `coc_px` reaches in row `y` from its centre.
+    fn extent(&self, y: f32, coc_px: f32) -> Option<[f32; 2]> {
+        let radius = coc_px.abs();
+        if self.normals.is_empty() {
+            let square = radius * radius - y * y;
+            return (square > 0.0).then(|| [-square.sqrt(), square.sqrt()]);
+        }
+        let (turned_y, apothem) = (y * coc_px.signum(), radius * self.aperture.apothem());
+        let [mut left, mut right] = [-radius, radius];
+        for normal in &self.normals {
+            // normal · (x, y) ≤ apothem
+            let room = apothem - normal.y * turned_y;
+            if normal.x.abs() < 1e-6 {
+                if room < 0.0 {
+                    return None;
+                }
+            } else if normal.x > 0.0 {
+                right = right.min(room / normal.x);
+            } else {
+                left = left.max(room / normal.x);
+            }
+        }
+        let extent = if coc_px < 0.0 { [-right, -left] } else { [left, right] };
+        (left < right).then_some(extent)
     }
 }
 
@@ -196,9 +219,7 @@ struct Disc<'a> {
 
 impl<'a> Disc<'a> {
     fn new(highlight: &'a Highlight, bokeh: &'a Bokeh) -> Self {
-        let coc_px = highlight.coc_px;
-        let summed = coc_px.abs() < SUMMED_BELOW_PX;
-        let pixels = if summed { bokeh.summed_pixels(highlight.place, coc_px) } else { bokeh.pixels(coc_px) };
+        let pixels = bokeh.aperture.area() * highlight.coc_px * highlight.coc_px;
         Self { highlight, bokeh, light: highlight.energy.map(|energy| energy / pixels) }
     }
 
@@ -263,22 +284,6 @@ impl<'a> Disc<'a> {
             }
         }
     }
-}
-
-/// Share of a pixel that lies inside a straight edge, `depth` inside it on average, when fragments are squares `size_px`
-/// wide: the edge seen through the square of the pixel and that of the fragment.
-///
-/// Across the edge's steeper axis that is [`soft_step`]; the other axis shifts the edge by up to its share of the normal,
-/// which nine shifts, three for each square, stand for.
-fn edge_coverage(depth: f32, normal: Vec2, size_px: f32) -> f32 {
-    let (steep, shallow) = (normal.abs().max_element(), normal.abs().min_element());
-    let reach = 0.5 * (1.0 + size_px) * (steep + shallow);
-    if depth.abs() >= reach {
-        return f32::from(depth > 0.0);
-    }
-    let thirds = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
-    let shifts = thirds.into_iter().flat_map(|pixel| thirds.map(|fragment| pixel + size_px * fragment));
-    shifts.map(|shift| soft_step((depth + shallow * shift) / steep, size_px)).sum::<f32>() / 9.0
 }
 
 /// A step at 0, seen through a box 1 wide and one `size_px` wide: the integral of the trapezoid that the two make.
@@ -371,7 +376,8 @@ mod tests {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
                     let sum = energy(&drawn(coc, size, aperture, |_| 0.0));
-                    assert!((sum - 1.0).abs() < 1e-2, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
+                    // Rows 2/16 px high, midpoint rule: the smallest disc, all edge, is off by less than their square.
+                    assert!((sum - 1.0).abs() < 5e-3, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
                 }
             }
         }
