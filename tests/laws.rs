@@ -238,22 +238,49 @@ fn an_opaque_focused_front_hides_a_blurred_back() {
     }
 }
 
+/// How much of a bright wall shows through an opaque surface before it that slants by `across` and `down` pixels of CoC a
+/// sample: the mean and the largest share, away from the border, past which a slanted surface goes on level.
+fn leak(method: &dyn Method, (across, down): (f32, f32)) -> (f32, f32) {
+    let slanted = layer(48, 48, |x, y| (grey(0.5), across * (x as f32 - 24.0) + down * (y as f32 - 24.0)));
+    let wall = layer(48, 48, |_, _| (grey(0.9), 60.0));
+    let image = blur(method, &scene(vec![slanted, wall]), 256);
+    let inner = (14..34).flat_map(|y| (14..34).map(move |x| (x, y)));
+    let shares: Vec<f32> = inner.map(|(x, y)| (image.pixel(x, y)[0] - 0.5) / 0.4).collect();
+    (shares.iter().sum::<f32>() / shares.len() as f32, shares.iter().fold(0.0, |most, share| share.max(most)))
+}
+
 #[test]
 fn a_slanted_surface_has_no_cracks() {
-    for method in METHODS {
-        // As steep as a surface may be: neighbours, even across a corner, less than half a pixel of CoC apart.
-        for (across, down) in [(0.0, 0.3), (0.24, 0.1), (-0.45, 0.0), (0.2, -0.28)] {
-            let slanted =
-                layer(48, 48, |x, y| (grey(0.5), across * (x as f32 - 24.0) + down * (y as f32 - 24.0)));
-            let bright = layer(48, 48, |_, _| (grey(0.9), 25.0));
-            let image = blur(method, &scene(vec![slanted, bright]), 256);
-            // Away from the border, past which a slanted surface goes on level.
-            for (x, y) in (14..34).flat_map(|y| (14..34).map(move |x| (x, y))) {
-                let leak = image.pixel(x, y)[0] - 0.5;
-                let case = format!("{}: slant {across}, {down}", method.info().name);
-                assert!(leak.abs() < 1e-5, "{case}: {leak} shows through at {x}, {y}");
-            }
+    // Neighbours, even across a corner, less than half a pixel of CoC apart.
+    for slant in [(0.0, 0.3), (0.24, 0.1), (-0.45, 0.0), (0.2, -0.28)] {
+        for method in METHODS {
+            let (_, most) = leak(method, slant);
+            assert!(most < 3e-5, "{}: slant {slant:?}: {most} shows through", method.info().name);
         }
+    }
+}
+
+#[test]
+fn a_surface_steep_across_corners_is_tight_for_rays_and_nearly_so_for_bins() {
+    // Half a pixel between neighbours, more across a corner: a ray passes samples by their sides and finds no gap, but from
+    // bin to bin a view may move across the corner. A known deviation of `shear`, bounded here.
+    for slant in [(0.3, -0.37), (0.45, 0.45)] {
+        for method in METHODS {
+            let (mean, most) = leak(method, slant);
+            let (mean_bound, most_bound) =
+                if method.info().name == "shear" { (0.005, 0.02) } else { (1e-6, 3e-5) };
+            let case = format!("{}: slant {slant:?}: {mean} on average, {most} at most", method.info().name);
+            assert!(mean < mean_bound && most < most_bound, "{case}");
+        }
+    }
+}
+
+#[test]
+fn samples_further_apart_than_the_rule_are_separate_and_let_some_of_the_wall_through() {
+    // What the model says, not what an artist wants: 0.6 px of CoC from sample to sample is past half a pixel.
+    for method in METHODS {
+        let (mean, _) = leak(method, (0.6, 0.0));
+        assert!((0.05..0.15).contains(&mean), "{}: {mean} shows through", method.info().name);
     }
 }
 
