@@ -47,12 +47,11 @@ fn main() {
 /// Median CPU and wall seconds of blurring `scene`.
 fn blur(scene: &Scene, views: usize) -> (f64, f64) {
     let plan = plan(scene, views);
-    let method = methods::by_name("shear").expect("the registry has it");
     let runs: Vec<(f64, f64)> = (0..RUNS)
         .map(|_| {
             let scene = scene.clone();
             let watch = Stopwatch::start();
-            method.blur(scene, &plan, &|_| {}).expect("the CPU does not fail");
+            methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
             (watch.cpu_seconds(), watch.seconds())
         })
         .collect();
@@ -66,7 +65,7 @@ fn blur(scene: &Scene, views: usize) -> (f64, f64) {
 fn plan(scene: &Scene, views: usize) -> Plan {
     let values = Values { views: Some(views), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    Plan::decide(&scene.facts(), &settings).expect("defaults make a plan")
+    methods::plan(&scene.facts(), &settings).expect("defaults make a plan")
 }
 
 /// The scene to measure with, and the wall seconds of reading it if it was read.
@@ -112,7 +111,13 @@ fn made(width: usize, height: usize) -> Scene {
             coc_px: Plane::from_fn(width, height, |x, y| fragment(x, y, layer).map_or(0.0, |(coc, _)| coc)),
         })
         .collect();
-    Scene { layers, kind: StackKind::PointSampled, supersample: 1, limited_fragments: 0 }
+    Scene {
+        layers,
+        kind: StackKind::PointSampled,
+        supersample: 1,
+        coc_infinity_px: 64.0,
+        limited_fragments: 0,
+    }
 }
 
 /// `scene` with its CoC radii scaled so that the largest is `coc` pixels.
@@ -138,8 +143,7 @@ fn measure_memory() {
     let (scene, _) = scene();
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     let plan = plan(&scene, 64);
-    let method = methods::by_name("shear").expect("the registry has it");
-    method.blur(scene, &plan, &|_| {}).expect("the CPU does not fail");
+    methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
     let Some(peak) = peak_memory_bytes() else { return println!("peak memory: not known on this system") };
     let ratio = peak as f64 / stack_bytes as f64;
     println!(

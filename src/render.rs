@@ -7,12 +7,12 @@ use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::Image;
 use crate::lens::{LensSpec, ThinLens};
-use crate::methods::{self, METHODS, Progress};
+use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::scene::{self, Facts, Plan, Scene};
-use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values, nearest};
+use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
 
@@ -108,8 +108,7 @@ impl Prepared {
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self { stack, summary, settings, lens, scene, plan, device, mut clock, .. } = self;
-        let method = methods::by_name(&plan.method).ok_or_else(|| unknown_method(&plan.method))?;
-        let image = clock.time(Stage::Blur, || method.blur(scene, &plan, progress))?;
+        let image = clock.time(Stage::Blur, || methods::render(scene, &plan, progress))?;
         let frame = picture_frame(&stack.frame, stack.supersample);
         Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, clock })
     }
@@ -130,7 +129,7 @@ impl Rendered {
             version: env!("CARGO_PKG_VERSION"),
             input,
             output,
-            method: self.plan.method.clone(),
+            method: self.plan.method,
             device: output::report::Device { kind: self.device.kind.name(), name: self.device.name.clone() },
             lens: LensReport::new(&self.settings, &self.lens),
             stack: self.summary.clone(),
@@ -167,7 +166,7 @@ fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Fa
         ));
     }
     let facts = scene.facts();
-    let plan = Plan::decide(&facts, settings)?;
+    let plan = methods::plan(&facts, settings)?;
     Ok((lens, scene, facts, plan))
 }
 
@@ -194,20 +193,9 @@ fn read_options(job: &Job) -> ReadOptions {
 }
 
 fn check_methods(job: &Job) -> Result<(), Error> {
-    let mut names = user_layers(job).filter_map(|(_, values)| values.method.as_deref());
-    match names.find(|name| *name != "auto" && methods::by_name(name).is_none()) {
-        Some(name) => Err(unknown_method(name)),
-        None => Ok(()),
-    }
-}
-
-fn unknown_method(name: &str) -> Error {
-    let known = METHODS.map(|method| method.info().name);
-    let help = match nearest(name, &known) {
-        Some(near) => format!("did you mean '{near}'? `thinlens methods` lists them"),
-        None => format!("use auto, or one of {}", known.join(", ")),
-    };
-    Error::settings(format!("there is no method called '{name}'")).help(help)
+    user_layers(job)
+        .filter_map(|(_, values)| values.method.as_deref())
+        .try_for_each(|name| methods::by_name(name).map(drop))
 }
 
 /// Everything that turns the stack's depth into planar depth.

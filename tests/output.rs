@@ -306,9 +306,9 @@ mod the_report {
         let flags = Values { f_number: Some(1.5), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &flags)], MethodParameters::default());
         let plan = Plan {
-            method: "shear".to_owned(),
+            method: "shear",
             method_reason: "the default".to_owned(),
-            views: 64,
+            views: Some(64),
             jitter: 1.0,
             fragment_px: 1.0,
             aperture: Aperture::Disc,
@@ -327,7 +327,7 @@ mod the_report {
             version: "1.2.3",
             input: vec!["a.exr".to_owned()],
             output: "b.exr".to_owned(),
-            method: plan.method.clone(),
+            method: plan.method,
             device: report::Device { kind: "cpu", name: "a processor".to_owned() },
             lens: report::LensReport::new(
                 &settings,

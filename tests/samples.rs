@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a sample that cannot be read has failed")]
 
 use std::path::{Path, PathBuf};
-use thinlens::methods::by_name;
+use thinlens::methods;
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::EffectKind;
@@ -58,7 +58,7 @@ fn the_default_method_answers_the_reference_methods_question() {
         let picture = |method: &str| {
             let prepared = prepare(&job(scene, "stack.exr", method, 256)).unwrap();
             let plan = prepared.plan.forced(EffectKind::Prefilter, false).forced(EffectKind::Resolve, false);
-            by_name(method).unwrap().blur(prepared.scene, &plan, &|_| {}).unwrap()
+            methods::render(prepared.scene, &plan, &|_| {}).unwrap()
         };
         let db = score(&picture("shear"), &picture("accumulate"), 0).unwrap().psnr_db;
         assert!(db > 45.0, "{scene}: {db:.2} dB apart");

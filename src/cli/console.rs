@@ -46,7 +46,8 @@ impl Console {
 
     /// One line for the method and one per effect that is on.
     pub(super) fn plan(self, plan: &Plan) {
-        self.note(format_args!("method: {}, {} views: {}", plan.method, plan.views, plan.method_reason));
+        let views = plan.views.map(|views| format!(", {views} views")).unwrap_or_default();
+        self.note(format_args!("method: {}{views}: {}", plan.method, plan.method_reason));
         for effect in plan.effects.iter().filter(|effect| effect.on) {
             self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
         }

@@ -103,9 +103,10 @@ fn reference() -> Result<Image, Error> {
 fn summary(files: &[PathBuf], report: &Report, psnr_db: f64) -> String {
     let wrote = |path: &PathBuf| format!("wrote {}\n", path.display());
     let files: String = files.iter().map(wrote).collect();
-    let Report { stack, seconds, method, views, .. } = report;
+    let Report { stack, seconds, method, .. } = report;
+    let views = report.views.map(|views| format!(", {views} views")).unwrap_or_default();
     format!(
-        "{files}{}×{} pixels, {} peels, method {method}, {views} views\n\
+        "{files}{}×{} pixels, {} peels, method {method}{views}\n\
          read {:.3} s, plan {:.3} s, blur {:.3} s, write {:.3} s\n\
          PSNR {psnr_db:.1} dB against a true thin-lens render of the scene\n",
         stack.width, stack.height, stack.peels, seconds.read, seconds.plan, seconds.blur, seconds.write,

@@ -145,7 +145,9 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
 fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     writeln!(text, "plan")?;
     line(text, "method", format_args!("{}: {}", plan.method, plan.method_reason))?;
-    line(text, "views", plan.views)?;
+    if let Some(views) = plan.views {
+        line(text, "views", views)?;
+    }
     for effect in &plan.effects {
         let state = if effect.on { "on " } else { "off" };
         line(text, &kebab(&effect.name), format_args!("{state}  {}", effect.reason))?;

@@ -3,32 +3,80 @@
 use super::Failure;
 use super::console::{print, print_json};
 use clap::Args;
-use thinlens::methods::{METHODS, MethodInfo};
+use std::fmt::Write;
+use thinlens::methods::{METHODS, MethodInfo, by_name};
+use thinlens::settings::{MethodParameters, Parameter};
 
-/// List the methods
+/// List the methods, or describe one
 #[derive(Debug, Args)]
 pub(super) struct MethodsArgs {
+    /// The method to describe: its parameters and its limits
+    name: Option<String>,
+
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
+/// All that is known of a method.
+#[derive(Debug, serde::Serialize)]
+struct Description {
+    #[serde(flatten)]
+    info: MethodInfo,
+    samples_the_lens: bool,
+    parameters: Vec<Parameter>,
+}
+
 pub(super) fn run(args: &MethodsArgs) -> Result<(), Failure> {
-    let methods = METHODS.map(|method| method.info());
-    if args.json {
-        print_json(&methods)?;
-    } else {
-        print(&table(&methods))?;
+    let known: Vec<&str> = match &args.name {
+        Some(name) => vec![by_name(name)?.info().name],
+        None => METHODS.iter().map(|method| method.info().name).collect(),
+    };
+    let described = known.iter().map(|name| describe(name)).collect::<Result<Vec<_>, _>>()?;
+    match (args.json, &args.name) {
+        (true, _) => print_json(&described)?,
+        (false, Some(_)) => print(&described.iter().map(in_full).collect::<String>())?,
+        (false, None) => print(&table(&described))?,
     }
     Ok(())
 }
 
-fn table(methods: &[MethodInfo]) -> String {
-    let width = |column: fn(&MethodInfo) -> &str| methods.iter().map(|m| column(m).chars().count()).max();
-    let name_width = width(|method| method.name).unwrap_or(0);
-    let role_width = width(|method| method.role).unwrap_or(0);
-    let rows = methods.iter().map(|MethodInfo { name, role, summary, source }| {
+fn describe(name: &str) -> Result<Description, Failure> {
+    let method = by_name(name)?;
+    Ok(Description {
+        info: method.info(),
+        samples_the_lens: method.lens_samples(&MethodParameters::default()).is_some(),
+        parameters: MethodParameters::of(name),
+    })
+}
+
+fn table(methods: &[Description]) -> String {
+    let width = |column: fn(&MethodInfo) -> &str| {
+        methods.iter().map(|method| column(&method.info).chars().count()).max().unwrap_or(0)
+    };
+    let name_width = width(|info| info.name);
+    let role_width = width(|info| info.role);
+    let rows = methods.iter().map(|method| {
+        let MethodInfo { name, role, summary, source, .. } = method.info;
         format!("{name:<name_width$}  {role:<role_width$}  {summary} ({source})\n")
     });
     rows.collect()
+}
+
+fn in_full(method: &Description) -> String {
+    let MethodInfo { name, role, summary, source, deviations, .. } = method.info;
+    let mut text = format!("{name} ({role}): {summary}\n{source}\n");
+    if !method.parameters.is_empty() {
+        let _ = write!(text, "\n[method.{name}]\n");
+    }
+    for Parameter { name, default, kind, description } in &method.parameters {
+        let _ = write!(text, "{name} = {default}\n    {description}\n    {}\n", kind.in_words());
+    }
+    if !deviations.is_empty() {
+        text += "\nBy design it deviates from\n";
+    }
+    for deviation in deviations {
+        let _ = writeln!(text, "{}: {}", super::console::kebab(&deviation.law), deviation.reason);
+    }
+    text
 }

@@ -10,13 +10,14 @@
 //! stack's background is closed, and is transparent where it is open.
 //!
 //! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer. Memory: two more
-//! planes a layer. Limits: knows only what the peels know; `Plan::effects` other than the open background do not apply.
+//! planes a layer. Limits: knows only what the peels know.
 
 use super::{Method, MethodInfo, Progress, RaySum, planes_from_rows};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::lens::{View, views};
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
+use crate::settings::MethodParameters;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -34,15 +35,18 @@ impl Method for Accumulate {
             source: "Haeberli & Akeley 1990; Cook, Porter & Carpenter 1984",
             role: "reference",
             summary: "lens rays against the stack, one by one, no shortcut",
+            effects: &[],
+            deviations: &[],
         }
     }
 
+    fn lens_samples(&self, parameters: &MethodParameters) -> Option<usize> {
+        Some(parameters.accumulate.rays)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        if !plan.does(EffectKind::Blur) {
-            return Ok(scene.pinhole());
-        }
         let volume = Volume::new(&scene, plan);
-        let samples = views(plan.views, plan.aperture);
+        let samples = views(plan.lens_samples(), plan.aperture);
         let planes = planes_from_rows(
             scene.picture_size(),
             progress,

@@ -1,20 +1,25 @@
 //! BLUR: one trait, one registry, one file a method.
 //!
 //! A method reads a [`Scene`] and a [`Plan`] and returns a picture. It does no I/O, prints nothing, and decides nothing
-//! that the plan could have decided.
+//! that the plan could have decided. What several methods share is in `shared/`.
 
 mod accumulate;
+mod laws;
+mod shared;
 mod shear;
+
+pub use laws::{Deviation, Law};
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::scene::{Plan, Scene};
+use crate::scene::{Abilities, EffectKind, Facts, Plan, Scene};
+use crate::settings::{MethodParameters, Settings, nearest};
 use rayon::prelude::*;
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a method is, for `thinlens methods`, the README and the laws.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct MethodInfo {
     /// The name of `--method`.
     pub name: &'static str,
@@ -24,6 +29,10 @@ pub struct MethodInfo {
     pub role: &'static str,
     /// One sentence.
     pub summary: &'static str,
+    /// The steps beside the blur itself that it has; a plan switches off all others.
+    pub effects: &'static [EffectKind],
+    /// The laws that it breaks by design.
+    pub deviations: &'static [Deviation],
 }
 
 /// Called now and then with the share of the work that is done, 0 … 1, from any thread.
@@ -34,8 +43,13 @@ pub trait Method: fmt::Debug + Sync {
     /// What it is.
     fn info(&self) -> MethodInfo;
 
-    /// The picture of `scene` as `plan` asks for it, of the scene's picture size. The scene is given away: it is the larger
-    /// part of all memory, and a method may work in it.
+    /// Lens samples a pixel where `--views` does not say; `None` for a method that does not sample the lens.
+    fn lens_samples(&self, _parameters: &MethodParameters) -> Option<usize> {
+        None
+    }
+
+    /// The picture of `scene` as `plan` asks for it, of the scene's picture size; [`render`] calls it only where there is
+    /// something to blur. The scene is given away: it is the larger part of all memory, and a method may work in it.
     ///
     /// # Errors
     /// When a device fails; on the CPU a method that has a plan succeeds.
@@ -45,9 +59,45 @@ pub trait Method: fmt::Debug + Sync {
 /// Every method, in the order they are listed.
 pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
 
-/// The method called `name`.
-pub fn by_name(name: &str) -> Option<&'static dyn Method> {
-    METHODS.into_iter().find(|method| method.info().name == name)
+/// What `auto` chooses.
+const DEFAULT: &str = "shear";
+
+/// The method called `name`; `auto` is the default one.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one.
+pub fn by_name(name: &str) -> Result<&'static dyn Method, Error> {
+    let wanted = if name == "auto" { DEFAULT } else { name };
+    METHODS.into_iter().find(|method| method.info().name == wanted).ok_or_else(|| {
+        let known = METHODS.map(|method| method.info().name);
+        let help = match nearest(name, &known) {
+            Some(near) => format!("did you mean '{near}'? `thinlens methods` lists them"),
+            None => format!("use auto, or one of {}", known.join(", ")),
+        };
+        Error::settings(format!("there is no method called '{name}'")).help(help)
+    })
+}
+
+/// Decides what the method that `settings` ask for is to do about a scene that shows `facts`.
+///
+/// # Errors
+/// Those of [`by_name`] and of [`Plan::decide`].
+pub fn plan(facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
+    let method = by_name(&settings.method.value)?;
+    let MethodInfo { name, effects, .. } = method.info();
+    let lens_samples = method.lens_samples(&settings.parameters);
+    Plan::decide(facts, settings, Abilities { method: name, effects, lens_samples })
+}
+
+/// Carries out `plan`: the picture of `scene`, of its picture size.
+///
+/// # Errors
+/// Those of the method.
+pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+    if !plan.does(EffectKind::Blur) {
+        return Ok(scene.pinhole());
+    }
+    by_name(plan.method)?.blur(scene, plan, progress)
 }
 
 /// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(scratch, y, planes)` writes row `y`

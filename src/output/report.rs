@@ -6,7 +6,7 @@ use super::usage::Seconds;
 use crate::error::Error;
 use crate::lens::ThinLens;
 use crate::scene::{Effect, Plan};
-use crate::settings::{DepthConvention, LensSettings, MethodParameters, Settings};
+use crate::settings::{DepthConvention, LensSettings, Settings};
 use crate::stack::{Finding, Precision, Stack, StackKind};
 use serde::Serialize;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub struct Report {
     /// The file written.
     pub output: String,
     /// Name of the method.
-    pub method: String,
+    pub method: &'static str,
     /// What the blur ran on.
     pub device: Device,
     /// The lens, each value with its origin.
@@ -30,8 +30,8 @@ pub struct Report {
     pub stack: StackReport,
     /// What was decided.
     pub plan: PlanReport,
-    /// Lens samples a pixel.
-    pub views: usize,
+    /// Lens samples a pixel; `null` for a method that does not sample the lens.
+    pub views: Option<usize>,
     /// Wall time by stage.
     pub seconds: Seconds,
     /// Processor time in all.
@@ -78,8 +78,8 @@ pub struct PlanReport {
     pub method_reason: String,
     /// Every effect, on or off, with its reason.
     pub effects: Vec<Effect>,
-    /// The methods' own parameters.
-    pub parameters: MethodParameters,
+    /// The method's own parameters.
+    pub parameters: serde_json::Value,
 }
 
 /// What was read.
@@ -117,7 +117,7 @@ impl From<&Plan> for PlanReport {
         Self {
             method_reason: plan.method_reason.clone(),
             effects: plan.effects.clone(),
-            parameters: plan.parameters.clone(),
+            parameters: plan.parameters.table(plan.method),
         }
     }
 }

@@ -4,10 +4,11 @@
 //! `(p + c·u, c)` (METHODS section 1), so every question of visibility is asked here and no method needs depth.
 
 mod facts;
+mod merge;
 mod plan;
 
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
-pub use plan::{Effect, EffectKind, Plan};
+pub use plan::{Abilities, Effect, EffectKind, Plan};
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -55,6 +56,9 @@ pub struct Scene {
     pub kind: StackKind,
     /// Samples a picture pixel along each axis.
     pub supersample: usize,
+    /// CoC radius at infinity in picture pixels: with it a CoC radius gives the depth, in units of the focus distance, as
+    /// `1 / (1 − c / c_inf)`, which is all of depth that the papers' equations need.
+    pub coc_infinity_px: f32,
     /// Fragments so near the lens that their CoC was limited to [`coc_limit_px`].
     pub limited_fragments: usize,
 }
@@ -76,7 +80,7 @@ impl Scene {
             limited_fragments += depth_to_coc(&mut peel, &stack.frame, lens, scale, limit);
             layers.push(Layer { color: peel.color, alpha: peel.alpha, coc_px: peel.depth });
         }
-        Self { layers, kind, supersample, limited_fragments }
+        Self { layers, kind, supersample, coc_infinity_px: lens.coc_infinity_px, limited_fragments }
     }
 
     /// Width of the layers in samples.
@@ -208,6 +212,7 @@ mod tests {
             layers: vec![layer(front), layer([5.0, 5.0, 5.0, 1.0])],
             kind: StackKind::PointSampled,
             supersample: 1,
+            coc_infinity_px: 1.0,
             limited_fragments: 0,
         };
         assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, untouched");
@@ -219,6 +224,7 @@ mod tests {
             layers: vec![layer([0.25, 0.0, 0.0, 0.25]), layer([0.0, 1.0, 0.0, 1.0])],
             kind: StackKind::Coverage,
             supersample: 1,
+            coc_infinity_px: 1.0,
             limited_fragments: 0,
         };
         assert_eq!(scene.pinhole().pixel(0, 0), [0.25, 0.75, 0.0, 1.0], "a quarter red over green");

@@ -3,7 +3,7 @@
 use super::{Facts, bright_step_floor};
 use crate::error::Error;
 use crate::lens::Aperture;
-use crate::settings::{MethodParameters, Settings};
+use crate::settings::{MethodParameters, Origin, Settings};
 use crate::stack::StackKind;
 
 /// An effect that a plan switches on or off.
@@ -39,15 +39,26 @@ pub struct Effect {
     pub reason: String,
 }
 
+/// What a plan must know of the method that is to carry it out.
+#[derive(Debug, Clone, Copy)]
+pub struct Abilities {
+    /// Name of the method.
+    pub method: &'static str,
+    /// The steps beside the blur itself that the method has.
+    pub effects: &'static [EffectKind],
+    /// Lens samples a pixel that its parameters ask for; `None` for a method that does not sample the lens.
+    pub lens_samples: Option<usize>,
+}
+
 /// What a method is to do: a pure function of facts and settings, and the only thing it reads beside the scene.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Plan {
     /// Name of the method.
-    pub method: String,
+    pub method: &'static str,
     /// Why this method.
     pub method_reason: String,
-    /// Lens samples a pixel.
-    pub views: usize,
+    /// Lens samples a pixel; `None` for a method that does not sample the lens.
+    pub views: Option<usize>,
     /// Where in the pixel the views lie, as a share of its width: 1 for samples at points, less for colours that are
     /// averages over the pixel already.
     pub jitter: f32,
@@ -79,25 +90,19 @@ const HIGHLIGHT_SHARE: f64 = 0.05;
 const COMPLETE_LAYERS: usize = 3;
 
 impl Plan {
-    /// Decides what to do about a scene that shows `facts` under `settings`.
+    /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, zero views, or a highlight threshold within the
-    /// range of a picture.
-    pub fn decide(facts: &Facts, settings: &Settings) -> Result<Self, Error> {
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, and a
+    /// number of views that is out of range or was asked of a method that does not sample the lens.
+    pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
-        let (method, method_reason) = match settings.method.value.as_str() {
-            "auto" => ("shear".to_owned(), "auto: nothing known is as accurate in as little time".to_owned()),
-            named => (named.to_owned(), format!("asked for by {}", settings.method.origin)),
+        parameters.check(abilities.method)?;
+        let views = views(settings, abilities)?;
+        let method_reason = match settings.method.value.as_str() {
+            "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
+            _ => format!("asked for by {}", settings.method.origin),
         };
-        let own_count =
-            if method == "accumulate" { parameters.accumulate.rays } else { parameters.shear.views };
-        let views = settings.views.value.unwrap_or(own_count);
-        if views == 0 || views > MAX_VIEWS {
-            return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
-                .with("found", views.to_string())
-                .help("set it with --views, or in the preset's [method]"));
-        }
         let wanted = parameters.shear.highlight_threshold;
         if wanted != 0.0 && wanted.is_nan() | (wanted < bright_step_floor(0)) {
             return Err(Error::settings(
@@ -107,18 +112,24 @@ impl Plan {
             .help("set highlight_threshold in the preset's [method.shear]"));
         }
         let (highlight_threshold, highlights) = highlights(facts, wanted);
+        let of_method = |effect: Effect| match effect.name {
+            kind if abilities.effects.contains(&kind) => effect,
+            kind => {
+                Effect { on: false, reason: format!("{} has no such step", abilities.method), name: kind }
+            }
+        };
         let effects = vec![
             blur(facts),
-            merge(facts),
-            highlights,
-            fill(facts, parameters.shear.fill),
+            of_method(merge(facts)),
+            of_method(highlights),
+            of_method(fill(facts, parameters.shear.fill)),
             translucency(facts),
             open_background(facts),
-            prefilter(&parameters),
-            resolve(facts, &parameters),
+            of_method(prefilter(&parameters)),
+            of_method(resolve(facts, &parameters)),
         ];
         Ok(Self {
-            method,
+            method: abilities.method,
             method_reason,
             views,
             jitter: if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 },
@@ -132,6 +143,11 @@ impl Plan {
             effects,
             parameters,
         })
+    }
+
+    /// Lens samples a pixel, for a method that samples the lens.
+    pub fn lens_samples(&self) -> usize {
+        self.views.expect("a plan for a method that samples the lens says how often")
     }
 
     /// Whether the plan asks for `kind`.
@@ -152,6 +168,31 @@ impl Plan {
 
 /// The error of this many views is below what a half float can hold.
 const MAX_VIEWS: usize = 1 << 16;
+
+fn views(settings: &Settings, abilities: Abilities) -> Result<Option<usize>, Error> {
+    let asked = settings.views.value;
+    let Some(own) = abilities.lens_samples else {
+        return match asked {
+            Some(views) if settings.views.origin == Origin::Flag => {
+                Err(Error::settings(format!("{} does not sample the lens", abilities.method))
+                    .with("found", format!("--views {views}"))
+                    .help(format!(
+                        "leave --views out; `thinlens methods {}` shows what it has",
+                        abilities.method
+                    )))
+            }
+            // A preset's views are for whichever method samples the lens.
+            _ => Ok(None),
+        };
+    };
+    let views = asked.unwrap_or(own);
+    if views == 0 || views > MAX_VIEWS {
+        return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
+            .with("found", views.to_string())
+            .help("set it with --views, or in the preset's [method]"));
+    }
+    Ok(Some(views))
+}
 
 fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
     Effect { name, on, reason: reason.into() }
@@ -274,6 +315,19 @@ mod tests {
     use crate::scene::{BRIGHT_STEPS, BrightStep};
     use crate::settings::{Origin, Values};
 
+    /// A method that has every step.
+    const ABLE: Abilities = Abilities {
+        method: "shear",
+        effects: &[
+            EffectKind::Merge,
+            EffectKind::Highlights,
+            EffectKind::Fill,
+            EffectKind::Prefilter,
+            EffectKind::Resolve,
+        ],
+        lens_samples: Some(64),
+    };
+
     fn facts() -> Facts {
         Facts {
             picture_size: (100, 100),
@@ -291,7 +345,8 @@ mod tests {
     }
 
     fn decide(facts: &Facts, values: &Values) -> Result<Plan, Error> {
-        Plan::decide(facts, &Settings::resolve(&[(Origin::Flag, values)], MethodParameters::default()))
+        let settings = Settings::resolve(&[(Origin::Flag, values)], MethodParameters::default());
+        Plan::decide(facts, &settings, ABLE)
     }
 
     fn plan(facts: &Facts) -> Plan {
@@ -364,8 +419,31 @@ mod tests {
         );
         let mut settings = Settings::resolve(&[], MethodParameters::default());
         settings.parameters.shear.highlight_threshold = 0.4;
-        let error = Plan::decide(&facts(), &settings).unwrap_err().to_string();
+        let error = Plan::decide(&facts(), &settings, ABLE).unwrap_err().to_string();
         assert!(error.contains("brighter than white"), "{error}");
+    }
+
+    #[test]
+    fn a_method_is_not_said_to_do_what_it_has_no_step_for() {
+        let blind = Abilities { method: "scatter", effects: &[], lens_samples: None };
+        let settings = |origin| {
+            let values = Values { views: Some(32), ..Values::default() };
+            Settings::resolve(&[(origin, &values)], MethodParameters::default())
+        };
+        let plan = Plan::decide(&lights(100), &settings(Origin::Header), blind).unwrap();
+        assert!(!plan.does(EffectKind::Highlights), "no discs");
+        assert_eq!(plan.views, None, "a preset's views are not meant for it");
+        let error = Plan::decide(&lights(100), &settings(Origin::Flag), blind).unwrap_err().to_string();
+        assert!(error.contains("scatter does not sample the lens"), "{error}");
+    }
+
+    #[test]
+    fn a_parameter_out_of_its_range_is_refused_with_range_and_default() {
+        let mut settings = Settings::resolve(&[], MethodParameters::default());
+        settings.parameters.shear.views = 0;
+        let error = Plan::decide(&facts(), &settings, ABLE).unwrap_err().to_string();
+        let expected = "'views' of [method.shear] must be a whole number from 1 to 65536 (the default is 64)";
+        assert!(error.contains(expected), "{error}");
     }
 
     #[test]

@@ -6,7 +6,11 @@
 mod parameters;
 mod preset;
 
-pub use parameters::{AccumulateParameters, MethodParameters, ShearParameters};
+pub use parameters::{
+    AccumulateParameters, BBufferParameters, GatherParameters, LayerRaysParameters, MethodParameters,
+    OpaqueBlurParameters, Parameter, ParameterKind, PeelRaysParameters, PointSplatParameters,
+    PyramidDisocclusionParameters, RecursiveGaussianParameters, ScatterParameters, ShearParameters,
+};
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Presets: a TOML file becomes a layer of [`Values`].
 //!
 //! [`SCHEMA`] is the one list of keys: what may be written, how it is checked and where it goes. The `[method.NAME]`
-//! tables follow from the fields of [`MethodParameters`] themselves, so that a new method needs no line here.
+//! tables follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
 use super::{DepthConvention, Focus, MethodParameters, SensorDistance, Values, nearest};
 use crate::error::Error;
@@ -169,9 +169,9 @@ fn table_names() -> Vec<&'static str> {
     names
 }
 
-/// The `[method.NAME]` tables with every parameter at its default: their keys and the types of these are the schema.
+/// The `[method.NAME]` tables with every parameter at its default.
 fn default_parameters() -> Json {
-    serde_json::to_value(MethodParameters::default()).expect("parameters are numbers, flags and names")
+    serde_json::to_value(MethodParameters::default()).expect("parameters are numbers, flags and lists")
 }
 
 /// Every key that the table called `table` may hold; `""` is the root.
@@ -264,21 +264,18 @@ impl<'a> Entry<'a> {
                 self.document
                     .entries(&path, self.table()?)
                     .iter()
-                    .try_for_each(|entry| entry.read_parameter(method))
+                    .try_for_each(|entry| entry.read_parameter(self.key, method))
             }
             _ => Err(self.unknown()),
         }
     }
 
-    /// Checks one parameter of a method against the type of its default, and replaces that.
-    fn read_parameter(&self, method: &mut Json) -> Result<(), Error> {
-        let slot = method.get_mut(self.key).ok_or_else(|| self.unknown())?;
-        *slot = match slot {
-            Json::Bool(_) => Json::from(self.flag()?),
-            Json::String(_) => Json::from(self.text()?),
-            Json::Number(number) if number.is_u64() => Json::from(self.whole(0, "0 or more")?),
-            _ => Json::from(f64::from(self.not_negative()?)),
-        };
+    /// Checks one parameter of `method`, and keeps its value among that method's `parameters`.
+    fn read_parameter(&self, method: &str, parameters: &mut Json) -> Result<(), Error> {
+        let known = MethodParameters::of(method);
+        let parameter = known.iter().find(|known| known.name == self.key).ok_or_else(|| self.unknown())?;
+        let value = json(self.value.get_ref()).filter(|value| parameter.kind.allows(value));
+        parameters[self.key] = value.ok_or_else(|| self.unsuitable(&parameter.wanted()))?;
         Ok(())
     }
 
@@ -399,6 +396,18 @@ impl<'a> Entry<'a> {
     }
 }
 
+/// A parameter's value: a flag, a number, a list of numbers; `null` for the text "auto".
+fn json(value: &DeValue<'_>) -> Option<Json> {
+    match value {
+        DeValue::Boolean(flag) => Some(Json::from(*flag)),
+        DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix()).ok().map(Json::from),
+        DeValue::Float(digits) => digits.as_str().parse::<f64>().ok().map(Json::from),
+        DeValue::String(text) => (text == "auto").then_some(Json::Null),
+        DeValue::Array(items) => items.iter().map(|item| json(item.get_ref())).collect(),
+        DeValue::Table(_) | DeValue::Datetime(_) => None,
+    }
+}
+
 fn number(value: &DeValue<'_>) -> Option<f32> {
     match value {
         DeValue::Integer(digits) => {
@@ -480,8 +489,12 @@ mod tests {
 
     #[test]
     fn the_parameters_of_a_method_keep_their_defaults_where_the_preset_is_silent() {
-        let parameters = parse("[method.shear]\nviews = 32\nfill = false").unwrap().parameters;
+        let text = "[method.shear]\nviews = 32\nfill = false
+            [method.recursive-gaussian]\nlayers = 9\n[method.point-splat]\nintensity = [1, 0.5]";
+        let parameters = parse(text).unwrap().parameters;
         let mut expected = MethodParameters::default();
+        expected.recursive_gaussian.layers = Some(9);
+        expected.point_splat.intensity = vec![1.0, 0.5];
         expected.shear.views = 32;
         expected.shear.fill = false;
         assert_eq!(parameters, expected);
@@ -533,7 +546,20 @@ mod tests {
             ("[aperture]\nblades = 5.5", "must be a whole number"),
             ("[method]\nviews = 0", "must be a whole number, 1 or more"),
             ("[method.shear]\nfill = 1", "must be true or false"),
-            ("[method.shear]\nprefilter = -1", "must be a number, 0 or more"),
+            ("[method.shear]\nprefilter = -1", "must be a number from 0 to 16 (the default is 1.4)"),
+            (
+                "[method.layer-rays]\ndelta_px = 0",
+                "'delta_px' must be a number from 0.1 to 1000 (the default is 3.0)",
+            ),
+            ("[method.layer-rays]\nrays = 0", "must be a whole number from 1 to 65536 (the default is 32)"),
+            (
+                "[method.recursive-gaussian]\nlayers = 513",
+                "must be \"auto\", or a whole number from 1 to 512 (the default is \"auto\")",
+            ),
+            (
+                "[method.point-splat]\nintensity = [0, 0]",
+                "must be a list of numbers from 0 to 1000, not all 0",
+            ),
             ("lens = 3", "must be a table, [lens]"),
         ] {
             let message = message(line);

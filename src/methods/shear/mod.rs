@@ -10,7 +10,7 @@
 //! | pass | module | does |
 //! | --- | --- | --- |
 //! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
-//! | merge | [`merge`] | samples of a supersampled stack → coverage peels |
+//! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
 //! | fill | [`fill`] | a guessed surface where the stack has none |
 //! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
@@ -24,17 +24,17 @@
 mod bins;
 mod fill;
 mod highlights;
-mod merge;
 mod paint;
 mod prefilter;
 mod resolve;
 mod runs;
 
-use super::{Method, MethodInfo, Progress, planes_from_rows};
+use super::{Deviation, Law, Method, MethodInfo, Progress, planes_from_rows};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::lens::{View, views};
 use crate::scene::{EffectKind, Layer, Plan, Scene};
+use crate::settings::MethodParameters;
 use bins::Bins;
 use highlights::{Bokeh, Highlight, Occluders};
 use paint::{Canvas, RowSums};
@@ -57,19 +57,33 @@ impl Method for Shear {
             source: "this project",
             role: "default",
             summary: "slices of equal blur, sheared for each lens sample and painted front to back",
+            effects: &[
+                EffectKind::Merge,
+                EffectKind::Highlights,
+                EffectKind::Fill,
+                EffectKind::Prefilter,
+                EffectKind::Resolve,
+            ],
+            deviations: &[Deviation {
+                law: Law::NoCracksAcrossCorners,
+                within: [0.0, 0.02],
+                reason: "from bin to bin a view may move across the corner of a sample, where a ray passes its sides",
+            }],
         }
     }
 
+    fn lens_samples(&self, parameters: &MethodParameters) -> Option<usize> {
+        Some(parameters.shear.views)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        if !plan.does(EffectKind::Blur) {
-            return Ok(scene.pinhole());
-        }
+        let views = plan.lens_samples();
         let size = scene.picture_size();
         let (mut layers, highlights) = load(scene, plan);
-        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(plan.views >= MANY_VIEWS)]);
+        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)]);
         let runs = runs::find(&layers, &bins);
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, plan.views, plan.parameters.shear.prefilter);
+            prefilter::smooth(&mut layers, views, plan.parameters.shear.prefilter);
         }
         let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins };
         let (mut image, focused_share) = paint(&canvas, size, plan, progress);
@@ -84,16 +98,13 @@ impl Method for Shear {
 }
 
 /// The layers to paint, at picture resolution, and the highlights taken out of them.
-fn load(scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
-    let Scene { mut layers, supersample, .. } = scene;
+fn load(mut scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
     let highlights = if plan.does(EffectKind::Highlights) {
-        highlights::extract(&mut layers, plan, supersample)
+        highlights::extract(&mut scene.layers, plan, scene.supersample)
     } else {
         Vec::new()
     };
-    if plan.does(EffectKind::Merge) {
-        layers = merge::merge(&layers, supersample);
-    }
+    let mut layers = scene.merged().layers;
     if plan.does(EffectKind::Fill) {
         layers.extend(fill::guess(&layers));
     }
@@ -102,7 +113,7 @@ fn load(scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
 
 /// Paints all views of `plan`: the picture, and for each pixel the share of rays that met something in focus.
 fn paint(canvas: &Canvas<'_>, size: (usize, usize), plan: &Plan, progress: &Progress<'_>) -> (Image, Plane) {
-    let shears: Vec<_> = views(plan.views, plan.aperture)
+    let shears: Vec<_> = views(plan.lens_samples(), plan.aperture)
         .into_iter()
         .map(|view| paint::Shear::new(&View { jitter: view.jitter * plan.jitter, ..view }, canvas.bins))
         .collect();

@@ -4,8 +4,8 @@
 //! coverage is the sum of its fragments' alpha over `S²`, its colour the same sum (premultiplied), its radius the mean
 //! (`1/z` is affine in `c`). Of more clusters than layers, the least visible are dropped.
 
+use super::{Layer, Scene};
 use crate::image::Plane;
-use crate::scene::Layer;
 use rayon::prelude::*;
 
 /// A fragment joins the cluster if it lies within this of the cluster's last radius, in picture pixels …
@@ -35,8 +35,19 @@ struct Cluster {
     coc_px: f32,
 }
 
+impl Scene {
+    /// The scene at one sample a pixel: a supersampled one's layers become as many coverage layers, any other stays as it is.
+    #[must_use]
+    pub fn merged(self) -> Self {
+        if self.supersample == 1 {
+            return self;
+        }
+        Self { layers: merge(&self.layers, self.supersample), supersample: 1, ..self }
+    }
+}
+
 /// Merges `layers`, `supersample` samples a pixel along each axis, into as many coverage layers.
-pub(super) fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
+fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
     let (width, height) =
         layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
     let count = layers.len();

@@ -1,0 +1,142 @@
+//! The stack as methods that blend and normalise read it: content and coverage, both opaque and open backgrounds alike.
+//!
+//! Such methods divide what they gathered by the coverage they gathered. That is right only where coverage means "something
+//! is known here", so the two meanings of alpha are kept apart: *coverage* is whether a layer knows a pixel, *content* is
+//! what it knows of it, namely red, green, blue and, where the background is open, alpha. Where nothing is, and the
+//! background is open, that nothing is known too: a backdrop of full coverage and empty content.
+
+use crate::image::{Image, Plane};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use rayon::prelude::*;
+
+/// A picture of which some is known.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::methods) struct Sheet {
+    /// Red, green, blue and, where the background is open, alpha; premultiplied by coverage.
+    pub content: Vec<Plane>,
+    /// How much of each pixel is known, 0 … 1.
+    pub coverage: Plane,
+}
+
+/// A layer of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::methods) struct Peel {
+    /// What it shows, and where.
+    pub sheet: Sheet,
+    /// Signed CoC radius in pixels, where coverage is over 0.
+    pub coc_px: Plane,
+}
+
+/// What the camera sees: one colour and one CoC radius a pixel, all pixels known.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::methods) struct Visible {
+    /// Red, green, blue and, where the background is open, alpha.
+    pub content: Vec<Plane>,
+    /// Signed CoC radius in pixels of what shows most.
+    pub coc_px: Plane,
+}
+
+/// CoC radius of an open background: beyond everything, and in focus where nothing is behind focus, since nothing cannot
+/// be seen to blur.
+fn backdrop_coc_px(plan: &Plan) -> f32 {
+    plan.coc_range_px[1].max(0.0)
+}
+
+/// The layers of `scene` at one sample a pixel, nearest first, and the backdrop of an open background.
+pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
+    let scene = scene.merged();
+    let open = plan.does(EffectKind::OpenBackground);
+    let backdrop = open.then(|| {
+        let mut coverage = Plane::filled(scene.width(), scene.height(), 1.0);
+        for layer in &scene.layers {
+            let values = coverage.values_mut().par_iter_mut().zip(layer.alpha.values());
+            values.for_each(|(left, &alpha)| *left *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha });
+        }
+        // What shows through all layers, behind them: over what they cover it is hidden again.
+        coverage.values_mut().par_iter_mut().for_each(|left| *left = if *left > 0.0 { 1.0 } else { 0.0 });
+        let content = vec![Plane::zeros(scene.width(), scene.height()); 4];
+        let coc_px = Plane::filled(scene.width(), scene.height(), backdrop_coc_px(plan));
+        Peel { sheet: Sheet { content, coverage }, coc_px }
+    });
+    let layers = scene.layers.into_iter().map(|layer| {
+        let alpha = open.then(|| layer.alpha.clone());
+        let content = layer.color.into_iter().chain(alpha).collect();
+        Peel { sheet: Sheet { content, coverage: layer.alpha }, coc_px: layer.coc_px }
+    });
+    layers.chain(backdrop).collect()
+}
+
+/// What the camera sees of `scene`, at one sample a pixel.
+pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
+    let scene = scene.merged();
+    let open = plan.does(EffectKind::OpenBackground);
+    let (width, height) = scene.picture_size();
+    let Image { planes: [mut red, mut green, mut blue, alpha] } = scene.pinhole();
+    let coc_px = Plane::from_fn(width, height, |x, y| {
+        let (mut transmitted, mut most, mut coc) = (1.0, 0.0, backdrop_coc_px(plan));
+        for layer in &scene.layers {
+            let alpha = layer.alpha.get(x, y);
+            if transmitted * alpha > most {
+                (most, coc) = (transmitted * alpha, layer.coc_px.get(x, y));
+            }
+            transmitted *= 1.0 - alpha;
+        }
+        if open && transmitted > most { backdrop_coc_px(plan) } else { coc }
+    });
+    if open {
+        return Visible { content: vec![red, green, blue, alpha], coc_px };
+    }
+    // What of a closed background's pixel is not known is as what is known.
+    for plane in [&mut red, &mut green, &mut blue] {
+        let values = plane.values_mut().par_iter_mut().zip(alpha.values());
+        values.for_each(|(value, &alpha)| {
+            *value /= if alpha > 0.0 && alpha < OPAQUE_ALPHA { alpha } else { 1.0 }
+        });
+    }
+    Visible { content: vec![red, green, blue], coc_px }
+}
+
+impl Sheet {
+    /// A sheet of which nothing is known, `channels` planes of content.
+    pub(in crate::methods) fn unknown(width: usize, height: usize, channels: usize) -> Self {
+        Self { content: vec![Plane::zeros(width, height); channels], coverage: Plane::zeros(width, height) }
+    }
+
+    /// Lays this sheet over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
+    pub(in crate::methods) fn over(&mut self, behind: &Self) {
+        for (front, back) in self.content.iter_mut().zip(&behind.content) {
+            lay_over(front, &self.coverage, back);
+        }
+        let values = self.coverage.values_mut().par_iter_mut().zip(behind.coverage.values());
+        values.for_each(|(front, &back)| *front += (1.0 - *front) * back);
+    }
+
+    /// Divides by coverage: the picture of what is known, transparent where nothing is.
+    pub(in crate::methods) fn into_picture(mut self) -> Image {
+        for plane in &mut self.content {
+            let values = plane.values_mut().par_iter_mut().zip(self.coverage.values());
+            values
+                .for_each(|(value, &coverage)| *value = if coverage > 0.0 { *value / coverage } else { 0.0 });
+        }
+        picture(self.content)
+    }
+}
+
+fn lay_over(front: &mut Plane, coverage: &Plane, back: &Plane) {
+    let values = front.values_mut().par_iter_mut().zip(coverage.values()).zip(back.values());
+    values.for_each(|((front, &coverage), &back)| *front += (1.0 - coverage) * back);
+}
+
+/// The picture of `content` that is known everywhere: opaque, unless its fourth plane says how opaque it is.
+pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
+    let mut planes = content.into_iter();
+    let mut next = || planes.next();
+    let [red, green, blue] = std::array::from_fn(|_| next().unwrap_or_default());
+    let alpha = next().map(|mut alpha| {
+        // A blur's rounding may leave a coverage a little past whole.
+        alpha.values_mut().par_iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+        alpha
+    });
+    let alpha = alpha.unwrap_or_else(|| Plane::filled(red.width(), red.height(), 1.0));
+    Image { planes: [red, green, blue, alpha] }
+}
