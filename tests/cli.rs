@@ -8,7 +8,7 @@ use program::{STACK, names, run, stderr, thinlens};
 use std::fs;
 use std::process::Output;
 use thinlens::methods::METHODS;
-use thinlens::settings::{BUILT_IN, Preset};
+use thinlens::settings::{BUILT_IN, MethodParameters, Parameter, Preset};
 
 fn stdout(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
@@ -54,6 +54,41 @@ fn methods_lists_every_method() {
         assert!(text.lines().any(|line| line.starts_with(name)), "{name}");
         assert_eq!(json[i]["name"], name);
     }
+}
+
+#[test]
+fn methods_describes_one_method_as_a_preset_of_its_defaults() {
+    let folder = tempfile::tempdir().unwrap();
+    for method in METHODS {
+        let info = method.info();
+        let text = stdout(&run(folder.path(), &["methods", info.name]));
+        assert!(text.contains(info.source), "{text}");
+        let preset = Preset::parse(&text, info.name).unwrap();
+        assert_eq!(preset.values.method.as_deref(), Some(info.name));
+        assert_eq!(preset.parameters, MethodParameters::default(), "{}", info.name);
+        for Parameter { name, description, .. } in MethodParameters::of(info.name) {
+            assert!(text.contains(&format!("\n# {description}")), "{name}: {text}");
+            assert!(text.contains(&format!("\n{name} = ")), "{name}: {text}");
+        }
+        for deviation in info.deviations {
+            assert!(text.contains(deviation.reason), "{}: {text}", deviation.reason);
+        }
+    }
+    let unknown = run(folder.path(), &["methods", "sheer"]);
+    assert_eq!(unknown.status.code(), Some(1));
+    assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
+}
+
+#[test]
+fn a_parameter_out_of_its_range_is_refused_with_key_value_range_and_default() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("lens.toml"), "[method.accumulate]\nrays = 0\n").unwrap();
+    let output = run(folder.path(), &["render", STACK, "--preset", "lens.toml", "-o", "a.exr"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = stderr(&output);
+    assert!(text.contains("'rays' must be a whole number from 1 to 65536 (the default is 1024)"), "{text}");
+    assert!(text.contains("2 | rays = 0"), "{text}");
+    assert!(!folder.path().join("a.exr").exists(), "nothing written");
 }
 
 #[test]

@@ -63,20 +63,21 @@ fn table(methods: &[Description]) -> String {
     rows.collect()
 }
 
+/// A method in full, as a preset that sets every parameter to its default.
 fn in_full(method: &Description) -> String {
     let MethodInfo { name, role, summary, source, deviations, .. } = method.info;
-    let mut text = format!("{name} ({role}): {summary}\n{source}\n");
+    let mut text = format!("# {name} ({role}): {summary}\n# {source}\n\n[method]\nname = \"{name}\"\n");
     if !method.parameters.is_empty() {
         let _ = write!(text, "\n[method.{name}]\n");
     }
     for Parameter { name, default, kind, description } in &method.parameters {
-        let _ = write!(text, "{name} = {default}\n    {description}\n    {}\n", kind.in_words());
+        let _ = write!(text, "# {description} May be {}.\n{name} = {default}\n", kind.in_words());
     }
     if !deviations.is_empty() {
-        text += "\nBy design it deviates from\n";
+        text += "\n# By design it deviates from these laws of the blur:\n";
     }
     for deviation in deviations {
-        let _ = writeln!(text, "{}: {}", super::console::kebab(&deviation.law), deviation.reason);
+        let _ = writeln!(text, "# {}: {}", super::console::kebab(&deviation.law), deviation.reason);
     }
     text
 }
