@@ -230,3 +230,18 @@ fn a_picture_scores_perfectly_against_itself() {
     let text = stdout(&run(folder.path(), &["score", picture, picture]));
     assert!(text.contains("PSNR          200.00 dB"), "{text}");
 }
+
+#[test]
+fn a_score_can_have_hdr_flip_and_a_map_of_the_difference() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = |name: &str| format!("{}/samples/fence/{name}.exr", env!("CARGO_MANIFEST_DIR"));
+    let (image, reference) = (sample("pinhole"), sample("reference"));
+    let output =
+        run(folder.path(), &["score", &image, &reference, "--hdr-flip", "--map", "map.png", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(json["flip"].as_f64().unwrap() > 0.3 && json["hdr_flip"].as_f64().unwrap() > 0.3, "{json}");
+    let map = image::open(folder.path().join("map.png")).unwrap();
+    assert_eq!((map.width(), map.height()), (320, 180));
+    let onto_input = run(folder.path(), &["score", &image, &reference, "--map", &image]);
+    assert!(stderr(&onto_input).contains("one of the inputs"), "{}", stderr(&onto_input));
+}

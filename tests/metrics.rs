@@ -1,30 +1,39 @@
 //! The figures against scikit-image: expected values were computed there, from the same pictures, in double
-//! precision (SSIM: `structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False)`).
+//! precision (SSIM: `structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False)`). FLIP against
+//! its authors' flip-evaluator 1.7, with its defaults.
 
 #![expect(clippy::unwrap_used, reason = "a fixture that fails, fails its test")]
 
 use exr::prelude::{ReadChannels as _, ReadLayers as _, read};
 use std::path::Path;
 use thinlens::image::Image;
-use thinlens::metrics::{Score, score};
+use thinlens::metrics::{Pair, Score};
 
 /// Agreement of decibels and of the other figures (relative).
 const DECIBELS: f64 = 0.01;
 const SHARE: f64 = 1e-4;
 
+/// Agreement of FLIP, whose evaluator works in single precision.
+const FLIP: f64 = 1e-4;
+
 struct Expected {
     border: usize,
     psnr_db: f64,
     ssim: f64,
+    flip: f64,
+    hdr_flip: f64,
     relative_mse: f64,
     log_psnr_db: f64,
 }
 
 fn assert_agrees(image: &Image, reference: &Image, expected: &Expected) {
-    let Score { psnr_db, ssim, relative_mse, log_psnr_db } =
-        score(image, reference, expected.border).unwrap();
+    let pair = Pair::new(image, reference, expected.border).unwrap();
+    let Score { psnr_db, ssim, flip, relative_mse, log_psnr_db } = pair.score();
+    let hdr_flip = pair.hdr_flip();
     assert!((psnr_db - expected.psnr_db).abs() < DECIBELS, "PSNR {psnr_db}");
     assert!((ssim.unwrap() - expected.ssim).abs() < SHARE, "SSIM {ssim:?}");
+    assert!((flip - expected.flip).abs() < FLIP, "FLIP {flip}");
+    assert!((hdr_flip - expected.hdr_flip).abs() < FLIP, "HDR-FLIP {hdr_flip}");
     assert!((relative_mse / expected.relative_mse - 1.0).abs() < SHARE, "relative MSE {relative_mse}");
     assert!((log_psnr_db - expected.log_psnr_db).abs() < DECIBELS, "log PSNR {log_psnr_db}");
 }
@@ -83,6 +92,8 @@ fn noise_scores_as_in_scikit_image() {
         border: 0,
         psnr_db: 8.268_431,
         ssim: 0.044_438_7,
+        flip: 0.341208,
+        hdr_flip: 0.338959,
         relative_mse: 6.119_428_6,
         log_psnr_db: 16.593_525,
     };
@@ -90,6 +101,8 @@ fn noise_scores_as_in_scikit_image() {
         border: 17,
         psnr_db: 8.125_775,
         ssim: 0.023_131_9,
+        flip: 0.339589,
+        hdr_flip: 0.339233,
         relative_mse: 7.002_027_0,
         log_psnr_db: 16.482_727,
     };
@@ -104,6 +117,8 @@ fn waves_score_as_in_scikit_image() {
         border: 0,
         psnr_db: 23.834_449,
         ssim: 0.976_958_75,
+        flip: 0.153488,
+        hdr_flip: 0.162569,
         relative_mse: 0.070_018_604,
         log_psnr_db: 23.326_368,
     };
@@ -111,6 +126,8 @@ fn waves_score_as_in_scikit_image() {
         border: 17,
         psnr_db: 23.949_785,
         ssim: 0.977_609_9,
+        flip: 0.152131,
+        hdr_flip: 0.159196,
         relative_mse: 0.067_864_195,
         log_psnr_db: 23.368_309,
     };
@@ -125,6 +142,8 @@ fn a_pinhole_render_scores_against_the_true_lens_as_in_scikit_image() {
         border: 0,
         psnr_db: 19.063_963,
         ssim: 0.492_939_99,
+        flip: 0.377383,
+        hdr_flip: 0.347224,
         relative_mse: 0.138_397_34,
         log_psnr_db: 16.354_79,
     };
@@ -132,6 +151,8 @@ fn a_pinhole_render_scores_against_the_true_lens_as_in_scikit_image() {
         border: 17,
         psnr_db: 19.130_059,
         ssim: 0.488_200_8,
+        flip: 0.375219,
+        hdr_flip: 0.341389,
         relative_mse: 0.134_402_33,
         log_psnr_db: 16.507_748,
     };

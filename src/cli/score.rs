@@ -1,17 +1,19 @@
 //! `thinlens score`.
 
-use super::Failure;
-use super::console::{print, print_json};
+use super::console::{Console, print, print_json};
+use super::{Failure, checks};
 use clap::Args;
 use std::path::PathBuf;
-use thinlens::metrics;
+use thinlens::metrics::{Pair, Score};
+use thinlens::output::png;
 use thinlens::stack::read_picture;
 
 const EXAMPLES: &str = "\
 Examples:
   thinlens score out.exr reference.exr
   thinlens score out.exr reference.exr --border 16
-  thinlens score out.png reference.png --json";
+  thinlens score out.png reference.png --json
+  thinlens score out.exr reference.exr --map difference.png";
 
 /// Measure how far a picture is from its reference
 #[derive(Debug, Args)]
@@ -24,23 +26,51 @@ pub(super) struct ScoreArgs {
     /// Leave out a frame of this width
     #[arg(long, value_name = "PX", default_value_t = 0, help_heading = "Input")]
     border: usize,
+    /// Measure HDR-FLIP too: over all exposures
+    #[arg(long, help_heading = "Output")]
+    hdr_flip: bool,
+    /// Write FLIP at each pixel as a false-colour PNG
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    map: Option<PathBuf>,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
+/// What is printed with `--json`.
+#[derive(Debug, serde::Serialize)]
+struct ScoreReport {
+    #[serde(flatten)]
+    score: Score,
+    hdr_flip: Option<f64>,
+}
+
 pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
+    if let Some(map) = &args.map {
+        checks::output(map, [&args.image, &args.reference].into_iter())?;
+    }
     let image = read_picture(&args.image)?;
     let reference = read_picture(&args.reference)?;
-    let score = metrics::score(&image, &reference, args.border)?;
+    let pair = Pair::new(&image, &reference, args.border)?;
+    let report = ScoreReport { score: pair.score(), hdr_flip: args.hdr_flip.then(|| pair.hdr_flip()) };
+    if let Some(map) = &args.map {
+        png::write_false_color(map, &pair.flip_map())?;
+        Console::new(false).wrote(map);
+    }
     if args.json {
-        print_json(&score)?;
+        print_json(&report)?;
     } else {
-        let ssim = score.ssim.map_or("picture too small".to_owned(), |ssim| format!("{ssim:.4}"));
-        print(&format!(
-            "PSNR          {:.2} dB\nSSIM          {ssim}\nrelative MSE  {:.6}\nlog PSNR      {:.2} dB\n",
-            score.psnr_db, score.relative_mse, score.log_psnr_db
-        ))?;
+        print(&in_words(&report))?;
     }
     Ok(())
+}
+
+fn in_words(ScoreReport { score, hdr_flip }: &ScoreReport) -> String {
+    let ssim = score.ssim.map_or("picture too small".to_owned(), |ssim| format!("{ssim:.4}"));
+    let hdr_flip = hdr_flip.map(|value| format!("HDR-FLIP      {value:.4}\n")).unwrap_or_default();
+    format!(
+        "PSNR          {:.2} dB\nSSIM          {ssim}\nFLIP          {:.4}\n{hdr_flip}relative MSE  {:.6}\nlog PSNR      {:.2} \
+         dB\n",
+        score.psnr_db, score.flip, score.relative_mse, score.log_psnr_db
+    )
 }

@@ -3,11 +3,13 @@
 //! All figures are of red, green and blue together; alpha is not compared. NaN counts as 0 in both pictures, so that one
 //! broken pixel costs what a black one would, and does not hide all others.
 
+mod flip;
 mod log_psnr;
 mod psnr;
 mod relative_mse;
 mod ssim;
 
+pub use flip::{flip, hdr_flip};
 pub use log_psnr::log_psnr_db;
 pub use psnr::psnr_db;
 pub use relative_mse::relative_mse;
@@ -33,41 +35,79 @@ pub struct Score {
     pub psnr_db: f64,
     /// [`ssim()`] of sRGB values clipped to 0 … 1; `None` for a picture smaller than its window.
     pub ssim: Option<f64>,
+    /// Mean of [`flip()`] of linear values clipped to 0 … 1.
+    pub flip: f64,
     /// [`relative_mse()`] of linear values.
     pub relative_mse: f64,
     /// [`log_psnr_db`] of linear values.
     pub log_psnr_db: f64,
 }
 
-/// Compares `image` with `reference`, leaving out `border_px` pixels on every side.
-///
-/// A border that would leave less than 64 pixels of the shorter side is cut down to that; a picture that is smaller
-/// still is compared whole.
+/// Two pictures that can be compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pair {
+    image: Rgb,
+    reference: Rgb,
+}
+
+impl Pair {
+    /// `image` and `reference`, leaving out `border_px` pixels on every side.
+    ///
+    /// A border that would leave less than 64 pixels of the shorter side is cut down to that; a picture that is smaller
+    /// still is compared whole.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Input`] for pictures that differ in size or have no pixels.
+    pub fn new(image: &Image, reference: &Image, border_px: usize) -> Result<Self, Error> {
+        let size = |image: &Image| (image.width(), image.height());
+        let text = |image: &Image| format!("{}×{}", image.width(), image.height());
+        if size(image) != size(reference) {
+            return Err(Error::input("the pictures differ in size")
+                .with("image", text(image))
+                .with("reference", text(reference))
+                .help("compare renders of one resolution and one data window"));
+        }
+        if image.width() * image.height() == 0 {
+            return Err(Error::input("the pictures have no pixels").with("size", text(image)));
+        }
+        let room = (image.width().min(image.height()) / 2).saturating_sub(KEPT_BY_BORDER_PX);
+        let border = border_px.min(room);
+        Ok(Self { image: crop(image, border), reference: crop(reference, border) })
+    }
+
+    /// All figures but [`Pair::hdr_flip`].
+    pub fn score(&self) -> Score {
+        let (shown, shown_reference) = (display(&self.image), display(&self.reference));
+        Score {
+            psnr_db: psnr_db(&shown, &shown_reference),
+            ssim: ssim(&shown, &shown_reference),
+            flip: mean_of(&self.flip_map()),
+            relative_mse: relative_mse(&self.image, &self.reference),
+            log_psnr_db: log_psnr_db(&self.image, &self.reference),
+        }
+    }
+
+    /// [`flip()`] at each pixel.
+    pub fn flip_map(&self) -> Plane {
+        flip(&self.image, &self.reference)
+    }
+
+    /// The mean of [`hdr_flip()`], which takes as long as a dozen others.
+    pub fn hdr_flip(&self) -> f64 {
+        mean_of(&hdr_flip(&self.image, &self.reference))
+    }
+}
+
+/// [`Pair::score`] of `image` against `reference`.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Input`] for pictures that differ in size or have no pixels.
+/// Those of [`Pair::new`].
 pub fn score(image: &Image, reference: &Image, border_px: usize) -> Result<Score, Error> {
-    let size = |image: &Image| (image.width(), image.height());
-    let text = |image: &Image| format!("{}×{}", image.width(), image.height());
-    if size(image) != size(reference) {
-        return Err(Error::input("the pictures differ in size")
-            .with("image", text(image))
-            .with("reference", text(reference))
-            .help("compare renders of one resolution and one data window"));
-    }
-    if image.width() * image.height() == 0 {
-        return Err(Error::input("the pictures have no pixels").with("size", text(image)));
-    }
-    let room = (image.width().min(image.height()) / 2).saturating_sub(KEPT_BY_BORDER_PX);
-    let border = border_px.min(room);
-    let (image, reference) = (crop(image, border), crop(reference, border));
-    let (shown, shown_reference) = (display(&image), display(&reference));
-    Ok(Score {
-        psnr_db: psnr_db(&shown, &shown_reference),
-        ssim: ssim(&shown, &shown_reference),
-        relative_mse: relative_mse(&image, &reference),
-        log_psnr_db: log_psnr_db(&image, &reference),
-    })
+    Ok(Pair::new(image, reference, border_px)?.score())
+}
+
+fn mean_of(plane: &Plane) -> f64 {
+    plane.values().iter().map(|&value| f64::from(value)).sum::<f64>() / plane.values().len() as f64
 }
 
 /// The colour of `image` without `border` pixels on every side, and without NaN.
@@ -122,6 +162,7 @@ mod tests {
         let score = score(&grey(0.3), &grey(0.3), 0).unwrap();
         assert_eq!(score.psnr_db, 200.0);
         assert_eq!(score.relative_mse, 0.0);
+        assert_eq!(score.flip, 0.0);
         assert!((score.ssim.unwrap() - 1.0).abs() < 1e-12);
     }
 

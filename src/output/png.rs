@@ -2,7 +2,7 @@
 
 use super::atomic;
 use crate::error::Error;
-use crate::image::{Image, srgb_encode};
+use crate::image::{Image, Plane, srgb_encode};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder as _};
 use rayon::prelude::*;
@@ -65,6 +65,22 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
                 }
             }
             left += image.width() + GAP_PX;
+        }
+    });
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
+}
+
+/// Writes `plane`, 0 … 1, as a picture in false colour: black for 0 through purple and orange to pale yellow for 1
+/// (matplotlib's magma, in which equal steps look equal).
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
+    let (width, height) = (plane.width(), plane.height());
+    let mut bytes = vec![0; width * height * 3];
+    fill_rows(&mut bytes, width * 3, height, |y, row| {
+        for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {
+            pixel.copy_from_slice(&colorous::MAGMA.eval_continuous(f64::from(*value)).as_array());
         }
     });
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
