@@ -3,8 +3,8 @@
 //! Four passes of an extended box along the rows, four along the columns. An extended box (Gwosdek, Grewenig, Bruhn &
 //! Weickert 2011, "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering") has full weight within
 //! `r` samples and a part of it one sample further, so that it can have any variance, not only those of the whole
-//! boxes. Variances add up, so four of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000; their shape is a Gaussian's
-//! within 2 % of its peak, and a cascade of them closer still.
+//! boxes. Variances add up, so four of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000; along each axis
+//! their shape is a Gaussian's within 4 % of its peak, and that of a cascade of them closer still.
 //!
 //! The border repeats its last sample. Sums run in double precision and begin anew in each line and pass, so that what is
 //! added and taken away again leaves nothing that single precision could see.
@@ -236,16 +236,16 @@ mod tests {
     }
 
     #[test]
-    fn the_shape_is_a_gaussian_within_two_percent_of_its_peak() {
-        // Four boxes have excess kurtosis −1.2 / 4, so their peak is lower by 0.3 / 8 of … along each axis: by less than 4 % in all.
-        for sigma in [2.0f32, 5.0, 12.0] {
-            let mut plane = emitter(121, 1.0);
-            blur(&mut plane, sigma);
-            let peak = 1.0 / (2.0 * std::f32::consts::PI * sigma * sigma);
+    fn the_shape_is_a_gaussian_within_four_percent_of_its_peak() {
+        // Four boxes have an excess kurtosis of −1.2 / 4; to first order that lowers the peak by an eighth of it: 3.75 %.
+        for sigma in [1.0f32, 2.0, 5.0, 12.0] {
+            let mut line = Plane::from_fn(121, 1, |x, _| if x == 60 { 1.0 } else { 0.0 });
+            blur(&mut line, sigma);
+            let peak = 1.0 / ((2.0 * std::f32::consts::PI).sqrt() * sigma);
             for x in 0..121 {
                 let distance = (x as f32 - 60.0) / sigma;
-                let off = plane.get(x, 60) - peak * (-0.5 * distance * distance).exp();
-                assert!(off.abs() < 0.08 * peak, "σ = {sigma}, {distance} σ off: {} of the peak", off / peak);
+                let off = line.get(x, 0) / peak - (-0.5 * distance * distance).exp();
+                assert!(off.abs() < 0.04, "σ = {sigma}, {distance} σ off: {off} of the peak");
             }
         }
     }
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_cascade_is_one_blur_of_the_summed_variance() {
-        // σ̂ = 3, 2, 1 against σ = √14: the same variance, and shapes that are both nearly Gaussian.
+        // σ̂ = 3, 2, 1 against σ = √14: the same variance, and peaks lower than a Gaussian's by less than 4 % along each axis.
         let mut cascade = emitter(61, 1.0);
         [3.0, 2.0, 1.0].into_iter().for_each(|sigma| blur(&mut cascade, sigma));
         let mut once = emitter(61, 1.0);
@@ -291,6 +291,6 @@ mod tests {
         assert!((across / 14.0 - 1.0).abs() < 1e-5, "variance {across}");
         let peak = once.get(30, 30);
         let off = cascade.values().iter().zip(once.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(off < 0.05 * peak, "{} of the peak", off / peak);
+        assert!(off < 0.08 * peak, "{} of the peak", off / peak);
     }
 }

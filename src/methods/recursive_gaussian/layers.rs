@@ -15,6 +15,7 @@ pub(super) struct Layers {
     /// Number of layers behind the one in focus.
     pub back: i32,
     coc_per_sigma: f32,
+    anchor: f32,
     coc_infinity_px: f32,
 }
 
@@ -42,8 +43,8 @@ impl Layers {
         coc_infinity_px: f32,
         parameters: &RecursiveGaussianParameters,
     ) -> Self {
-        let coc_per_sigma = parameters.coc_per_sigma;
-        let mut layers = Self { front: 0, back: 0, coc_per_sigma, coc_infinity_px };
+        let &RecursiveGaussianParameters { coc_per_sigma, anchor, .. } = parameters;
+        let mut layers = Self { front: 0, back: 0, coc_per_sigma, anchor, coc_infinity_px };
         while layers.count() < parameters.layers.unwrap_or(MOST_LAYERS) {
             let front = layers.boundary_px(-layers.front) - coc_range_px[0];
             let end = layers.boundary_px(layers.back);
@@ -66,9 +67,11 @@ impl Layers {
         0.5 * self.coc_per_sigma * sigma_px(layer) * layer.signum() as f32
     }
 
-    /// Signed CoC radius in pixels of the boundary `z_k` between `layer` and the next farther one (eq. 9).
+    /// Signed CoC radius in pixels of the boundary `z_k` between `layer` and the next farther one: midway between theirs
+    /// (eq. 9), unless the parameters say otherwise.
     fn boundary_px(&self, layer: i32) -> f32 {
-        0.5 * (self.radius_px(layer) + self.radius_px(layer + 1))
+        let (nearer, farther) = (self.radius_px(layer), self.radius_px(layer + 1));
+        (1.0 - self.anchor) * nearer + self.anchor * farther
     }
 
     /// Depth of the boundary `z_k` between `layer` and the next farther one.

@@ -15,21 +15,68 @@
 //! CoC to the power of 2/3 (nine on a side for 32 px). Memory: the scene, in which it works, and two pictures; one more
 //! where layers are blurred one by one.
 //!
-//! Limits: a blurred point is a Gaussian, not a disc, and shows no aperture blades. A fragment is blurred as something
-//! between its own layer and the next *nearer* one: by eq. 4 too much in front of focus, too little behind it, by half
-//! the distance between layers on average, and half of what is in focus goes by the first layer in front of it.
+//! Limits: a blurred point is a Gaussian, not a disc, and shows no aperture blades. Two more follow from the matting as
+//! printed. What is seen shows in its own layer and in the next *nearer* one, so that it is blurred too much in front of
+//! focus and too little behind it, by half the distance between layers on average, and half of what is in focus is
+//! softened by a pixel; `anchor = 0`, a layer's boundary at its own CoC (as in Kraus 2011), takes that away. And
+//! layers overlap, each fragment twofold, which nothing hides any more once the blur is wider than the object: thin
+//! bars far from focus come out up to twice as dense.
 
 mod gaussian;
 mod layers;
 mod matting;
 
 use super::shared::{Sheet, peels};
-use super::{Method, MethodInfo, Progress};
+use super::{Deviation, Law, Method, MethodInfo, Progress};
 use crate::error::Error;
 use crate::image::Image;
 use crate::scene::{EffectKind, Plan, Scene};
 use layers::{Layers, cascade_sigma_px, sigma_px};
 use matting::{DepthPeel, Matte, Side, compose};
+
+/// What follows from layers that overlap by design, and from a Gaussian in place of a disc.
+const DEVIATIONS: [Deviation; 8] = [
+    Deviation {
+        law: Law::Spread,
+        within: [0.36, 3.13],
+        reason: "by eq. 4 a fragment is blurred between its own layer and the next nearer one, whatever its own CoC and the blades",
+    },
+    Deviation {
+        law: Law::Sharpness,
+        within: [0.24, 0.27],
+        reason: "half of what is in focus fades into the first layer in front of it, which is blurred by a pixel",
+    },
+    Deviation {
+        law: Law::Occlusion,
+        within: [0.28, 0.31],
+        reason: "what is in focus is softened, as for sharpness; nothing shines through",
+    },
+    Deviation {
+        law: Law::Transparency,
+        within: [0.999, 1.34],
+        reason: "layers are expanded: where blur thins a fragment out, those it reaches into add to it",
+    },
+    Deviation {
+        law: Law::NoCracks,
+        within: [0.001, 0.01],
+        reason: "a blurred layer is thin where it ends, and what is behind its neighbours shines through",
+    },
+    Deviation {
+        law: Law::NoCracksAcrossCorners,
+        within: [0.01, 0.032],
+        reason: "as for gentler slants: the steeper, the narrower the layers",
+    },
+    Deviation {
+        law: Law::Convergence,
+        within: [32.5, 33.5],
+        reason: "a Gaussian of the nearest layers' size stands for the disc",
+    },
+    Deviation {
+        law: Law::Supersampling,
+        within: [30.5, 31.7],
+        reason: "a Gaussian of the nearest layers' size stands for the disc",
+    },
+];
 
 /// Schedl & Wimmer's.
 #[derive(Debug)]
@@ -43,7 +90,7 @@ impl Method for RecursiveGaussian {
             role: "paper",
             summary: "depth layers matted out of the peels, blurred and composed in a cascade of Gaussians",
             effects: &[EffectKind::Merge],
-            deviations: &[],
+            deviations: &DEVIATIONS,
         }
     }
 
@@ -121,5 +168,91 @@ fn blur(sheet: &mut Sheet, sigma_px: f32) {
     if sigma_px > 0.0 {
         let planes = sheet.content.iter_mut().chain([&mut sheet.coverage]);
         planes.for_each(|plane| gaussian::blur(plane, sigma_px));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::scene::Layer;
+    use crate::settings::{MethodParameters, Origin, Settings, Values};
+    use crate::stack::StackKind;
+
+    /// An emitter in the middle of a black plane of CoC radius `coc_px`, blurred.
+    #[expect(clippy::unwrap_used, reason = "a plan for a well-formed scene succeeds")]
+    fn blurred(coc_px: f32, change: impl Fn(&mut MethodParameters)) -> Image {
+        let emitter = |x, y| if (x, y) == (40, 40) { 1.0 } else { 0.0 };
+        let layer = Layer {
+            color: std::array::from_fn(|_| Plane::from_fn(81, 81, emitter)),
+            alpha: Plane::filled(81, 81, 1.0),
+            coc_px: Plane::filled(81, 81, coc_px),
+        };
+        let scene = Scene {
+            layers: vec![layer],
+            kind: StackKind::PointSampled,
+            supersample: 1,
+            coc_infinity_px: 1000.0,
+            limited_fragments: 0,
+        };
+        let values = Values { method: Some("recursive-gaussian".to_owned()), ..Values::default() };
+        let mut parameters = MethodParameters::default();
+        change(&mut parameters);
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], parameters);
+        let plan = crate::methods::plan(&scene.facts(), &settings).unwrap();
+        RecursiveGaussian.blur(scene, &plan, &|_| {}).unwrap()
+    }
+
+    /// Variance along x of the picture's red about its middle.
+    fn variance(image: &Image) -> f32 {
+        let (mut sum, mut square) = (0.0, 0.0);
+        for y in 0..81 {
+            for x in 0..81 {
+                let value = image.planes[0].get(x, y);
+                sum += value;
+                square += value * (x as f32 - 40.0).powi(2);
+            }
+        }
+        square / sum
+    }
+
+    #[test]
+    fn one_surface_is_blurred_alike_in_the_cascade_and_at_once() {
+        for coc in [-12.0, -3.0, 3.0, 12.0] {
+            let cascade = blurred(coc, |_| {});
+            let once = blurred(coc, |parameters| parameters.recursive_gaussian.cascaded = false);
+            let (cascade_variance, variance) = (variance(&cascade), variance(&once));
+            assert!(
+                (cascade_variance / variance - 1.0).abs() < 1e-3,
+                "c = {coc}: variance {cascade_variance} and {variance}"
+            );
+            let peak = once.planes[0].get(40, 40);
+            let pairs = cascade.planes[0].values().iter().zip(once.planes[0].values());
+            let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            // A blur at once has a peak lower than a Gaussian's by less than 4 % along each axis.
+            assert!(off < 0.08 * peak, "c = {coc}: {} of the peak", off / peak);
+        }
+    }
+
+    #[test]
+    fn a_surface_at_its_layers_own_boundary_has_the_variance_of_its_disc() {
+        // With the boundary at the layer's own CoC radius, 4 σ_2 / 2 = 2 √5, nothing fades into a neighbour.
+        for side in [-1.0, 1.0] {
+            let radius = 2.0 * 5f32.sqrt();
+            let image = blurred(side * radius, |parameters| parameters.recursive_gaussian.anchor = 0.0);
+            let disc = radius * radius / 4.0;
+            assert!((variance(&image) / disc - 1.0).abs() < 1e-3, "{} for {disc}", variance(&image));
+        }
+    }
+
+    #[test]
+    fn as_printed_a_surface_is_blurred_between_its_layer_and_the_next_nearer_one() {
+        // At c = ±2, between the boundaries 1 and 3.24, the nearer layer has the share (3.24 − 2) / 2.24 = 0.55 behind focus
+        // (variances 0 and 1) and (2 − 1) / 2.24 = 0.45 in front of it (variances 5 and 1).
+        let share = |coc: f32| variance(&blurred(coc, |_| {}));
+        let boundary = 1.0 + 5f32.sqrt();
+        let farther = (2.0 - 1.0) / (boundary - 1.0);
+        assert!((share(2.0) - farther).abs() < 2e-3, "{}", share(2.0));
+        assert!((share(-2.0) - (1.0 + 4.0 * farther)).abs() < 2e-2, "{}", share(-2.0));
     }
 }
