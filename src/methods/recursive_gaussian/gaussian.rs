@@ -3,8 +3,8 @@
 //! Four passes of an extended box along the rows, four along the columns. An extended box (Gwosdek, Grewenig, Bruhn &
 //! Weickert 2011, "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering") has full weight within
 //! `r` samples and a part of it one sample further, so that it can have any variance, not only those of the whole
-//! boxes. Variances add up, so four of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000; along each axis
-//! their shape is a Gaussian's within 4 % of its peak, and that of a cascade of them closer still.
+//! boxes. Variances add up, so four of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000. Along each axis their shape is
+//! a Gaussian's within 4 % of its peak, and within 7 % for `σ = 1`, where each is three samples long.
 //!
 //! The border repeats its last sample. Sums run in double precision and begin anew in each line and pass, so that what is
 //! added and taken away again leaves nothing that single precision could see.
@@ -236,16 +236,17 @@ mod tests {
     }
 
     #[test]
-    fn the_shape_is_a_gaussian_within_four_percent_of_its_peak() {
-        // Four boxes have an excess kurtosis of −1.2 / 4; to first order that lowers the peak by an eighth of it: 3.75 %.
-        for sigma in [1.0f32, 2.0, 5.0, 12.0] {
+    fn the_shape_is_a_gaussian_within_a_few_percent_of_its_peak() {
+        // Four boxes have an excess kurtosis of −1.2 / 4; to first order that lowers the peak by an eighth of it, 3.75 %.
+        // (1, 6, 1) / 8 four times in a row has 0.423 in its middle, where a Gaussian of σ = 1 has 0.399: 6.2 % more.
+        for (sigma, tolerance) in [(1.0f32, 0.065), (2.0, 0.04), (5.0, 0.04), (12.0, 0.04)] {
             let mut line = Plane::from_fn(121, 1, |x, _| if x == 60 { 1.0 } else { 0.0 });
             blur(&mut line, sigma);
             let peak = 1.0 / ((2.0 * std::f32::consts::PI).sqrt() * sigma);
             for x in 0..121 {
                 let distance = (x as f32 - 60.0) / sigma;
                 let off = line.get(x, 0) / peak - (-0.5 * distance * distance).exp();
-                assert!(off.abs() < 0.04, "σ = {sigma}, {distance} σ off: {off} of the peak");
+                assert!(off.abs() < tolerance, "σ = {sigma}, {distance} σ off: {off} of the peak");
             }
         }
     }
