@@ -24,6 +24,7 @@ fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
         with("recursive-gaussian", "cascaded", json!(false)),
         with("recursive-gaussian", "layers", json!(3)),
         with("recursive-gaussian", "coc_per_sigma", json!(3.0)),
+        with("recursive-gaussian", "anchor", json!(0.0)),
         with("b-buffer", "same_surface_px", json!(8.0)),
         with("b-buffer", "in_focus_px", json!(2.0)),
         with("point-splat", "hidden", json!(false)),
