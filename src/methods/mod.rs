@@ -4,7 +4,9 @@
 //! that the plan could have decided. What several methods share is in `shared/`.
 
 mod accumulate;
+mod gather;
 mod laws;
+mod scatter;
 mod shared;
 mod shear;
 
@@ -57,7 +59,8 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
+pub static METHODS: [&dyn Method; 4] =
+    [&shear::Shear, &accumulate::Accumulate, &gather::Gather, &scatter::Scatter];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";
