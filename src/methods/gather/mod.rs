@@ -15,13 +15,16 @@
 //! there is nothing to collect.
 //!
 //! Lee, Kim & Choi 2009, "Real-Time Depth-of-Field Rendering Using Anisotropically Filtered Mipmap Interpolation", is the
-//! same filter on a pyramid, faster and less exact; what the two share is what is here.
+//! same filter on a pyramid. What the two share is what is here, and of the pyramid that a sample which stands for many
+//! pixels brings their mean (see [`prefilter`]).
 //!
 //! Cost: pixels × their disc's area, up to `samples` each; pixels in focus that nothing reaches are copied. Memory: the
-//! picture three times. Limits, by design: knows only what the pinhole sees, so a blurred front has nothing behind it to
-//! show and keeps a sharp outline, on whose inside all is front; outside it the mean of front and back is weighted by area
-//! where it should be by visibility.
+//! picture three times, and once more for each width of mean. Limits, by design: knows only what the pinhole sees, so a
+//! blurred front has nothing behind it to show and keeps a sharp outline, on whose inside all is front; outside it the mean
+//! of front and back is weighted by area where it should be by visibility. Behind what is blurred itself, the back's blur
+//! changes with the outline: a faint edge between two blurs.
 
+mod prefilter;
 mod quadrature;
 mod reach;
 mod sums;
@@ -68,8 +71,9 @@ impl Method for Gather {
             .into_par_iter()
             .map(|level| reach.has(level).then(|| samples(reach.radius_px(level), plan)))
             .collect();
-        let source = Source::new(visible, plan.aperture);
-        let channels = source.content.len();
+        let last_box = samples.iter().flatten().flatten().map(|sample| sample.reads_box).max().unwrap_or(0);
+        let channels = visible.content.len();
+        let source = Source::new(visible, plan.aperture, last_box);
         let arch = Arch::new();
         let new_sums = || Sums::new(width, channels);
         let planes = planes_from_rows((width, height), progress, new_sums, |sums, y, planes: &mut [_; 4]| {
@@ -79,7 +83,7 @@ impl Method for Gather {
                     arch.dispatch(Stretch { source: &source, samples, y, columns: columns.clone(), sums });
                 }
                 for (channel, plane) in planes[..channels].iter_mut().enumerate() {
-                    let copied = &source.content[channel].row(y)[columns.clone()];
+                    let copied = &source.boxes[0][channel].row(y)[columns.clone()];
                     match samples.len() {
                         0 | 1 => plane[columns.clone()].copy_from_slice(copied),
                         _ => sums.mean(channel, &mut plane[columns.clone()]),
@@ -100,6 +104,7 @@ fn samples(radius_px: f32, plan: &Plan) -> Vec<Sample> {
     let sample = |(offset, area_px): (glam::IVec2, f32)| Sample {
         offset,
         area_px,
+        reads_box: prefilter::box_for(area_px),
         far_px: far(offset.as_vec2()),
         near_px: near(offset.as_vec2()),
     };
@@ -108,7 +113,8 @@ fn samples(radius_px: f32, plan: &Plan) -> Vec<Sample> {
 
 /// What the filter reads.
 struct Source {
-    content: Vec<Plane>,
+    /// The picture's channels, and their means over ever wider boxes: see [`prefilter`].
+    boxes: Vec<Vec<Plane>>,
     coc_px: Plane,
     /// One over the area of the disc.
     intensity: Plane,
@@ -116,14 +122,31 @@ struct Source {
 }
 
 impl Source {
-    fn new(visible: Visible, aperture: Aperture) -> Self {
+    fn new(visible: Visible, aperture: Aperture, last_box: usize) -> Self {
         let areas = DiscAreas::new(aperture);
         let mut intensity = visible.coc_px.clone();
         intensity.values_mut().par_iter_mut().for_each(|value| *value = 1.0 / areas.area(*value));
         let Visible { content, coc_px } = visible;
-        Self { content, coc_px, intensity, apothem: aperture.apothem() }
+        let boxes = prefilter::boxes(content, &coc_px, last_box);
+        Self { boxes, coc_px, intensity, apothem: aperture.apothem() }
     }
 }
 
 /// Measured over all cases of each law.
-const DEVIATIONS: &[Deviation] = &[];
+const DEVIATIONS: &[Deviation] = &[
+    Deviation {
+        law: Law::SeeThrough,
+        within: [0.0, 0.001],
+        reason: "one picture knows nothing behind a blurred front, and what is in focus spreads nowhere",
+    },
+    Deviation {
+        law: Law::Transparency,
+        within: [0.999, 1.22],
+        reason: "inside a near outline all is front; outside it front and nothing are weighted by area",
+    },
+    Deviation {
+        law: Law::Convergence,
+        within: [31.5, 33.0],
+        reason: "it is a filter of the visible picture: what is hidden is missing, however many the samples",
+    },
+];

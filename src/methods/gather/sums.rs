@@ -15,6 +15,8 @@ pub(super) struct Sample {
     pub offset: IVec2,
     /// How many pixels it stands for.
     pub area_px: f32,
+    /// Which of the source's boxes it brings.
+    pub reads_box: usize,
     /// Distance across the nearest side of the aperture, as a disc behind focus has it.
     pub far_px: f32,
     /// The same in front of focus, where the aperture is turned by 180°.
@@ -26,7 +28,6 @@ pub(super) struct Sums {
     weights: Vec<f32>,
     go: Vec<Vec<f32>>,
     total: Vec<Vec<f64>>,
-    first: usize,
 }
 
 impl Sums {
@@ -36,7 +37,6 @@ impl Sums {
             weights: vec![0.0; width],
             go: vec![vec![0.0; width]; channels + 1],
             total: vec![vec![0.0; width]; channels + 1],
-            first: 0,
         }
     }
 
@@ -102,7 +102,7 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
         [&source.coc_px.row(visited_y)[visited.clone()], &source.intensity.row(visited_y)[visited.clone()]],
     );
     let (of_weights, of_channels) = sums.go.split_last_mut().expect("there is always the sum of weights");
-    for (sum, plane) in of_channels.iter_mut().zip(&source.content) {
+    for (sum, plane) in of_channels.iter_mut().zip(&source.boxes[sample.reads_box]) {
         let values = &plane.row(visited_y)[visited.clone()];
         for ((sum, &weight), &value) in sum[in_stretch.clone()].iter_mut().zip(&*weights).zip(values) {
             *sum += weight * value;
@@ -150,7 +150,8 @@ mod tests {
     /// Weight of a pixel with CoC radius `coc`, `distance` pixels away, for one with `own`, with a disc for an aperture.
     fn weight(own: f32, coc: f32, distance: f32) -> f32 {
         let areas = DiscAreas::new(Aperture::Disc);
-        let sample = Sample { offset: IVec2::ZERO, area_px: 1.0, far_px: distance, near_px: distance };
+        let sample =
+            Sample { offset: IVec2::ZERO, area_px: 1.0, reads_box: 0, far_px: distance, near_px: distance };
         let mut weights = [0.0];
         let [own, visited] = [own, coc].map(|coc| ([coc], [1.0 / areas.area(coc)]));
         weigh(&mut weights, &sample, 1.0, [&own.0, &own.1], [&visited.0, &visited.1]);

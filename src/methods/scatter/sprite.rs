@@ -91,7 +91,8 @@ impl Shape {
         (self.radius_px + 0.5 * widest.clamp(1.0, 2.0)) as i32 + 1
     }
 
-    /// Coverage in parts of [`WHOLE`] at an offset from the centre; see `shared::overlap`.
+    /// Coverage in parts of [`WHOLE`] at an offset from the centre: 1 inside, falling over the pixel that a rim passes
+    /// through.
     fn coverage(&self, offset: Vec2) -> f64 {
         let distance = match self.normals.is_empty() {
             true => offset.length(),
@@ -150,7 +151,6 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::shared::overlap;
 
     /// Coverage of a sprite at each pixel within `reach`, from its steps.
     fn drawn(sprite: &Sprite, reach: i32) -> impl Iterator<Item = (Vec2, f64)> {
@@ -174,7 +174,8 @@ mod tests {
                 for (offset, coverage) in drawn(&sprite, 40) {
                     sum += coverage * sprite.intensity;
                     // Seen from the pixel, the fragment is the other way.
-                    let expected = f64::from(overlap(aperture, -offset, coc)) * WHOLE;
+                    let depth = aperture.depth_inside(-offset, coc);
+                    let expected = f64::from((depth + 0.5).clamp(0.0, 1.0)) * WHOLE;
                     assert!((coverage - expected).abs() < 1.0, "{blades} blades, {coc} px at {offset}");
                 }
                 assert!((sum - 1.0).abs() < 1e-12, "{blades} blades, {coc} px: {sum}");

@@ -9,12 +9,6 @@ const COUNTED_TO_PX: f32 = 16.0;
 /// Counts for each pixel of radius.
 const COUNTS_PER_PX: f32 = 16.0;
 
-/// How much of the disc of a fragment at `q` with CoC radius `coc_px` covers the pixel at `p`, 0 … 1, with
-/// `offset = q − p`: 1 inside, 0 outside, falling over the pixel that the rim passes through.
-pub(in crate::methods) fn overlap(aperture: Aperture, offset: Vec2, coc_px: f32) -> f32 {
-    (aperture.depth_inside(offset, coc_px) + 0.5).clamp(0.0, 1.0)
-}
-
 /// The area of a disc of radius `radius_px` whose rim is soft: the mean area over rims half a pixel to either side.
 ///
 /// With `a` the apothem of the unit aperture and `A` its area, `A · mean (r + t/a)² = A · (r² + 1/(12 a²))`.
@@ -23,7 +17,8 @@ pub(in crate::methods) fn soft_area(aperture: Aperture, radius_px: f32) -> f64 {
     f64::from(aperture.area()) * (f64::from(radius_px).powi(2) + 1.0 / (12.0 * apothem * apothem))
 }
 
-/// The sum of [`overlap`] over all pixels, by radius.
+/// How many pixels the disc of each radius covers, those that its rim passes through in part: a pixel whose centre lies at
+/// depth `d` inside the disc by `clamp(d + ½, 0, 1)`.
 #[derive(Debug)]
 pub(in crate::methods) struct DiscAreas {
     aperture: Aperture,
@@ -65,16 +60,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_discs_rim_is_one_pixel_wide() {
-        let at = |x| overlap(Aperture::Disc, Vec2::new(x, 0.0), -4.0);
-        assert_eq!(
-            [at(3.5), at(3.75), at(4.0), at(4.5)],
-            [1.0, 0.75, 0.5, 0.0],
-            "half a pixel to either side"
-        );
-    }
-
-    #[test]
     fn the_area_is_what_the_pixels_of_a_disc_add_up_to() {
         for blades in [0, 3, 6] {
             let aperture = Aperture::new(blades, 20.0).unwrap();
@@ -83,7 +68,7 @@ mod tests {
                 let reach = coc.abs() as i32 + 2;
                 let sum: f32 = (-reach..=reach)
                     .flat_map(|y| (-reach..=reach).map(move |x| Vec2::new(x as f32, y as f32)))
-                    .map(|offset| overlap(aperture, offset, coc))
+                    .map(|offset| (aperture.depth_inside(offset, coc) + 0.5).clamp(0.0, 1.0))
                     .sum();
                 // Between two counts the area is linear to the square of a sixteenth of a pixel, times its curvature.
                 assert!((areas.area(coc) / sum - 1.0).abs() < 6e-3, "{blades} blades, {coc}: {sum}");

@@ -4,4 +4,4 @@ mod content;
 mod disc;
 
 pub(super) use content::{Peel, Sheet, Visible, peels, picture, visible};
-pub(super) use disc::{DiscAreas, overlap, soft_area};
+pub(super) use disc::{DiscAreas, soft_area};
