@@ -6,15 +6,17 @@
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
+mod scene;
+
+use scene::{made, scaled};
 use std::path::PathBuf;
 use std::process::Command;
-use thinlens::image::Plane;
 use thinlens::methods;
 use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::scene::{Layer, Plan, Scene};
+use thinlens::scene::{Plan, Scene};
 use thinlens::settings::{MethodParameters, Origin, Preset, Settings, Values};
-use thinlens::stack::{Source, StackKind};
+use thinlens::stack::Source;
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";
@@ -23,7 +25,7 @@ fn main() {
     if std::env::args().any(|argument| argument == MEMORY_FLAG) {
         return measure_memory();
     }
-    let (scene, read_seconds) = scene();
+    let (scene, read_seconds) = wanted_scene();
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
     println!("views    CPU s   wall s");
     for views in [16, 64, 256] {
@@ -69,7 +71,7 @@ fn plan(scene: &Scene, views: usize) -> Plan {
 }
 
 /// The scene to measure with, and the wall seconds of reading it if it was read.
-fn scene() -> (Scene, Option<f64>) {
+fn wanted_scene() -> (Scene, Option<f64>) {
     let Ok(stack) = std::env::var("THINLENS_STACK") else { return (made(1920, 1080), None) };
     let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
         preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)
@@ -81,56 +83,6 @@ fn scene() -> (Scene, Option<f64>) {
     (prepared.scene, Some(prepared.clock.seconds().read))
 }
 
-/// Four layers: rows of upright bars before and behind focus over a slanted floor and a far wall.
-fn made(width: usize, height: usize) -> Scene {
-    let hash = |x: usize, y: usize, seed: usize| {
-        let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
-        ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
-    };
-    let floor = |y: usize| 14.0 - 50.0 * y as f32 / height as f32;
-    // Surfaces from near to far, each present where its pattern says so; a pixel's layers are the first four.
-    let surface = |x: usize, y: usize, k: usize| match k {
-        0..=5 => {
-            let bar = (x + 97 * k) % (160 + 30 * k) < 40 + 8 * k && y > height / 5;
-            bar.then_some(-37.0 + 8.5 * k as f32)
-        }
-        6 => (y > height / 2).then(|| floor(y)),
-        _ => Some(15.0),
-    };
-    let fragment = |x: usize, y: usize, layer: usize| {
-        (0..8).filter_map(|k| surface(x, y, k).map(|coc| (coc, k))).nth(layer)
-    };
-    let layers = (0..4)
-        .map(|layer| Layer {
-            color: std::array::from_fn(|channel| {
-                Plane::from_fn(width, height, |x, y| {
-                    fragment(x, y, layer).map_or(0.0, |(_, k)| 0.9 * hash(x / 4, y / 4, 3 * k + channel))
-                })
-            }),
-            alpha: Plane::from_fn(width, height, |x, y| f32::from(u8::from(fragment(x, y, layer).is_some()))),
-            coc_px: Plane::from_fn(width, height, |x, y| fragment(x, y, layer).map_or(0.0, |(coc, _)| coc)),
-        })
-        .collect();
-    Scene {
-        layers,
-        kind: StackKind::PointSampled,
-        supersample: 1,
-        coc_infinity_px: 64.0,
-        limited_fragments: 0,
-    }
-}
-
-/// `scene` with its CoC radii scaled so that the largest is `coc` pixels.
-fn scaled(scene: &Scene, coc: f32) -> Scene {
-    let [near, far] = scene.facts().coc_range_px;
-    let factor = coc / near.abs().max(far.abs());
-    let mut scene = scene.clone();
-    for layer in &mut scene.layers {
-        layer.coc_px.values_mut().iter_mut().for_each(|value| *value *= factor);
-    }
-    scene
-}
-
 /// Runs this program again for memory alone, so that nothing measured before counts.
 fn memory() {
     let program = std::env::current_exe().expect("this program's path");
@@ -140,7 +92,7 @@ fn memory() {
 
 /// Blurs once and compares the process's peak memory with the decoded stack.
 fn measure_memory() {
-    let (scene, _) = scene();
+    let (scene, _) = wanted_scene();
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     let plan = plan(&scene, 64);
     methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");

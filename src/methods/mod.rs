@@ -4,8 +4,10 @@
 //! that the plan could have decided. What several methods share is in `shared/`.
 
 mod accumulate;
+mod gather;
 mod laws;
 mod recursive_gaussian;
+mod scatter;
 mod shared;
 mod shear;
 
@@ -58,8 +60,13 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 3] =
-    [&shear::Shear, &accumulate::Accumulate, &recursive_gaussian::RecursiveGaussian];
+pub static METHODS: [&dyn Method; 5] = [
+    &shear::Shear,
+    &accumulate::Accumulate,
+    &recursive_gaussian::RecursiveGaussian,
+    &gather::Gather,
+    &scatter::Scatter,
+];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";

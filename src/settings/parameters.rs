@@ -227,7 +227,7 @@ methods! {
     /// Parameters of `gather`.
     gather "gather" GatherParameters {
         /// Samples a pixel when `--views` does not say.
-        samples: usize = 64, Count(1, 65536);
+        samples: usize = 1024, Count(1, 65536);
     }
 
     /// Parameters of `scatter`.

@@ -1,0 +1,39 @@
+//! What each method takes for one scene, with the parameters it has by default.
+//!
+//! `cargo bench --bench methods` makes a 960 × 540 stack of four peels with CoC radii up to 16 pixels. Wall seconds, on all
+//! cores, of the blur alone: a comparison of methods on this machine, within the noise of three samples.
+
+mod scene;
+
+use divan::Bencher;
+use thinlens::methods::{self, METHODS};
+use thinlens::scene::Scene;
+use thinlens::settings::{MethodParameters, Origin, Settings, Values};
+
+/// Lens samples of the reference, whose own thousand would take longer than all the rest.
+const REFERENCE_VIEWS: usize = 32;
+
+fn main() {
+    divan::main();
+}
+
+/// The scene of every benchmark.
+fn scene() -> Scene {
+    scene::scaled(&scene::made(960, 540), 16.0)
+}
+
+#[divan::bench(args = METHODS.map(|method| method.info().name), sample_count = 3, sample_size = 1)]
+fn blur(bencher: Bencher<'_, '_>, method: &str) {
+    let scene = scene();
+    let is_reference = methods::by_name(method).is_ok_and(|method| method.info().role == "reference");
+    let values = Values {
+        method: Some(method.to_owned()),
+        views: is_reference.then_some(REFERENCE_VIEWS),
+        ..Values::default()
+    };
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+    let plan = methods::plan(&scene.facts(), &settings).expect("defaults make a plan");
+    bencher
+        .with_inputs(|| scene.clone())
+        .bench_values(|scene| methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail"));
+}

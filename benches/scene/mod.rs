@@ -1,0 +1,55 @@
+//! The scene that benchmarks measure with where they are given none.
+
+use thinlens::image::Plane;
+use thinlens::scene::{Layer, Scene};
+use thinlens::stack::StackKind;
+
+/// Four layers: rows of upright bars before and behind focus over a slanted floor and a far wall.
+pub(crate) fn made(width: usize, height: usize) -> Scene {
+    let hash = |x: usize, y: usize, seed: usize| {
+        let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+        ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
+    };
+    let floor = |y: usize| 14.0 - 50.0 * y as f32 / height as f32;
+    // Surfaces from near to far, each present where its pattern says so; a pixel's layers are the first four.
+    let surface = |x: usize, y: usize, k: usize| match k {
+        0..=5 => {
+            let bar = (x + 97 * k) % (160 + 30 * k) < 40 + 8 * k && y > height / 5;
+            bar.then_some(-37.0 + 8.5 * k as f32)
+        }
+        6 => (y > height / 2).then(|| floor(y)),
+        _ => Some(15.0),
+    };
+    let fragment = |x: usize, y: usize, layer: usize| {
+        (0..8).filter_map(|k| surface(x, y, k).map(|coc| (coc, k))).nth(layer)
+    };
+    let layers = (0..4)
+        .map(|layer| Layer {
+            color: std::array::from_fn(|channel| {
+                Plane::from_fn(width, height, |x, y| {
+                    fragment(x, y, layer).map_or(0.0, |(_, k)| 0.9 * hash(x / 4, y / 4, 3 * k + channel))
+                })
+            }),
+            alpha: Plane::from_fn(width, height, |x, y| f32::from(u8::from(fragment(x, y, layer).is_some()))),
+            coc_px: Plane::from_fn(width, height, |x, y| fragment(x, y, layer).map_or(0.0, |(coc, _)| coc)),
+        })
+        .collect();
+    Scene {
+        layers,
+        kind: StackKind::PointSampled,
+        supersample: 1,
+        coc_infinity_px: 64.0,
+        limited_fragments: 0,
+    }
+}
+
+/// `scene` with its CoC radii scaled so that the largest is `coc` pixels.
+pub(crate) fn scaled(scene: &Scene, coc: f32) -> Scene {
+    let [near, far] = scene.facts().coc_range_px;
+    let factor = coc / near.abs().max(far.abs());
+    let mut scene = scene.clone();
+    for layer in &mut scene.layers {
+        layer.coc_px.values_mut().iter_mut().for_each(|value| *value *= factor);
+    }
+    scene
+}

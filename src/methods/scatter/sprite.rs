@@ -1,0 +1,203 @@
+//! The disc of a CoC radius, row by row, as steps up and down.
+
+use crate::lens::Aperture;
+use crate::methods::shared::soft_area;
+use glam::Vec2;
+
+/// Coverage of a pixel that lies wholly inside a disc. Whole numbers, so that sums of steps come back to exactly 0.
+pub(super) const WHOLE: f64 = 4096.0;
+
+/// Past this radius in pixels a disc's area is computed, not counted: its rim is too small a part to show.
+const COUNTED_TO_PX: f32 = 512.0;
+
+/// A change of coverage along a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Step {
+    /// Column from which on it holds, from the disc's centre.
+    pub dx: i32,
+    /// In parts of [`WHOLE`]; a whole number.
+    pub height: f64,
+}
+
+/// A disc, clipped to what can be seen of it.
+#[derive(Debug)]
+pub(super) struct Sprite {
+    /// Energy of a pixel over the disc's area in parts of [`WHOLE`], so that the whole disc adds up to one pixel.
+    pub intensity: f64,
+    /// Row of the first steps, from the disc's centre.
+    top: i32,
+    steps: Vec<Step>,
+    /// Where each row's steps begin and end.
+    starts: Vec<usize>,
+}
+
+impl Sprite {
+    /// The disc of signed CoC radius `coc_px` for a picture of `width × height` pixels.
+    pub(super) fn new(aperture: Aperture, coc_px: f32, (width, height): (usize, usize)) -> Self {
+        let shape = Shape::new(aperture, coc_px);
+        let area = if coc_px.abs() <= COUNTED_TO_PX {
+            let rows = -shape.reach()..=shape.reach();
+            // Each step holds from its column on, and all of them together come back to 0: what they enclose.
+            rows.flat_map(|dy| shape.row(dy, shape.reach()))
+                .map(|step| -f64::from(step.dx) * step.height)
+                .sum()
+        } else {
+            WHOLE * soft_area(aperture, coc_px.abs())
+        };
+        let (limit_x, limit_y) = (shape.reach().min(width as i32), shape.reach().min(height as i32));
+        let (mut steps, mut starts) = (Vec::new(), vec![0]);
+        for dy in -limit_y..=limit_y {
+            steps.extend(shape.row(dy, limit_x));
+            starts.push(steps.len());
+        }
+        Self { intensity: 1.0 / area, top: -limit_y, steps, starts }
+    }
+
+    /// The steps of the row `dy` rows below the centre, from left to right.
+    pub(super) fn row(&self, dy: i32) -> &[Step] {
+        let row = (dy - self.top) as usize;
+        &self.steps[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// First and last row, from the centre.
+    pub(super) fn rows_reached(&self) -> [i32; 2] {
+        [self.top, self.top + self.starts.len() as i32 - 2]
+    }
+}
+
+/// The aperture as a pixel spreads by it: turned by 180° to how it is seen through.
+struct Shape {
+    /// Outward normals of the sides; none for a disc.
+    normals: Vec<Vec2>,
+    /// Distance of the sides from the centre, in pixels.
+    apothem_px: f32,
+    radius_px: f32,
+}
+
+impl Shape {
+    fn new(aperture: Aperture, coc_px: f32) -> Self {
+        let turn = if coc_px < 0.0 { 1.0 } else { -1.0 };
+        Self {
+            normals: aperture.side_normals().into_iter().map(|normal| turn * normal).collect(),
+            apothem_px: coc_px.abs() * aperture.apothem(),
+            radius_px: coc_px.abs(),
+        }
+    }
+
+    /// No row or column further out than this is covered.
+    fn reach(&self) -> i32 {
+        // A polygon's corners, with the half pixel of their rims, are further out than its radius and half a pixel.
+        let widest = self.radius_px / self.apothem_px.max(f32::MIN_POSITIVE);
+        (self.radius_px + 0.5 * widest.clamp(1.0, 2.0)) as i32 + 1
+    }
+
+    /// Coverage in parts of [`WHOLE`] at an offset from the centre: 1 inside, falling over the pixel that a rim passes
+    /// through.
+    fn coverage(&self, offset: Vec2) -> f64 {
+        let distance = match self.normals.is_empty() {
+            true => offset.length(),
+            false => self.normals.iter().map(|normal| normal.dot(offset)).fold(f32::NEG_INFINITY, f32::max),
+        };
+        (f64::from((self.apothem_px - distance + 0.5).clamp(0.0, 1.0)) * WHOLE).round()
+    }
+
+    /// The columns of row `dy` that lie at least `depth` pixels inside, from the first to the last: empty when the first is
+    /// past the last.
+    fn columns_inside(&self, dy: i32, depth: f32) -> [f32; 2] {
+        let (distance, dy) = (self.apothem_px - depth, dy as f32);
+        if self.normals.is_empty() {
+            let half = if distance < dy.abs() { -1.0 } else { (distance * distance - dy * dy).sqrt() };
+            return [-half, half];
+        }
+        self.normals.iter().fold([f32::NEG_INFINITY, f32::INFINITY], |[from, to], normal| {
+            let rest = distance - normal.y * dy;
+            // A side this level bounds rows, not columns.
+            match normal.x {
+                x if x > 1e-6 => [from, to.min(rest / x)],
+                x if x < -1e-6 => [from.max(rest / x), to],
+                _ if rest < 0.0 => [f32::INFINITY, f32::NEG_INFINITY],
+                _ => [from, to],
+            }
+        })
+    }
+
+    /// The steps of row `dy`, of columns up to `limit` to either side; what begins further left begins there.
+    fn row(&self, dy: i32, limit: i32) -> Vec<Step> {
+        let clip = |x: f32| x.clamp(-limit as f32, limit as f32) as i32;
+        let [outer_from, outer_to] = self.columns_inside(dy, -0.5);
+        if outer_from > outer_to {
+            return Vec::new();
+        }
+        let (from, to) = (clip(outer_from.floor()), clip(outer_to.ceil()));
+        let [inner_from, inner_to] = self.columns_inside(dy, 0.5);
+        // Between these two, kept a pixel short for rounding, nothing changes.
+        let (full_from, full_to) = (clip(inner_from.ceil()) + 1, clip(inner_to.floor()) - 1);
+        let (mut steps, mut before, mut x) = (Vec::new(), 0.0, from);
+        while x <= to {
+            let coverage = self.coverage(Vec2::new(x as f32, dy as f32));
+            if coverage != before {
+                steps.push(Step { dx: x, height: coverage - before });
+                before = coverage;
+            }
+            x = if inner_from <= inner_to && x >= full_from && x < full_to { full_to } else { x + 1 };
+        }
+        if before != 0.0 {
+            steps.push(Step { dx: to + 1, height: -before });
+        }
+        steps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coverage of a sprite at each pixel within `reach`, from its steps.
+    fn drawn(sprite: &Sprite, reach: i32) -> impl Iterator<Item = (Vec2, f64)> {
+        let [top, bottom] = sprite.rows_reached();
+        (-reach..=reach).flat_map(move |y| {
+            let steps = if (top..=bottom).contains(&y) { sprite.row(y) } else { &[] };
+            (-reach..=reach).map(move |x| {
+                let sum = steps.iter().filter(|step| step.dx <= x).map(|step| step.height).sum();
+                (Vec2::new(x as f32, y as f32), sum)
+            })
+        })
+    }
+
+    #[test]
+    fn a_sprite_adds_up_to_one_and_covers_what_its_fragment_is_seen_from() {
+        for blades in [0, 3, 5, 6] {
+            let aperture = Aperture::new(blades, 11.0).unwrap();
+            for coc in [0.0f32, 0.3, -0.6, 1.0, -1.7, 4.0, -9.3, 30.0] {
+                let sprite = Sprite::new(aperture, coc, (200, 200));
+                let mut sum = 0.0;
+                for (offset, coverage) in drawn(&sprite, 40) {
+                    sum += coverage * sprite.intensity;
+                    // Seen from the pixel, the fragment is the other way.
+                    let depth = aperture.depth_inside(-offset, coc);
+                    let expected = f64::from((depth + 0.5).clamp(0.0, 1.0)) * WHOLE;
+                    assert!((coverage - expected).abs() < 1.0, "{blades} blades, {coc} px at {offset}");
+                }
+                assert!((sum - 1.0).abs() < 1e-12, "{blades} blades, {coc} px: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_disc_within_a_pixel_is_that_pixel() {
+        for coc in [0.0, 0.49, -0.49] {
+            let sprite = Sprite::new(Aperture::Disc, coc, (9, 9));
+            let covered: Vec<_> = drawn(&sprite, 3).filter(|(_, coverage)| *coverage > 0.0).collect();
+            assert_eq!(covered.len(), 1, "{coc} px covers {covered:?}");
+            assert_eq!(covered[0].1 * sprite.intensity, 1.0, "all of it");
+        }
+    }
+
+    #[test]
+    fn a_disc_larger_than_the_picture_costs_no_more_than_the_picture() {
+        let sprite = Sprite::new(Aperture::Disc, 30_000.0, (64, 48));
+        assert!(sprite.steps.len() <= 2 * (2 * 48 + 1), "{} steps", sprite.steps.len());
+        let area = std::f64::consts::PI * 9e8 * WHOLE;
+        assert!((sprite.intensity * area - 1.0).abs() < 1e-6, "its energy is that of the whole disc");
+    }
+}
