@@ -10,10 +10,9 @@ use thinlens::stack::read_picture;
 
 const EXAMPLES: &str = "\
 Examples:
-  thinlens score out.exr reference.exr
   thinlens score out.exr reference.exr --border 16
   thinlens score out.png reference.png --json
-  thinlens score out.exr reference.exr --map difference.png";
+  thinlens score out.exr reference.exr --hdr-flip --map difference.png";
 
 /// Measure how far a picture is from its reference
 #[derive(Debug, Args)]

@@ -314,10 +314,6 @@ impl<'a> Entry<'a> {
         self.value.get_ref().as_str().ok_or_else(|| self.unsuitable("a text in quotes"))
     }
 
-    fn flag(&self) -> Result<bool, Error> {
-        self.value.get_ref().as_bool().ok_or_else(|| self.unsuitable("true or false"))
-    }
-
     /// A whole number of at least `least`.
     fn whole(&self, least: u32, wanted: &str) -> Result<u32, Error> {
         let number = match self.value.get_ref() {
