@@ -5,6 +5,7 @@
 
 mod accumulate;
 mod laws;
+mod point_splat;
 mod shared;
 mod shear;
 
@@ -57,7 +58,7 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
+pub static METHODS: [&dyn Method; 3] = [&shear::Shear, &accumulate::Accumulate, &point_splat::PointSplat];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";

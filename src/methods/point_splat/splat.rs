@@ -1,0 +1,241 @@
+//! Scattering points over the pixels of a picture (sections 3.3 and 3.4).
+//!
+//! Bands of picture rows are made in parallel. A band scans the rows of points that reach it in one fixed order, by distance
+//! of the rows and then from left to right, so the result does not depend on the number of threads. Within it, a sprite's
+//! row is a run of weights over blocks of pixels, most of which take the point into one layer whole.
+
+use super::layers::{LANES, Layers, Light, Limits, Sum, add, blend};
+use super::sprites::{Centre, Sprite, Sprites};
+use crate::image::Plane;
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Rows of a band: they share the rows of sprites that they need.
+const BAND: usize = 8;
+
+/// So many rows of points are summed on their own before they are added to the rest: in one running sum the rounding of
+/// thousands of small steps would show.
+const ROWS_A_SUM: usize = 32;
+
+/// A point to be scattered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Point<const N: usize> {
+    /// Column of its pixel, or of the left one of four.
+    pub column: i32,
+    /// What blurs it.
+    pub sprite: Sprite,
+    /// What it adds.
+    pub light: Light<N>,
+}
+
+/// Points in rows.
+#[derive(Debug)]
+pub(super) struct Grid<const N: usize> {
+    /// Where they lie in their pixels.
+    pub centre: Centre,
+    /// Picture rows from one row of points to the next.
+    pub spacing: usize,
+    /// Points of each row, from left to right.
+    pub rows: Vec<Vec<Point<N>>>,
+}
+
+impl<const N: usize> Grid<N> {
+    /// For each row, how many rows away its points reach.
+    fn reaches(&self) -> Vec<i32> {
+        let reach = |row: &Vec<Point<N>>| row.iter().map(|point| point.sprite.reach()).max().unwrap_or(-1);
+        self.rows.par_iter().map(reach).collect()
+    }
+}
+
+/// Content planes of the picture that `grids` scatter into the layers of `limits`.
+pub(super) fn splat<const N: usize>(
+    grids: &[Grid<N>],
+    sprites: &Sprites,
+    limits: &[Limits],
+    (width, height): (usize, usize),
+    progress: &(dyn Fn(f32) + Sync),
+) -> Vec<Plane> {
+    let mut planes = vec![Plane::zeros(width, height); N];
+    let reaches: Vec<Vec<i32>> = grids.iter().map(Grid::reaches).collect();
+    let mut rests: Vec<_> =
+        planes.iter_mut().map(|plane| plane.values_mut().chunks_mut(BAND * width)).collect();
+    let bands: Vec<Vec<&mut [f32]>> =
+        (0..height.div_ceil(BAND)).map(|_| rests.iter_mut().filter_map(Iterator::next).collect()).collect();
+    let done = AtomicUsize::new(0);
+    let count = bands.len();
+    bands.into_par_iter().enumerate().for_each_init(
+        || Scratch::new(width),
+        |scratch, (band, mut content)| {
+            let rows = band * BAND..((band + 1) * BAND).min(height);
+            scratch.clear(rows.len());
+            for (grid, reaches) in grids.iter().zip(&reaches) {
+                scratch.scatter(grid, reaches, sprites, (limits, rows.clone()));
+            }
+            scratch.blend(&mut content, width);
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / count as f32);
+        },
+    );
+    planes
+}
+
+/// One row of a sprite, between blocks of zeros.
+#[derive(Debug, Clone, Default)]
+struct SpriteRow {
+    /// Column of the first weight from the sprite's own; no row yet where `made` is not the round it is asked for in.
+    first: i32,
+    made: usize,
+    padded: Vec<f32>,
+}
+
+/// What one thread keeps from band to band.
+struct Scratch<const N: usize> {
+    blocks: usize,
+    reach_px: i32,
+    /// Sums of some rows of points, and of all.
+    recent: Vec<Layers<N>>,
+    total: Vec<Layers<N>>,
+    sprite_rows: Vec<SpriteRow>,
+    weights: Vec<f32>,
+    round: usize,
+}
+
+impl<const N: usize> Scratch<N> {
+    fn new(width: usize) -> Self {
+        Self {
+            blocks: width.div_ceil(LANES),
+            reach_px: width as i32,
+            recent: Vec::new(),
+            total: Vec::new(),
+            sprite_rows: Vec::new(),
+            weights: Vec::new(),
+            round: 0,
+        }
+    }
+
+    /// Begins a band of `rows` rows.
+    fn clear(&mut self, rows: usize) {
+        for sums in [&mut self.recent, &mut self.total] {
+            sums.clear();
+            sums.resize(rows * self.blocks, [Sum::NONE; 3]);
+        }
+    }
+
+    /// Scatters all points of `grid` that reach the picture rows `rows`.
+    fn scatter(
+        &mut self,
+        grid: &Grid<N>,
+        reaches: &[i32],
+        sprites: &Sprites,
+        (limits, rows): (&[Limits], std::ops::Range<usize>),
+    ) {
+        let farthest = reaches.iter().copied().max().unwrap_or(-1);
+        let picture_rows = (grid.rows.len() * grid.spacing) as i32;
+        let nearest = farthest.min(picture_rows);
+        for (count, down) in (-nearest..=nearest).enumerate() {
+            self.round += 1;
+            for (line, y) in rows.clone().enumerate() {
+                let source = y as i32 + down;
+                if source < 0 || source >= picture_rows || source as usize % grid.spacing != 0 {
+                    continue;
+                }
+                let source = source as usize / grid.spacing;
+                if reaches[source] < down.abs() {
+                    continue;
+                }
+                let offset_y = -(down as f32) - grid.centre.offset();
+                self.make_sprite_rows(&grid.rows[source], (sprites, grid.centre, offset_y), down.abs());
+                Arch::new().dispatch(SplatRow {
+                    points: &grid.rows[source],
+                    sprite_rows: &self.sprite_rows,
+                    limits: &limits[y * self.blocks..][..self.blocks],
+                    sums: &mut self.recent[line * self.blocks..][..self.blocks],
+                    reach: down.abs(),
+                });
+            }
+            if count % ROWS_A_SUM == ROWS_A_SUM - 1 {
+                self.gather();
+            }
+        }
+        self.gather();
+    }
+
+    /// Makes the sprite rows that `points` need and this round does not have yet.
+    fn make_sprite_rows(
+        &mut self,
+        points: &[Point<N>],
+        (sprites, centre, offset_y): (&Sprites, Centre, f32),
+        reach: i32,
+    ) {
+        for point in points {
+            let Sprite(at) = point.sprite;
+            let at = usize::from(at);
+            if at >= self.sprite_rows.len() {
+                self.sprite_rows.resize(at + 1, SpriteRow::default());
+            }
+            let row = &mut self.sprite_rows[at];
+            if row.made == self.round || point.sprite.reach() < reach {
+                continue;
+            }
+            row.made = self.round;
+            row.first = sprites.row(point.sprite, centre, offset_y, self.reach_px, &mut self.weights);
+            row.padded.clear();
+            row.padded.extend([0.0; LANES]);
+            row.padded.extend(&self.weights);
+            row.padded.extend([0.0; LANES]);
+        }
+    }
+
+    fn gather(&mut self) {
+        for (total, recent) in self.total.iter_mut().zip(&mut self.recent) {
+            for (total, recent) in total.iter_mut().zip(recent) {
+                total.gather(recent);
+                *recent = Sum::NONE;
+            }
+        }
+    }
+
+    /// Writes the band's pixels.
+    fn blend(&self, content: &mut [&mut [f32]], width: usize) {
+        let rows = content.first().map_or(0, |plane| plane.len() / width);
+        for (y, x) in (0..rows).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let blended = blend(&self.total[y * self.blocks + x / LANES], x % LANES).unwrap_or([0.0; N]);
+            content.iter_mut().zip(blended).for_each(|(plane, value)| plane[y * width + x] = value);
+        }
+    }
+}
+
+/// Scatters a row of points into a row of pixels; to be compiled for each instruction set.
+struct SplatRow<'a, const N: usize> {
+    points: &'a [Point<N>],
+    sprite_rows: &'a [SpriteRow],
+    limits: &'a [Limits],
+    sums: &'a mut [Layers<N>],
+    /// How far the rows are apart.
+    reach: i32,
+}
+
+impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { points, sprite_rows, limits, sums, reach } = self;
+        let pixels = (sums.len() * LANES) as i32;
+        for point in points.iter().filter(|point| point.sprite.reach() >= reach) {
+            let SpriteRow { first, padded, .. } = &sprite_rows[usize::from(point.sprite.0)];
+            let begin = point.column + first;
+            let end = begin + (padded.len() - 2 * LANES) as i32;
+            let (from, to) = (begin.max(0), end.min(pixels));
+            if from >= to {
+                continue;
+            }
+            let blocks = from as usize / LANES..=(to as usize - 1) / LANES;
+            for block in blocks {
+                let weights = ((block * LANES + LANES) as i32 - begin) as usize;
+                let Some(weights) = padded[weights..].first_chunk() else { continue };
+                add(&mut sums[block], weights, &point.light, &limits[block]);
+            }
+        }
+    }
+}

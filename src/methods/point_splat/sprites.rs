@@ -1,0 +1,186 @@
+//! Sprites: the blur of a point as weights of pixels that sum to one (section 3.3, eq. 5).
+//!
+//! A sprite's weight is `k_n(C) / C²` times the share of the pixel within the aperture's shape times the intensity there.
+//! Its rows are made when they are asked for, and kept by whoever works on a row: a table of all sprites would grow with
+//! the square of the largest CoC.
+
+use crate::lens::Aperture;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Radii of neighbouring sprites are apart by this share.
+const STEP: f32 = 1.0 / 64.0;
+
+/// Up to this radius a blur stays within its pixel.
+const PIXEL_RADIUS: f32 = 0.5;
+
+/// Radius from which `k_n` has reached its limit.
+const LIMIT_RADIUS: f32 = 64.0;
+
+/// Radius from which the intensity hardly changes within a pixel.
+const SMOOTH_RADIUS: f32 = 6.0;
+
+/// A pixel this deep inside the shape is covered whole, and one this far outside is not at all: half its diagonal, and the
+/// soft rim of its parts.
+const RIM: f32 = 0.7;
+
+/// Least intensity as a share of the greatest: a profile whose light falls between all parts of a pixel still has a sum.
+const LEAST_INTENSITY: f32 = 1e-6;
+
+/// A rim's pixel is looked at in this many parts along each axis.
+const PARTS: usize = 4;
+
+/// Where a sprite's centre lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Centre {
+    /// At a pixel's centre.
+    Pixel,
+    /// At the corner where four pixels meet.
+    Corner,
+}
+
+impl Centre {
+    /// Offset of the centre from that of the pixel it belongs to, along both axes.
+    pub(super) fn offset(self) -> f32 {
+        match self {
+            Self::Pixel => 0.0,
+            Self::Corner => 0.5,
+        }
+    }
+}
+
+/// A sprite: one of the radii, and the sign of the CoC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sprite(pub u16);
+
+impl Sprite {
+    /// The sprite nearest to signed CoC radius `coc_px`.
+    pub(super) fn of(coc_px: f32) -> Self {
+        let step = (coc_px.abs() / PIXEL_RADIUS).max(1.0).ln() / STEP;
+        Self(2 * step.round() as u16 + u16::from(coc_px < 0.0))
+    }
+
+    /// Its signed CoC radius.
+    pub(super) fn coc_px(self) -> f32 {
+        let radius = PIXEL_RADIUS * (f32::from(self.0 / 2) * STEP).exp();
+        if self.0 % 2 == 1 { -radius } else { radius }
+    }
+
+    /// Most pixels that it reaches along an axis from the pixel of its centre.
+    pub(super) fn reach(self) -> i32 {
+        if self.0 / 2 == 0 { 0 } else { (self.coc_px().abs() + RIM).ceil() as i32 }
+    }
+}
+
+/// All sprites of one aperture and one intensity profile.
+#[derive(Debug)]
+pub(super) struct Sprites {
+    aperture: Aperture,
+    intensity: Vec<f32>,
+    /// Sum of a sprite's weights over its squared radius, which is `4 / k_n`, for [`Centre::Pixel`] and [`Centre::Corner`].
+    areas: [Vec<f32>; 2],
+    /// Mean of `x²` and of `y²` over a large sprite of radius 1.
+    pub second_moment: f32,
+}
+
+impl Sprites {
+    /// The sprites of `aperture` whose intensity from centre to rim is `intensity`, at even distances.
+    pub(super) fn new(aperture: Aperture, intensity: &[f32]) -> Self {
+        let greatest = intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
+        let intensity =
+            intensity.iter().map(|value| value.max(LEAST_INTENSITY * greatest) / greatest).collect();
+        let mut sprites = Self { aperture, intensity, areas: Default::default(), second_moment: 0.0 };
+        let steps = Sprite::of(LIMIT_RADIUS).0 / 2;
+        let sums = |centre| -> Vec<(f32, f32)> {
+            (0..=steps).into_par_iter().map(|step| sprites.sums(Sprite(2 * step), centre)).collect()
+        };
+        let (pixel, corner) = (sums(Centre::Pixel), sums(Centre::Corner));
+        sprites.second_moment = pixel.last().map_or(0.25, |&(_, moment)| moment);
+        sprites.areas = [pixel, corner].map(|sums| sums.into_iter().map(|(area, _)| area).collect());
+        sprites
+    }
+
+    /// Area in squared radii of a sprite as its pixels have it, weighted by intensity, and its second moment.
+    fn sums(&self, sprite: Sprite, centre: Centre) -> (f32, f32) {
+        let (coc_px, reach) = (sprite.coc_px(), sprite.reach());
+        let (mut area, mut moment) = (0.0, 0.0);
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let offset = Vec2::new(dx as f32, dy as f32) - centre.offset();
+                let weight = f64::from(self.coverage(offset, coc_px));
+                area += weight;
+                moment += weight * 0.5 * f64::from(offset.length_squared());
+            }
+        }
+        let square = f64::from(coc_px * coc_px);
+        ((area / square) as f32, (moment / (area * square)) as f32)
+    }
+
+    /// Weights of the pixels at `offset_y` below a sprite's centre, from `-reach_px` to `reach_px` columns off the pixel of
+    /// its centre: written to `weights` without the zeros at either end; the first one's column is returned.
+    pub(super) fn row(
+        &self,
+        sprite: Sprite,
+        centre: Centre,
+        offset_y: f32,
+        reach_px: i32,
+        weights: &mut Vec<f32>,
+    ) -> i32 {
+        weights.clear();
+        let coc_px = sprite.coc_px();
+        let chord = ((coc_px.abs() + RIM).powi(2) - offset_y * offset_y).max(0.0).sqrt().ceil() as i32;
+        let reach = chord.min(sprite.reach()).min(reach_px);
+        let areas = &self.areas[usize::from(centre == Centre::Corner)];
+        let area = areas.get(usize::from(sprite.0 / 2)).or(areas.last()).copied().unwrap_or(1.0);
+        let scale = 1.0 / (area * coc_px * coc_px);
+        let mut first = -reach;
+        for dx in -reach..=reach {
+            let weight = scale * self.coverage(Vec2::new(dx as f32 - centre.offset(), offset_y), coc_px);
+            if weight == 0.0 && weights.is_empty() {
+                first = dx + 1;
+            } else {
+                weights.push(weight);
+            }
+        }
+        while weights.last() == Some(&0.0) {
+            weights.pop();
+        }
+        first
+    }
+
+    /// How much of the pixel at `offset` from the centre a sprite of radius `coc_px` covers, times its intensity there.
+    fn coverage(&self, offset: Vec2, coc_px: f32) -> f32 {
+        // Light goes from the fragment at q to the picture point p through u = (q − p) / c.
+        let point = -offset;
+        let radius = coc_px.abs();
+        if radius <= PIXEL_RADIUS {
+            return if offset == Vec2::ZERO { 1.0 } else { 0.0 };
+        }
+        let depth = self.aperture.depth_inside(point, coc_px);
+        if depth < -RIM {
+            return 0.0;
+        }
+        if depth > RIM && (radius > SMOOTH_RADIUS || self.intensity.len() == 1) {
+            return self.intensity_at(depth, radius);
+        }
+        let place = |part: usize| (part as f32 + 0.5) / PARTS as f32 - 0.5;
+        let part = |i: usize| {
+            let point = point + Vec2::new(place(i % PARTS), place(i / PARTS));
+            let depth = self.aperture.depth_inside(point, coc_px);
+            (PARTS as f32 * depth + 0.5).clamp(0.0, 1.0) * self.intensity_at(depth, radius)
+        };
+        (0..PARTS * PARTS).map(part).sum::<f32>() / (PARTS * PARTS) as f32
+    }
+
+    /// Intensity `depth` pixels inside the shape of radius `radius`: on lines of its own form from centre to rim.
+    fn intensity_at(&self, depth: f32, radius: f32) -> f32 {
+        let last = self.intensity.len() - 1;
+        if last == 0 {
+            return self.intensity[0];
+        }
+        let place = (1.0 - depth / (radius * self.aperture.apothem())).clamp(0.0, 1.0) * last as f32;
+        let below = (place as usize).min(last - 1);
+        let share = place - below as f32;
+        (1.0 - share) * self.intensity[below] + share * self.intensity[below + 1]
+    }
+}
