@@ -130,12 +130,17 @@ impl Hiding {
 
     /// Whether what the pixel `x, y` hides may show: it is not behind focus, and a depth change is near.
     pub(super) fn edge(&self, visible_px: &Plane, x: usize, y: usize) -> Edge {
-        if visible_px.get(x, y) > 0.0 || depth_change_px(visible_px, x, y, 1.0) < self.edge_px {
+        // No change at all is none, however small a change is asked for.
+        let changes = |reach| {
+            let change_px = depth_change_px(visible_px, x, y, reach);
+            change_px > 0.0 && change_px >= self.edge_px
+        };
+        if visible_px.get(x, y) > 0.0 || !changes(1.0) {
             Edge::None
-        } else if depth_change_px(visible_px, x, y, REDUCED_REACH) < self.edge_px {
-            Edge::Overlap
-        } else {
+        } else if changes(REDUCED_REACH) {
             Edge::Near
+        } else {
+            Edge::Overlap
         }
     }
 }

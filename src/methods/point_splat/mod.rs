@@ -156,6 +156,6 @@ impl Images<'_> {
             (0..self.visible_px.width()).flat_map(points).collect()
         };
         let rows = (0..self.visible_px.height()).into_par_iter().map(row).collect();
-        Grid { centre: Centre::Pixel, spacing: 1, rows }
+        Grid { centre: Centre::Pixel, rows }
     }
 }

@@ -82,7 +82,7 @@ impl Shares {
             (0..self.width).filter_map(point).collect()
         };
         let rows = (0..self.height).into_par_iter().map(row).collect();
-        Grid { centre: Centre::Corner, spacing: 2, rows }
+        Grid { centre: Centre::Corner, rows }
     }
 }
 
@@ -127,7 +127,7 @@ mod tests {
         let point = grid.rows[1][1];
         // Pixels 22, 23, 32 and 33.
         assert_eq!((point.light.content, point.light.alpha), ([110.0], 4.0), "the sum of all four");
-        assert_eq!((point.column, grid.spacing, grid.centre), (2, 2, Centre::Corner), "where they meet");
+        assert_eq!((point.column, grid.centre), (2, Centre::Corner), "where they meet");
         assert_eq!([shares.at(3, 3), shares.at(4, 4)], [1.0, 0.0], "the fifth column keeps its own points");
     }
 

@@ -5,7 +5,7 @@
 //! row is a run of weights over blocks of pixels, most of which take the point into one layer whole.
 
 use super::layers::{LANES, Layers, Light, Limits, Sum, add, blend};
-use super::sprites::{Centre, Sprite, Sprites};
+use super::sprites::{Border, Centre, Place, Sprite, Sprites};
 use crate::image::Plane;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -34,13 +34,21 @@ pub(super) struct Point<const N: usize> {
 pub(super) struct Grid<const N: usize> {
     /// Where they lie in their pixels.
     pub centre: Centre,
-    /// Picture rows from one row of points to the next.
-    pub spacing: usize,
     /// Points of each row, from left to right.
     pub rows: Vec<Vec<Point<N>>>,
 }
 
 impl<const N: usize> Grid<N> {
+    /// The row of points whose first picture row is `y`, or its repetition past the frame's border.
+    fn row_at(&self, y: i32, height: usize) -> Option<usize> {
+        let (spacing, rows) = (self.centre.spacing(), self.rows.len());
+        let row = y.div_euclid(spacing as i32);
+        let is_row = y.rem_euclid(spacing as i32) == 0 && rows > 0;
+        // Only a grid that ends where the picture does is repeated below it.
+        let is_known = row < rows as i32 || rows * spacing == height;
+        (is_row && is_known).then(|| (row.max(0) as usize).min(rows - 1))
+    }
+
     /// For each row, how many rows away its points reach.
     fn reaches(&self) -> Vec<i32> {
         let reach = |row: &Vec<Point<N>>| row.iter().map(|point| point.sprite.reach()).max().unwrap_or(-1);
@@ -65,7 +73,7 @@ pub(super) fn splat<const N: usize>(
     let done = AtomicUsize::new(0);
     let count = bands.len();
     bands.into_par_iter().enumerate().for_each_init(
-        || Scratch::new(width),
+        || Scratch::new((width, height)),
         |scratch, (band, mut content)| {
             let rows = band * BAND..((band + 1) * BAND).min(height);
             scratch.clear(rows.len());
@@ -82,29 +90,45 @@ pub(super) fn splat<const N: usize>(
 /// One row of a sprite, between blocks of zeros.
 #[derive(Debug, Clone, Default)]
 struct SpriteRow {
-    /// Column of the first weight from the sprite's own; no row yet where `made` is not the round it is asked for in.
+    /// Column of the first weight from the sprite's own.
     first: i32,
-    made: usize,
+    /// The round that it was made in.
+    round: usize,
     padded: Vec<f32>,
 }
 
 /// What one thread keeps from band to band.
 struct Scratch<const N: usize> {
+    size: (usize, usize),
     blocks: usize,
-    reach_px: i32,
     /// Sums of some rows of points, and of all.
     recent: Vec<Layers<N>>,
     total: Vec<Layers<N>>,
+    /// By [`Point::shape`].
     sprite_rows: Vec<SpriteRow>,
     weights: Vec<f32>,
     round: usize,
 }
 
+impl<const N: usize> Point<N> {
+    /// Index of the point's sprite in its place: points at the border of a picture `width` wide have sprites of their own.
+    #[inline(always)]
+    fn shape(&self, border: Border) -> usize {
+        4 * usize::from(self.sprite.0) + 2 * usize::from(border.left) + usize::from(border.right)
+    }
+
+    /// Whether it is repeated past the border of a picture `width` wide.
+    #[inline(always)]
+    fn border(&self, centre: Centre, width: usize) -> Border {
+        Border { left: self.column == 0, right: self.column as usize + centre.spacing() == width }
+    }
+}
+
 impl<const N: usize> Scratch<N> {
-    fn new(width: usize) -> Self {
+    fn new((width, height): (usize, usize)) -> Self {
         Self {
+            size: (width, height),
             blocks: width.div_ceil(LANES),
-            reach_px: width as i32,
             recent: Vec::new(),
             total: Vec::new(),
             sprite_rows: Vec::new(),
@@ -129,24 +153,22 @@ impl<const N: usize> Scratch<N> {
         sprites: &Sprites,
         (limits, rows): (&[Limits], std::ops::Range<usize>),
     ) {
-        let farthest = reaches.iter().copied().max().unwrap_or(-1);
-        let picture_rows = (grid.rows.len() * grid.spacing) as i32;
-        let nearest = farthest.min(picture_rows);
-        for (count, down) in (-nearest..=nearest).enumerate() {
+        let (width, height) = self.size;
+        // Past one height off, the picture's repetitions tell nothing new.
+        let farthest = reaches.iter().copied().max().unwrap_or(-1).min(height as i32);
+        for (count, down) in (-farthest..=farthest).enumerate() {
             self.round += 1;
             for (line, y) in rows.clone().enumerate() {
-                let source = y as i32 + down;
-                if source < 0 || source >= picture_rows || source as usize % grid.spacing != 0 {
-                    continue;
-                }
-                let source = source as usize / grid.spacing;
+                let Some(source) = grid.row_at(y as i32 + down, height) else { continue };
                 if reaches[source] < down.abs() {
                     continue;
                 }
-                let offset_y = -(down as f32) - grid.centre.offset();
-                self.make_sprite_rows(&grid.rows[source], (sprites, grid.centre, offset_y), down.abs());
+                let points = &grid.rows[source];
+                self.make_sprite_rows(points, (sprites, grid.centre), down);
                 Arch::new().dispatch(SplatRow {
-                    points: &grid.rows[source],
+                    points,
+                    centre: grid.centre,
+                    width,
                     sprite_rows: &self.sprite_rows,
                     limits: &limits[y * self.blocks..][..self.blocks],
                     sums: &mut self.recent[line * self.blocks..][..self.blocks],
@@ -160,25 +182,23 @@ impl<const N: usize> Scratch<N> {
         self.gather();
     }
 
-    /// Makes the sprite rows that `points` need and this round does not have yet.
-    fn make_sprite_rows(
-        &mut self,
-        points: &[Point<N>],
-        (sprites, centre, offset_y): (&Sprites, Centre, f32),
-        reach: i32,
-    ) {
-        for point in points {
-            let Sprite(at) = point.sprite;
-            let at = usize::from(at);
-            if at >= self.sprite_rows.len() {
-                self.sprite_rows.resize(at + 1, SpriteRow::default());
+    /// Makes the sprite rows that `points`, in a row `down` below, need and this round does not have yet.
+    fn make_sprite_rows(&mut self, points: &[Point<N>], (sprites, centre): (&Sprites, Centre), down: i32) {
+        let (width, _) = self.size;
+        let offset_y = -(down as f32) - centre.offset();
+        for point in points.iter().filter(|point| point.sprite.reach() >= down.abs()) {
+            let border = point.border(centre, width);
+            let shape = point.shape(border);
+            if shape >= self.sprite_rows.len() {
+                self.sprite_rows.resize(shape + 1, SpriteRow::default());
             }
-            let row = &mut self.sprite_rows[at];
-            if row.made == self.round || point.sprite.reach() < reach {
+            let row = &mut self.sprite_rows[shape];
+            if row.round == self.round {
                 continue;
             }
-            row.made = self.round;
-            row.first = sprites.row(point.sprite, centre, offset_y, self.reach_px, &mut self.weights);
+            row.round = self.round;
+            let place = Place { centre, offset_y, border };
+            row.first = sprites.row(point.sprite, &place, width as i32, &mut self.weights);
             row.padded.clear();
             row.padded.extend([0.0; LANES]);
             row.padded.extend(&self.weights);
@@ -208,6 +228,9 @@ impl<const N: usize> Scratch<N> {
 /// Scatters a row of points into a row of pixels; to be compiled for each instruction set.
 struct SplatRow<'a, const N: usize> {
     points: &'a [Point<N>],
+    centre: Centre,
+    /// Of the picture.
+    width: usize,
     sprite_rows: &'a [SpriteRow],
     limits: &'a [Limits],
     sums: &'a mut [Layers<N>],
@@ -220,10 +243,11 @@ impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { points, sprite_rows, limits, sums, reach } = self;
+        let Self { points, centre, width, sprite_rows, limits, sums, reach } = self;
         let pixels = (sums.len() * LANES) as i32;
         for point in points.iter().filter(|point| point.sprite.reach() >= reach) {
-            let SpriteRow { first, padded, .. } = &sprite_rows[usize::from(point.sprite.0)];
+            let shape = point.shape(point.border(centre, width));
+            let SpriteRow { first, padded, .. } = &sprite_rows[shape];
             let begin = point.column + first;
             let end = begin + (padded.len() - 2 * LANES) as i32;
             let (from, to) = (begin.max(0), end.min(pixels));

@@ -40,6 +40,14 @@ pub(super) enum Centre {
 }
 
 impl Centre {
+    /// Pixels from one point to the next.
+    pub(super) fn spacing(self) -> usize {
+        match self {
+            Self::Pixel => 1,
+            Self::Corner => 2,
+        }
+    }
+
     /// Offset of the centre from that of the pixel it belongs to, along both axes.
     pub(super) fn offset(self) -> f32 {
         match self {
@@ -47,6 +55,50 @@ impl Centre {
             Self::Corner => 0.5,
         }
     }
+}
+
+/// Whether a point lies at the left or the right border of the picture, past which it is repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Border {
+    /// Repeated to the left.
+    pub left: bool,
+    /// Repeated to the right.
+    pub right: bool,
+}
+
+impl Border {
+    /// Adds to the weights of a row those of the point's repetitions, `spacing` apart.
+    fn repeat(self, weights: &mut [f32], spacing: usize) {
+        if !self.left && !self.right {
+            return;
+        }
+        let (once, count) = (weights.to_vec(), weights.len());
+        let mut further = vec![0.0; count];
+        if self.left {
+            for i in (0..count.saturating_sub(spacing)).rev() {
+                further[i] = further[i + spacing] + once[i + spacing];
+                weights[i] += further[i];
+            }
+        }
+        further.fill(0.0);
+        if self.right {
+            for i in spacing..count {
+                further[i] = further[i - spacing] + once[i - spacing];
+                weights[i] += further[i];
+            }
+        }
+    }
+}
+
+/// Where a row of a sprite lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// Where the sprite's centre lies in its pixel.
+    pub centre: Centre,
+    /// Rows from the sprite's centre down to the row.
+    pub offset_y: f32,
+    /// Where its point lies in the picture.
+    pub border: Border,
 }
 
 /// A sprite: one of the radii, and the sign of the CoC.
@@ -117,35 +169,20 @@ impl Sprites {
     }
 
     /// Weights of the pixels at `offset_y` below a sprite's centre, from `-reach_px` to `reach_px` columns off the pixel of
-    /// its centre: written to `weights` without the zeros at either end; the first one's column is returned.
-    pub(super) fn row(
-        &self,
-        sprite: Sprite,
-        centre: Centre,
-        offset_y: f32,
-        reach_px: i32,
-        weights: &mut Vec<f32>,
-    ) -> i32 {
+    /// its centre: written to `weights`, while the first one's column is returned.
+    pub(super) fn row(&self, sprite: Sprite, place: &Place, reach_px: i32, weights: &mut Vec<f32>) -> i32 {
         weights.clear();
-        let coc_px = sprite.coc_px();
+        let (coc_px, offset_y) = (sprite.coc_px(), place.offset_y);
         let chord = ((coc_px.abs() + RIM).powi(2) - offset_y * offset_y).max(0.0).sqrt().ceil() as i32;
         let reach = chord.min(sprite.reach()).min(reach_px);
-        let areas = &self.areas[usize::from(centre == Centre::Corner)];
+        let areas = &self.areas[usize::from(place.centre == Centre::Corner)];
         let area = areas.get(usize::from(sprite.0 / 2)).or(areas.last()).copied().unwrap_or(1.0);
         let scale = 1.0 / (area * coc_px * coc_px);
-        let mut first = -reach;
-        for dx in -reach..=reach {
-            let weight = scale * self.coverage(Vec2::new(dx as f32 - centre.offset(), offset_y), coc_px);
-            if weight == 0.0 && weights.is_empty() {
-                first = dx + 1;
-            } else {
-                weights.push(weight);
-            }
-        }
-        while weights.last() == Some(&0.0) {
-            weights.pop();
-        }
-        first
+        weights.extend((-reach..=reach).map(|dx| {
+            scale * self.coverage(Vec2::new(dx as f32 - place.centre.offset(), offset_y), coc_px)
+        }));
+        place.border.repeat(weights, place.centre.spacing());
+        -reach
     }
 
     /// How much of the pixel at `offset` from the centre a sprite of radius `coc_px` covers, times its intensity there.
@@ -182,5 +219,111 @@ impl Sprites {
         let below = (place as usize).min(last - 1);
         let share = place - below as f32;
         (1.0 - share) * self.intensity[below] + share * self.intensity[below + 1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INNER: Border = Border { left: false, right: false };
+
+    fn sprites(blades: u32, intensity: &[f32]) -> Sprites {
+        Sprites::new(Aperture::new(blades, 20.0).unwrap(), intensity)
+    }
+
+    /// Sum and first moments of all weights of a sprite.
+    fn moments(sprites: &Sprites, sprite: Sprite, centre: Centre) -> [f64; 3] {
+        let (mut sums, mut weights) = ([0.0; 3], Vec::new());
+        for dy in -sprite.reach() - 1..=sprite.reach() + 1 {
+            let offset_y = dy as f32 - centre.offset();
+            let first = sprites.row(sprite, &Place { centre, offset_y, border: INNER }, 1000, &mut weights);
+            for (i, &weight) in weights.iter().enumerate() {
+                let offset_x = (first + i as i32) as f32 - centre.offset();
+                let terms = [1.0, offset_x, offset_y].map(|term| f64::from(term) * f64::from(weight));
+                sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+            }
+        }
+        sums
+    }
+
+    #[test]
+    fn every_sprite_sums_to_one_about_its_centre() {
+        for (blades, intensity) in
+            [(0, &[1.0][..]), (0, &[0.0, 1.0]), (0, &[1.0, 0.3, 0.0]), (3, &[1.0]), (6, &[0.2, 1.0])]
+        {
+            let sprites = sprites(blades, intensity);
+            for coc_px in [0.1, 0.5, -0.7, 1.0, -2.3, 5.0, -17.2, 90.0] {
+                for centre in [Centre::Pixel, Centre::Corner] {
+                    let sprite = Sprite::of(coc_px);
+                    if centre == Centre::Corner && coc_px.abs() < 1.0 {
+                        continue;
+                    }
+                    let [sum, x, y] = moments(&sprites, sprite, centre);
+                    let case = format!("{blades} blades, {intensity:?}, c = {coc_px}, {centre:?}");
+                    // Past the largest tabulated radius the sum of a rim's parts, 1/16 of a pixel each, is its limit's.
+                    assert!((sum - 1.0).abs() < 1e-3, "{case}: sum {sum}");
+                    // A triangle's pixels, looked at in parts, are less even than its area.
+                    assert!(x.hypot(y) < 5e-3 * f64::from(coc_px.abs()).max(1.0), "{case}: {x}, {y}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_scaling_of_a_uniform_disc_goes_to_four_over_pi() {
+        // k_n is four over the area in squared radii.
+        let sprites = sprites(0, &[1.0]);
+        let scaling = 4.0 / sprites.areas[0].last().unwrap();
+        assert!((scaling - 4.0 / std::f32::consts::PI).abs() < 1e-3, "{scaling}");
+        assert!((sprites.second_moment - 0.25).abs() < 1e-3, "and its moment to a quarter");
+    }
+
+    #[test]
+    fn a_blur_within_its_pixel_is_the_pixel() {
+        for coc_px in [0.0, -0.3, 0.5] {
+            let (sprites, mut weights) = (sprites(0, &[0.0, 1.0]), Vec::new());
+            let place = Place { centre: Centre::Pixel, offset_y: 0.0, border: INNER };
+            let first = sprites.row(Sprite::of(coc_px), &place, 9, &mut weights);
+            assert_eq!((first, &weights[..]), (0, &[1.0][..]), "c = {coc_px}");
+            assert_eq!(Sprite::of(coc_px).reach(), 0, "and reaches no other");
+        }
+    }
+
+    #[test]
+    fn the_intensity_is_linear_from_the_centre_to_the_rim() {
+        let sprites = sprites(0, &[1.0, 0.5, 2.0]);
+        // Of the greatest, 2: at the centre, a quarter of the way, halfway, at the rim.
+        for (depth, expected) in [(8.0, 0.5), (6.0, 0.375), (4.0, 0.25), (0.0, 1.0)] {
+            assert!((sprites.intensity_at(depth, 8.0) - expected).abs() < 1e-6, "{depth} px inside");
+        }
+    }
+
+    #[test]
+    fn a_triangle_points_the_other_way_in_front_of_focus() {
+        let (sprites, mut weights) = (Sprites::new(Aperture::new(3, 0.0).unwrap(), &[1.0]), Vec::new());
+        let place = Place { centre: Centre::Pixel, offset_y: 0.0, border: INNER };
+        let mut ends = |coc_px| {
+            let first = sprites.row(Sprite::of(coc_px), &place, 99, &mut weights);
+            let lit = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
+            let columns: Vec<i32> = lit.map(|(i, _)| first + i as i32).collect();
+            [columns[0], columns[columns.len() - 1]]
+        };
+        // Behind focus its corner is to the left, 10 px off, and its side 5 px off to the right.
+        assert_eq!(ends(10.0), [-10, 5], "behind focus");
+        assert_eq!(ends(-10.0), [-5, 10], "in front of it");
+    }
+
+    #[test]
+    fn a_point_at_the_border_stands_for_its_repetitions_past_it() {
+        let row = |left, right, spacing| {
+            let mut weights = vec![1.0, 2.0, 4.0, 8.0];
+            Border { left, right }.repeat(&mut weights, spacing);
+            weights
+        };
+        assert_eq!(row(true, false, 1), [15.0, 14.0, 12.0, 8.0], "of points to the left, one after another");
+        assert_eq!(row(false, true, 1), [1.0, 3.0, 7.0, 15.0], "to the right");
+        assert_eq!(row(true, true, 1), [15.0; 4], "to both sides");
+        assert_eq!(row(true, false, 2), [5.0, 10.0, 4.0, 8.0], "every other pixel");
     }
 }
