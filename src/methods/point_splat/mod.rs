@@ -43,7 +43,7 @@ use hidden::{Edge, Fragment, Hiding, seen, visible_coc_px};
 use highlight::Extrapolation;
 use layers::{Light, Limits};
 use rayon::prelude::*;
-use reduce::Shares;
+use reduce::{Shares, reduced};
 use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
 
@@ -95,12 +95,17 @@ fn scatter<const N: usize>(
     let visible_px = visible_coc_px(&peels, (width, height));
     let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);
     let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
-    let shares = match parameters.accelerated {
-        true => Shares::new(&visible_px, &edges, parameters.delta),
-        false => Shares::none(),
-    };
     let images = Images { peels, visible_px, edges, hiding, parameters };
-    let grids = [images.points::<N>(&shares), shares.grid(|x, y| images.visible::<N>(x, y), &sprites)];
+    let mut grids = Vec::new();
+    let mut shares = Shares::none();
+    if parameters.accelerated {
+        let surface = (&images.visible_px, &images.edges[..]);
+        let (reduced_shares, grid) =
+            reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta, &sprites);
+        shares = reduced_shares;
+        grids.push(grid);
+    }
+    grids.push(images.points(&shares));
     let limits = Limits::of_picture(&images.visible_px, parameters.delta);
     drop(images);
     splat(&grids, &sprites, &limits, (width, height), progress)

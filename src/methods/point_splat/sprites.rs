@@ -178,9 +178,11 @@ impl Sprites {
         let areas = &self.areas[usize::from(place.centre == Centre::Corner)];
         let area = areas.get(usize::from(sprite.0 / 2)).or(areas.last()).copied().unwrap_or(1.0);
         let scale = 1.0 / (area * coc_px * coc_px);
-        weights.extend((-reach..=reach).map(|dx| {
-            scale * self.coverage(Vec2::new(dx as f32 - place.centre.offset(), offset_y), coc_px)
-        }));
+        weights.extend(
+            (-reach..=reach).map(|dx| {
+                scale * self.coverage(Vec2::new(dx as f32 - place.centre.offset(), offset_y), coc_px)
+            }),
+        );
         place.border.repeat(weights, place.centre.spacing());
         -reach
     }
