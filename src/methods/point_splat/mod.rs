@@ -18,13 +18,15 @@
 //! one another. The neighbours of eq. 4 are twelve fixed points with the symmetries of the pixel grid, so that a slope
 //! that goes on evenly has a depth change of zero. Sprites have rims weighted by how much of the pixel they cover, not
 //! those of a rasteriser, so that they grow evenly with the CoC; their radii have steps of 1/64. Alpha over one in eq. 7
-//! lets nothing through, rather than less than nothing. Reduced points overlap the others at half the weight of either,
-//! so that no energy is made, and have a slightly smaller sprite, which takes back the spread that averaging adds.
+//! lets nothing through, rather than less than nothing. Past the frame's border its pixels go on, or the missing light of
+//! what is blurred there would be taken for see-through. Reduced points overlap the others at half the weight of either,
+//! so that no energy is made; their sprite is the mean of their pixels' own, so that there are no holes between the two
+//! kinds; and what stands out of its four pixels is not reduced, or highlights would move.
 //!
 //! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), a quarter of it
 //! accelerated. Memory: the scene, `V` and `H`, and some 40 bytes a point. Limits: one hidden layer, and three layers a pixel, so
 //! where more surfaces meet within a CoC (a blurred front over several blurred surfaces) some of them are missing or mixed;
-//! past the frame nothing is known, and what is known counts for it.
+//! nothing is seen behind what lies behind focus.
 
 mod hidden;
 mod highlight;
@@ -34,7 +36,7 @@ mod splat;
 mod sprites;
 
 use super::shared::{Peel, peels, picture};
-use super::{Method, MethodInfo, Progress};
+use super::{Deviation, Law, Method, MethodInfo, Progress};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, Plan, Scene};
@@ -46,6 +48,35 @@ use rayon::prelude::*;
 use reduce::{Shares, reduced};
 use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
+
+/// What the method's three layers, and its one hidden image, cannot do.
+static DEVIATIONS: [Deviation; 5] = [
+    Deviation {
+        law: Law::Place,
+        within: [0.0, 0.501],
+        reason: "section 5 splats four blurred pixels as one, where they meet: half a pixel off",
+    },
+    Deviation {
+        law: Law::NoCracks,
+        within: [0.0, 0.26],
+        reason: "of a slanted surface less than one arrives in its own layer (eq. 6), and eq. 7 takes the rest for see-through",
+    },
+    Deviation {
+        law: Law::NoCracksAcrossCorners,
+        within: [0.25, 0.32],
+        reason: "of a slanted surface less than one arrives in its own layer (eq. 6), and eq. 7 takes the rest for see-through",
+    },
+    Deviation {
+        law: Law::Transparency,
+        within: [0.99, 1.27],
+        reason: "a single peel has no hidden image (section 3.2), so what is in front of focus stays opaque within its outline",
+    },
+    Deviation {
+        law: Law::Convergence,
+        within: [35.0, 39.0],
+        reason: "three layers a pixel and one hidden image stand for all depths",
+    },
+];
 
 /// Lee, Kim & Choi.
 #[derive(Debug)]
@@ -59,7 +90,7 @@ impl Method for PointSplat {
             role: "paper",
             summary: "pixels scattered as sprites into three layers of each pixel that they reach",
             effects: &[EffectKind::Merge],
-            deviations: &[],
+            deviations: &DEVIATIONS,
         }
     }
 
@@ -100,8 +131,7 @@ fn scatter<const N: usize>(
     let mut shares = Shares::none();
     if parameters.accelerated {
         let surface = (&images.visible_px, &images.edges[..]);
-        let (reduced_shares, grid) =
-            reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta, &sprites);
+        let (reduced_shares, grid) = reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta);
         shares = reduced_shares;
         grids.push(grid);
     }

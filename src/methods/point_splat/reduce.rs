@@ -6,16 +6,13 @@
 use super::hidden::{Edge, Fragment};
 use super::layers::Light;
 use super::splat::{Grid, Point};
-use super::sprites::{Centre, Sprite, Sprites};
+use super::sprites::{Centre, Sprite};
 use crate::image::Plane;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// CoC radius from which points are reduced: a diameter of 4 pixels (section 5).
 const LEAST_COC_PX: f32 = 2.0;
-
-/// What a reduced point's four pixels add to the second moment of its blur: each lies half a pixel off the centre, in x and in y.
-const AVERAGED_MOMENT: f32 = 0.25;
 
 /// Light beyond its block's mean, spread over a sprite, that shows when it is half a pixel off: a 64th of white.
 const SHOWN_LIGHT: f32 = 1.0 / 64.0;
@@ -38,7 +35,7 @@ impl Shares {
     }
 }
 
-/// The reduced points of a picture of `visible(x, y)` fragments, blurred by `sprites`, and each block's share in them.
+/// The reduced points of a picture of `visible(x, y)` fragments, and each block's share in them.
 ///
 /// `visible_px` and `edges` are the picture's CoC radii and what is near them; four pixels are one surface while each is in
 /// the same layer as the others by eq. 6 with `delta`.
@@ -46,7 +43,6 @@ pub(super) fn reduced<const N: usize>(
     visible: impl Fn(usize, usize) -> Option<Fragment<N>> + Sync,
     (visible_px, edges): (&Plane, &[Edge]),
     delta: f32,
-    sprites: &Sprites,
 ) -> (Shares, Grid<N>) {
     let (width, height) = (visible_px.width() / 2, visible_px.height() / 2);
     let row = |y: usize| {
@@ -65,7 +61,7 @@ pub(super) fn reduced<const N: usize>(
             let scale = 4.0 * wanted;
             points.push(Point {
                 column: 2 * x as i32,
-                sprite: sprite(light.coc_px, sprites.second_moment),
+                sprite: Sprite::of(light.coc_px),
                 light: Light {
                     content: light.content.map(|value| scale * value),
                     alpha: scale * light.alpha,
@@ -128,23 +124,16 @@ fn mean<const N: usize>(fragments: [Option<Fragment<N>>; 4]) -> Option<Light<N>>
     (count > 0).then_some(mean)
 }
 
-/// The sprite of a reduced point, smaller by the second moment that averaging has added already.
-fn sprite(coc_px: f32, second_moment: f32) -> Sprite {
-    let square = (coc_px * coc_px - AVERAGED_MOMENT / second_moment).max(0.25 * coc_px * coc_px);
-    Sprite::of(square.sqrt().copysign(coc_px))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lens::Aperture;
 
     /// The reduced points of a picture of constant CoC radius −6, and their shares.
     fn reduced_picture(value: fn(usize, usize) -> f32) -> (Shares, Grid<1>) {
         let visible =
             |x: usize, y: usize| Some(Fragment { content: [value(x, y)], weight: 1.0, coc_px: -6.0 });
         let surface = (&Plane::filled(5, 5, -6.0), &[Edge::None; 25][..]);
-        reduced(visible, surface, 0.4, &Sprites::new(Aperture::Disc, &[1.0]))
+        reduced(visible, surface, 0.4)
     }
 
     #[test]
@@ -180,17 +169,5 @@ mod tests {
             0.5,
             "near it, half and half"
         );
-    }
-
-    #[test]
-    fn the_smaller_sprite_and_the_four_pixels_spread_as_the_full_one() {
-        // Moments add: ¼ of the squared radius of the disc, and ¼ for the pixels.
-        for coc_px in [-2.5f32, 5.0, 20.0] {
-            let reduced = sprite(coc_px, 0.25).coc_px();
-            let spread = 0.25 * reduced * reduced + 0.25;
-            // The radius is rounded to a 128th, its square to a 64th.
-            assert!((spread / (0.25 * coc_px * coc_px) - 1.0).abs() < 1.0 / 60.0, "{coc_px}: {spread}");
-            assert_eq!(reduced < 0.0, coc_px < 0.0, "on the same side of focus");
-        }
     }
 }

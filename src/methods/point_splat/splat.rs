@@ -51,7 +51,8 @@ impl<const N: usize> Grid<N> {
 
     /// For each row, how many rows away its points reach.
     fn reaches(&self) -> Vec<i32> {
-        let reach = |row: &Vec<Point<N>>| row.iter().map(|point| point.sprite.reach()).max().unwrap_or(-1);
+        let reach =
+            |row: &Vec<Point<N>>| row.iter().map(|point| point.reach(self.centre)).max().unwrap_or(-1);
         self.rows.par_iter().map(reach).collect()
     }
 }
@@ -111,7 +112,13 @@ struct Scratch<const N: usize> {
 }
 
 impl<const N: usize> Point<N> {
-    /// Index of the point's sprite in its place: points at the border of a picture `width` wide have sprites of their own.
+    /// How many rows away from its pixel, or the upper ones of four, it reaches.
+    #[inline(always)]
+    fn reach(&self, centre: Centre) -> i32 {
+        self.sprite.reach() + i32::from(centre == Centre::Corner)
+    }
+
+    /// Index of the point's sprite in its place: points at a border have sprites of their own.
     #[inline(always)]
     fn shape(&self, border: Border) -> usize {
         4 * usize::from(self.sprite.0) + 2 * usize::from(border.left) + usize::from(border.right)
@@ -185,8 +192,7 @@ impl<const N: usize> Scratch<N> {
     /// Makes the sprite rows that `points`, in a row `down` below, need and this round does not have yet.
     fn make_sprite_rows(&mut self, points: &[Point<N>], (sprites, centre): (&Sprites, Centre), down: i32) {
         let (width, _) = self.size;
-        let offset_y = -(down as f32) - centre.offset();
-        for point in points.iter().filter(|point| point.sprite.reach() >= down.abs()) {
+        for point in points.iter().filter(|point| point.reach(centre) >= down.abs()) {
             let border = point.border(centre, width);
             let shape = point.shape(border);
             if shape >= self.sprite_rows.len() {
@@ -197,7 +203,7 @@ impl<const N: usize> Scratch<N> {
                 continue;
             }
             row.round = self.round;
-            let place = Place { centre, offset_y, border };
+            let place = Place { centre, down: -down, border };
             row.first = sprites.row(point.sprite, &place, width as i32, &mut self.weights);
             row.padded.clear();
             row.padded.extend([0.0; LANES]);
@@ -245,7 +251,7 @@ impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
     fn call(self) {
         let Self { points, centre, width, sprite_rows, limits, sums, reach } = self;
         let pixels = (sums.len() * LANES) as i32;
-        for point in points.iter().filter(|point| point.sprite.reach() >= reach) {
+        for point in points.iter().filter(|point| point.reach(centre) >= reach) {
             let shape = point.shape(point.border(centre, width));
             let SpriteRow { first, padded, .. } = &sprite_rows[shape];
             let begin = point.column + first;
