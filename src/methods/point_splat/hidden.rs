@@ -124,7 +124,7 @@ impl Hiding {
     }
 
     /// CoC radius from which a fragment behind a visible one at `visible_px` is hidden by it, not a part of it.
-    pub(super) fn from_px(&self, visible_px: f32) -> f32 {
+    pub(super) fn hidden_from_px(&self, visible_px: f32) -> f32 {
         visible_px + self.epsilon_px
     }
 
@@ -192,9 +192,13 @@ mod tests {
         // A range of 20 px: ε = 0.05 is 1 px.
         let hiding = Hiding::new(0.05, 0.01, [-10.0, 10.0]);
         let peels = [peel(1.0, 1.0, -8.0), peel(2.0, 1.0, -7.5), peel(3.0, 1.0, -7.0), peel(4.0, 1.0, 5.0)];
-        let hidden = seen::<3>(&peels, (0, 0), hiding.from_px(-8.0)).unwrap();
+        let hidden = seen::<3>(&peels, (0, 0), hiding.hidden_from_px(-8.0)).unwrap();
         assert_eq!(hidden, Fragment { content: [3.0; 3], weight: 1.0, coc_px: -7.0 }, "1 px behind passes");
-        assert_eq!(seen::<3>(&peels[..2], (0, 0), hiding.from_px(-8.0)), None, "half a pixel does not");
+        assert_eq!(
+            seen::<3>(&peels[..2], (0, 0), hiding.hidden_from_px(-8.0)),
+            None,
+            "half a pixel does not"
+        );
     }
 
     #[test]

@@ -23,8 +23,8 @@
 //! so that no energy is made; their sprite is the mean of their pixels' own, so that there are no holes between the two
 //! kinds; and what stands out of its four pixels is not reduced, or highlights would move.
 //!
-//! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), a quarter of it
-//! accelerated. Memory: the scene, `V` and `H`, and some 40 bytes a point. Limits: one hidden layer, and three layers a pixel, so
+//! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), of which acceleration
+//! saves up to three quarters. Memory: the scene, `V` and `H`, and some 40 bytes a point. Limits: one hidden layer, and three layers a pixel, so
 //! where more surfaces meet within a CoC (a blurred front over several blurred surfaces) some of them are missing or mixed;
 //! nothing is seen behind what lies behind focus.
 
@@ -161,7 +161,7 @@ impl Images<'_> {
         if !self.parameters.hidden || self.edges[y * self.visible_px.width() + x] == Edge::None {
             return None;
         }
-        self.extrapolated(seen(&self.peels, (x, y), self.hiding.from_px(self.visible_px.get(x, y)))?)
+        self.extrapolated(seen(&self.peels, (x, y), self.hiding.hidden_from_px(self.visible_px.get(x, y)))?)
     }
 
     fn extrapolated<const N: usize>(&self, fragment: Fragment<N>) -> Option<Fragment<N>> {

@@ -158,7 +158,10 @@ impl Sprites {
             Centre::Corner => {
                 for down in [place.down, place.down - 1] {
                     self.add_row(sprite, down, reach, 0.25, weights);
-                    self.add_row(sprite, down, reach, 0.25, &mut weights[1..]);
+                }
+                // The right pixels' sprites are the left ones', a column on.
+                for column in (1..weights.len()).rev() {
+                    weights[column] += weights[column - 1];
                 }
             }
         }
