@@ -24,7 +24,7 @@
 //! kinds; and what stands out of its four pixels is not reduced, or highlights would move.
 //!
 //! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), of which acceleration
-//! saves up to three quarters; with CoCs as large as the frame, O(pixels²). Memory: the scene, some 32 bytes a point, of
+//! saves up to three quarters; with a CoC as large as the frame, O(pixels²). Memory: the scene, some 32 bytes a point, of
 //! which a pixel has at most two, and the picture. Limits: one hidden layer and three layers a pixel, so where more surfaces
 //! meet within a CoC some are missing or mixed: the far side of an object thicker than ε hides what is behind it, and keeps
 //! its outline hard. Nothing is seen past what lies behind focus.
