@@ -6,6 +6,7 @@
 mod accumulate;
 mod gather;
 mod laws;
+mod point_splat;
 mod recursive_gaussian;
 mod scatter;
 mod shared;
@@ -60,10 +61,11 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 5] = [
+pub static METHODS: [&dyn Method; 6] = [
     &shear::Shear,
     &accumulate::Accumulate,
     &recursive_gaussian::RecursiveGaussian,
+    &point_splat::PointSplat,
     &gather::Gather,
     &scatter::Scatter,
 ];

@@ -1,0 +1,226 @@
+//! The three layers of a pixel: which of them a point belongs to (eq. 6), their sums, and how they are blended (eq. 7).
+//!
+//! Pixels are kept in blocks of [`LANES`], all sums of a block beside one another.
+
+use crate::image::Plane;
+
+/// Pixels in a block.
+pub(super) const LANES: usize = 16;
+
+/// One value for each pixel of a block.
+pub(super) type Lanes = [f32; LANES];
+
+/// The bounds of the same-depth layer in a block of pixels.
+#[derive(Debug, Clone)]
+pub(super) struct Limits {
+    /// `c_v − δ|c_v|`: what is nearer is in front.
+    front: Lanes,
+    /// `c_v + δ|c_v|`: what is farther is behind.
+    behind: Lanes,
+    /// Least and greatest of each.
+    front_range: [f32; 2],
+    behind_range: [f32; 2],
+}
+
+impl Limits {
+    /// The bounds for visible CoC radii `visible_px`, a block or what is left of a row, and `delta` δ.
+    pub(super) fn new(visible_px: &[f32], delta: f32) -> Self {
+        let last = visible_px.last().copied().unwrap_or(0.0);
+        let at = |lane: usize| visible_px.get(lane).copied().unwrap_or(last);
+        let front: Lanes = std::array::from_fn(|lane| at(lane) - delta * at(lane).abs());
+        let behind: Lanes = std::array::from_fn(|lane| at(lane) + delta * at(lane).abs());
+        let range = |values: &Lanes| {
+            let widen = |[least, most]: [f32; 2], &value: &f32| [least.min(value), most.max(value)];
+            values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], widen)
+        };
+        Self { front_range: range(&front), behind_range: range(&behind), front, behind }
+    }
+
+    /// The bounds of all blocks of a picture, `blocks` a row.
+    pub(super) fn of_picture(visible_px: &Plane, delta: f32) -> Vec<Self> {
+        let row = |y| visible_px.row(y).chunks(LANES).map(|block| Self::new(block, delta));
+        (0..visible_px.height()).flat_map(row).collect()
+    }
+
+    /// The layer of a point of CoC radius `coc_px` in every pixel of the block; `None` where they differ.
+    #[inline(always)]
+    fn layer(&self, coc_px: f32) -> Option<usize> {
+        if coc_px < self.front_range[0] {
+            Some(0)
+        } else if coc_px > self.behind_range[1] {
+            Some(2)
+        } else if coc_px >= self.front_range[1] && coc_px <= self.behind_range[0] {
+            Some(1)
+        } else {
+            None
+        }
+    }
+}
+
+/// What arrived in one layer of a block of pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sum<const N: usize> {
+    /// Content, premultiplied by alpha.
+    pub content: [Lanes; N],
+    /// Alpha.
+    pub alpha: Lanes,
+}
+
+impl<const N: usize> Sum<N> {
+    /// Nothing arrived.
+    pub(super) const NONE: Self = Self { content: [[0.0; LANES]; N], alpha: [0.0; LANES] };
+
+    /// Adds `weights` of `content` and `alpha`.
+    #[inline(always)]
+    pub(super) fn add(&mut self, weights: &Lanes, content: &[f32; N], alpha: f32) {
+        for (sums, value) in self.content.iter_mut().zip(content) {
+            for (sum, weight) in sums.iter_mut().zip(weights) {
+                *sum += weight * value;
+            }
+        }
+        for (sum, weight) in self.alpha.iter_mut().zip(weights) {
+            *sum += weight * alpha;
+        }
+    }
+
+    /// Adds another sum.
+    #[inline(always)]
+    pub(super) fn gather(&mut self, other: &Self) {
+        for (sums, others) in self.content.iter_mut().zip(&other.content) {
+            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
+        }
+        self.alpha.iter_mut().zip(&other.alpha).for_each(|(sum, other)| *sum += other);
+    }
+}
+
+/// In front of what is visible, at its depth, behind it.
+pub(super) type Layers<const N: usize> = [Sum<N>; 3];
+
+/// A point as it is splatted: its content and alpha, its CoC radius, and whether it is of the hidden image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Light<const N: usize> {
+    /// Content, premultiplied by alpha.
+    pub content: [f32; N],
+    /// Alpha.
+    pub alpha: f32,
+    /// Signed CoC radius.
+    pub coc_px: f32,
+    /// Hidden points occlude nothing: they have no front layer.
+    pub hidden: bool,
+}
+
+/// Adds `weights` of a point to the layer that it belongs to in each pixel of a block (eq. 6).
+#[inline(always)]
+pub(super) fn add<const N: usize>(
+    layers: &mut Layers<N>,
+    weights: &Lanes,
+    light: &Light<N>,
+    limits: &Limits,
+) {
+    let Light { content, alpha, coc_px, hidden } = light;
+    match limits.layer(*coc_px) {
+        Some(0) if *hidden => {}
+        Some(layer) => layers[layer].add(weights, content, *alpha),
+        None => {
+            let mut parts = [[0.0; LANES]; 3];
+            for lane in 0..LANES {
+                let weight = weights[lane];
+                let front = if *coc_px < limits.front[lane] { weight } else { 0.0 };
+                let behind = if *coc_px > limits.behind[lane] { weight } else { 0.0 };
+                parts[0][lane] = front;
+                parts[1][lane] = weight - front - behind;
+                parts[2][lane] = behind;
+            }
+            for (layer, part) in layers.iter_mut().zip(&parts).skip(usize::from(*hidden)) {
+                layer.add(part, content, *alpha);
+            }
+        }
+    }
+}
+
+/// The layers of pixel `lane` blended from behind, normalised after each step so that alpha is one (eq. 7); `None` where
+/// nothing arrived.
+#[inline(always)]
+pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<[f32; N]> {
+    let mut blended = None;
+    for layer in layers.iter().rev() {
+        let alpha = layer.alpha[lane];
+        if alpha <= 0.0 {
+            continue;
+        }
+        let content = layer.content.each_ref().map(|sums| sums[lane]);
+        // Where more than one arrived, nothing of what is behind passes.
+        let (behind, passed) = blended.map_or(([0.0; N], 0.0), |behind| (behind, (1.0 - alpha).max(0.0)));
+        blended = Some(std::array::from_fn(|k| (content[k] + passed * behind[k]) / (alpha + passed)));
+    }
+    blended
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn light(coc_px: f32, hidden: bool) -> Light<1> {
+        Light { content: [2.0], alpha: 1.0, coc_px, hidden }
+    }
+
+    /// Alpha that a point leaves in the three layers of each of two pixels whose visible CoC radii are given.
+    fn alphas(visible_px: [f32; 2], light: Light<1>) -> [[f32; 2]; 3] {
+        let mut layers = [Sum::NONE; 3];
+        add(&mut layers, &[0.5; LANES], &light, &Limits::new(&visible_px, 0.25));
+        layers.map(|layer| [layer.alpha[0], layer.alpha[1]])
+    }
+
+    #[test]
+    fn the_layer_changes_where_the_difference_in_coc_is_delta_times_the_visible_one() {
+        // δ = ¼ and c_v = −8: the same layer from −10 to −6, both included.
+        let layer_of = |coc_px| {
+            let alphas = alphas([-8.0; 2], light(coc_px, false));
+            alphas.iter().position(|alpha| alpha[0] == 0.5).unwrap()
+        };
+        assert_eq!([-10.01, -10.0, -6.0, -5.99].map(layer_of), [0, 1, 1, 2], "front, same, same, behind");
+    }
+
+    #[test]
+    fn in_focus_layers_are_strict() {
+        let alphas = |coc_px| alphas([0.0; 2], light(coc_px, false)).map(|alpha| alpha[0]);
+        assert_eq!(alphas(0.0), [0.0, 0.5, 0.0], "itself");
+        assert_eq!(alphas(-1e-3), [0.5, 0.0, 0.0], "the least nearer");
+        assert_eq!(alphas(1e-3), [0.0, 0.0, 0.5], "the least farther");
+    }
+
+    #[test]
+    fn pixels_of_a_block_have_layers_of_their_own() {
+        assert_eq!(
+            alphas([-8.0, 20.0], light(-7.0, false)),
+            [[0.0, 0.5], [0.5, 0.0], [0.0, 0.0]],
+            "one by one"
+        );
+        assert_eq!(alphas([-8.0, 20.0], light(-7.0, true)), [[0.0, 0.0], [0.5, 0.0], [0.0; 2]], "hidden");
+        assert_eq!(
+            alphas([20.0; 2], light(-7.0, true)),
+            [[0.0; 2]; 3],
+            "hidden points are in front of nothing"
+        );
+    }
+
+    fn layers(values: [(f32, f32); 3]) -> Layers<1> {
+        values.map(|(content, alpha)| Sum { content: [[content; LANES]], alpha: [alpha; LANES] })
+    }
+
+    #[test]
+    fn layers_are_blended_from_behind_and_normalised_each_time() {
+        // Behind: 0.2 of alpha 0.4 is 0.5 whole. Same: 0.6 + 0.25 · 0.5 = 0.725. Front: 0.1 + 0.5 · 0.725 = 0.4625.
+        let blended = blend(&layers([(0.1, 0.5), (0.6, 0.75), (0.2, 0.4)]), 3).unwrap();
+        assert!((blended[0] - 0.4625).abs() < 1e-6, "{blended:?}");
+    }
+
+    #[test]
+    fn missing_light_is_made_up_for_and_excess_taken_away() {
+        let only = |content, alpha| blend(&layers([(0.0, 0.0), (content, alpha), (0.0, 0.0)]), 0);
+        assert_eq!(only(0.25, 0.5), Some([0.5]), "half arrived, nothing is behind");
+        assert_eq!(only(1.0, 2.0), Some([0.5]), "twice arrived");
+        assert_eq!(only(0.0, 0.0), None, "nothing arrived");
+        assert_eq!(blend(&layers([(0.0, 0.0), (1.0, 2.0), (7.0, 1.0)]), 0), Some([0.5]), "nothing passes");
+    }
+}

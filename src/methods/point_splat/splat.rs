@@ -1,0 +1,271 @@
+//! Scattering points over the pixels of a picture (sections 3.3 and 3.4).
+//!
+//! Bands of picture rows are made in parallel. A band scans the rows of points that reach it in one fixed order, by distance
+//! of the rows and then from left to right, so the result does not depend on the number of threads. Within it, a sprite's
+//! row is a run of weights over blocks of pixels, most of which take the point into one layer whole.
+
+use super::layers::{LANES, Layers, Light, Limits, Sum, add, blend};
+use super::sprites::{Border, Centre, Place, Sprite, Sprites};
+use crate::image::Plane;
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Rows of a band: they share the rows of sprites that they need.
+const BAND: usize = 8;
+
+/// So many rows of points are summed on their own before they are added to the rest: in one running sum the rounding of
+/// thousands of small steps would show.
+const ROWS_A_SUM: usize = 32;
+
+/// A point to be scattered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Point<const N: usize> {
+    /// Column of its pixel, or of the left one of four.
+    pub column: i32,
+    /// What blurs it.
+    pub sprite: Sprite,
+    /// What it adds.
+    pub light: Light<N>,
+}
+
+/// Points in rows.
+#[derive(Debug)]
+pub(super) struct Grid<const N: usize> {
+    /// Where they lie in their pixels.
+    pub centre: Centre,
+    /// Points of each row, from left to right.
+    pub rows: Vec<Vec<Point<N>>>,
+}
+
+impl<const N: usize> Grid<N> {
+    /// The row of points whose first picture row is `y`, or its repetition past the frame's border.
+    fn row_at(&self, y: i32, height: usize) -> Option<usize> {
+        let (spacing, rows) = (self.centre.spacing(), self.rows.len());
+        let row = y.div_euclid(spacing as i32);
+        let is_row = y.rem_euclid(spacing as i32) == 0 && rows > 0;
+        // Only a grid that ends where the picture does is repeated below it.
+        let is_known = row < rows as i32 || rows * spacing == height;
+        (is_row && is_known).then(|| (row.max(0) as usize).min(rows - 1))
+    }
+
+    /// For each row, how many rows away its points reach.
+    fn reaches(&self) -> Vec<i32> {
+        let reach =
+            |row: &Vec<Point<N>>| row.iter().map(|point| point.reach(self.centre)).max().unwrap_or(-1);
+        self.rows.par_iter().map(reach).collect()
+    }
+}
+
+/// Content planes of the picture that `grids` scatter into the layers of `limits`.
+pub(super) fn splat<const N: usize>(
+    grids: &[Grid<N>],
+    sprites: &Sprites,
+    limits: &[Limits],
+    (width, height): (usize, usize),
+    progress: &(dyn Fn(f32) + Sync),
+) -> Vec<Plane> {
+    let mut planes = vec![Plane::zeros(width, height); N];
+    let reaches: Vec<Vec<i32>> = grids.iter().map(Grid::reaches).collect();
+    let mut rests: Vec<_> =
+        planes.iter_mut().map(|plane| plane.values_mut().chunks_mut(BAND * width)).collect();
+    let bands: Vec<Vec<&mut [f32]>> =
+        (0..height.div_ceil(BAND)).map(|_| rests.iter_mut().filter_map(Iterator::next).collect()).collect();
+    let done = AtomicUsize::new(0);
+    let count = bands.len();
+    bands.into_par_iter().enumerate().for_each_init(
+        || Scratch::new((width, height)),
+        |scratch, (band, mut content)| {
+            let rows = band * BAND..((band + 1) * BAND).min(height);
+            scratch.clear(rows.len());
+            for (grid, reaches) in grids.iter().zip(&reaches) {
+                scratch.scatter(grid, reaches, sprites, (limits, rows.clone()));
+            }
+            scratch.blend(&mut content, width);
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / count as f32);
+        },
+    );
+    planes
+}
+
+/// One row of a sprite, between blocks of zeros.
+#[derive(Debug, Clone, Default)]
+struct SpriteRow {
+    /// Column of the first weight from the sprite's own.
+    first: i32,
+    /// The round that it was made in.
+    round: usize,
+    padded: Vec<f32>,
+}
+
+/// What one thread keeps from band to band.
+struct Scratch<const N: usize> {
+    size: (usize, usize),
+    blocks: usize,
+    /// Sums of some rows of points, and of all.
+    recent: Vec<Layers<N>>,
+    total: Vec<Layers<N>>,
+    /// By [`Point::shape`].
+    sprite_rows: Vec<SpriteRow>,
+    weights: Vec<f32>,
+    round: usize,
+}
+
+impl<const N: usize> Point<N> {
+    /// How many rows away from its pixel, or the upper ones of four, it reaches.
+    #[inline(always)]
+    fn reach(&self, centre: Centre) -> i32 {
+        self.sprite.reach() + i32::from(centre == Centre::Corner)
+    }
+
+    /// Index of the point's sprite in its place: points at a border have sprites of their own.
+    #[inline(always)]
+    fn shape(&self, border: Border) -> usize {
+        4 * usize::from(self.sprite.0) + 2 * usize::from(border.left) + usize::from(border.right)
+    }
+
+    /// Whether it is repeated past the border of a picture `width` wide.
+    #[inline(always)]
+    fn border(&self, centre: Centre, width: usize) -> Border {
+        Border { left: self.column == 0, right: self.column as usize + centre.spacing() == width }
+    }
+}
+
+impl<const N: usize> Scratch<N> {
+    fn new((width, height): (usize, usize)) -> Self {
+        Self {
+            size: (width, height),
+            blocks: width.div_ceil(LANES),
+            recent: Vec::new(),
+            total: Vec::new(),
+            sprite_rows: Vec::new(),
+            weights: Vec::new(),
+            round: 0,
+        }
+    }
+
+    /// Begins a band of `rows` rows.
+    fn clear(&mut self, rows: usize) {
+        for sums in [&mut self.recent, &mut self.total] {
+            sums.clear();
+            sums.resize(rows * self.blocks, [Sum::NONE; 3]);
+        }
+    }
+
+    /// Scatters all points of `grid` that reach the picture rows `rows`.
+    fn scatter(
+        &mut self,
+        grid: &Grid<N>,
+        reaches: &[i32],
+        sprites: &Sprites,
+        (limits, rows): (&[Limits], std::ops::Range<usize>),
+    ) {
+        let (width, height) = self.size;
+        // Past one height off, the picture's repetitions tell nothing new.
+        let farthest = reaches.iter().copied().max().unwrap_or(-1).min(height as i32);
+        for (count, down) in (-farthest..=farthest).enumerate() {
+            self.round += 1;
+            for (line, y) in rows.clone().enumerate() {
+                let Some(source) = grid.row_at(y as i32 + down, height) else { continue };
+                if reaches[source] < down.abs() {
+                    continue;
+                }
+                let points = &grid.rows[source];
+                self.make_sprite_rows(points, (sprites, grid.centre), down);
+                Arch::new().dispatch(SplatRow {
+                    points,
+                    centre: grid.centre,
+                    width,
+                    sprite_rows: &self.sprite_rows,
+                    limits: &limits[y * self.blocks..][..self.blocks],
+                    sums: &mut self.recent[line * self.blocks..][..self.blocks],
+                    reach: down.abs(),
+                });
+            }
+            if count % ROWS_A_SUM == ROWS_A_SUM - 1 {
+                self.gather();
+            }
+        }
+        self.gather();
+    }
+
+    /// Makes the sprite rows that `points`, in a row `down` below, need and this round does not have yet.
+    fn make_sprite_rows(&mut self, points: &[Point<N>], (sprites, centre): (&Sprites, Centre), down: i32) {
+        let (width, _) = self.size;
+        for point in points.iter().filter(|point| point.reach(centre) >= down.abs()) {
+            let border = point.border(centre, width);
+            let shape = point.shape(border);
+            if shape >= self.sprite_rows.len() {
+                self.sprite_rows.resize(shape + 1, SpriteRow::default());
+            }
+            let row = &mut self.sprite_rows[shape];
+            if row.round == self.round {
+                continue;
+            }
+            row.round = self.round;
+            let place = Place { centre, down: -down, border };
+            row.first = sprites.row(point.sprite, &place, width as i32, &mut self.weights);
+            row.padded.clear();
+            row.padded.extend([0.0; LANES]);
+            row.padded.extend(&self.weights);
+            row.padded.extend([0.0; LANES]);
+        }
+    }
+
+    fn gather(&mut self) {
+        for (total, recent) in self.total.iter_mut().zip(&mut self.recent) {
+            for (total, recent) in total.iter_mut().zip(recent) {
+                total.gather(recent);
+                *recent = Sum::NONE;
+            }
+        }
+    }
+
+    /// Writes the band's pixels.
+    fn blend(&self, content: &mut [&mut [f32]], width: usize) {
+        let rows = content.first().map_or(0, |plane| plane.len() / width);
+        for (y, x) in (0..rows).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let blended = blend(&self.total[y * self.blocks + x / LANES], x % LANES).unwrap_or([0.0; N]);
+            content.iter_mut().zip(blended).for_each(|(plane, value)| plane[y * width + x] = value);
+        }
+    }
+}
+
+/// Scatters a row of points into a row of pixels; to be compiled for each instruction set.
+struct SplatRow<'a, const N: usize> {
+    points: &'a [Point<N>],
+    centre: Centre,
+    /// Of the picture.
+    width: usize,
+    sprite_rows: &'a [SpriteRow],
+    limits: &'a [Limits],
+    sums: &'a mut [Layers<N>],
+    /// How far the rows are apart.
+    reach: i32,
+}
+
+impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { points, centre, width, sprite_rows, limits, sums, reach } = self;
+        let pixels = (sums.len() * LANES) as i32;
+        for point in points.iter().filter(|point| point.reach(centre) >= reach) {
+            let shape = point.shape(point.border(centre, width));
+            let SpriteRow { first, padded, .. } = &sprite_rows[shape];
+            let begin = point.column + first;
+            let end = begin + (padded.len() - 2 * LANES) as i32;
+            let (from, to) = (begin.max(0), end.min(pixels));
+            if from >= to {
+                continue;
+            }
+            let blocks = from as usize / LANES..=(to as usize - 1) / LANES;
+            for block in blocks {
+                let weights = ((block * LANES + LANES) as i32 - begin) as usize;
+                let Some(weights) = padded[weights..].first_chunk() else { continue };
+                add(&mut sums[block], weights, &point.light, &limits[block]);
+            }
+        }
+    }
+}
