@@ -5,6 +5,7 @@
 
 mod accumulate;
 mod laws;
+mod opaque_blur;
 mod shared;
 mod shear;
 
@@ -57,7 +58,7 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
+pub static METHODS: [&dyn Method; 3] = [&shear::Shear, &accumulate::Accumulate, &opaque_blur::OpaqueBlur];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";
