@@ -6,6 +6,7 @@
 mod accumulate;
 mod laws;
 mod opaque_blur;
+mod pyramid_disocclusion;
 mod shared;
 mod shear;
 
@@ -58,7 +59,12 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 3] = [&shear::Shear, &accumulate::Accumulate, &opaque_blur::OpaqueBlur];
+pub static METHODS: [&dyn Method; 4] = [
+    &shear::Shear,
+    &accumulate::Accumulate,
+    &opaque_blur::OpaqueBlur,
+    &pyramid_disocclusion::PyramidDisocclusion,
+];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";
