@@ -4,6 +4,7 @@
 //! that the plan could have decided. What several methods share is in `shared/`.
 
 mod accumulate;
+mod b_buffer;
 mod laws;
 mod opaque_blur;
 mod pyramid_disocclusion;
@@ -59,9 +60,10 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 4] = [
+pub static METHODS: [&dyn Method; 5] = [
     &shear::Shear,
     &accumulate::Accumulate,
+    &b_buffer::BBuffer,
     &opaque_blur::OpaqueBlur,
     &pyramid_disocclusion::PyramidDisocclusion,
 ];
