@@ -71,7 +71,8 @@ impl Field {
         else {
             return;
         };
-        let share_of = |value: f32, room: f32| if value > room { room.max(0.0) / value } else { 1.0 };
+        let share_of =
+            |value: f32, room: f32| if value > room.max(0.0) { room.max(0.0) / value } else { 1.0 };
         let shares: Vec<[f32; 2]> = own_occupancy
             .iter()
             .zip(&*occupancy)
@@ -179,6 +180,14 @@ mod tests {
         };
         assert_eq!(united(Side::Far), [2.0 * 0.75 + 4.0 * 0.25, 1.0], "finer first");
         assert_eq!(united(Side::Near), [2.0 * 0.5 + 4.0 * 0.5, 1.0], "coarser first");
+    }
+
+    #[test]
+    fn nothing_fits_in_no_room_at_all() {
+        // A coarser level that rounding has brought past one leaves less than nothing to a finer one that is empty.
+        let mut rows = vec![vec![0.5], vec![1.0 + 1e-6]];
+        field(Side::Near).unite(&[&[0.0], &[0.0]], &mut rows);
+        assert_eq!([rows[0][0], rows[1][0]], [0.5, 1.0 + 1e-6]);
     }
 
     #[test]

@@ -14,8 +14,9 @@
 //!   other fills what is left of one: occupancies add up to saturation rather than multiply, for most often they are
 //!   parts of one surface, divided between levels, which has to stay opaque. More than one in a single level is normalised.
 //! * Culling: behind an opaque contribution that is itself behind the focal plane all is dropped, and behind any opaque one
-//!   what is within `same_surface_px` of it. Since occupancies add, a translucent contribution is first dimmed by the
-//!   translucent ones before it in its pixel and field.
+//!   what is within `same_surface_px` of it. Since occupancies add, a contribution is first dimmed by the
+//!   translucent ones before it in its pixel and field. An open background is a contribution of every pixel: what hides it
+//!   lets it through again at its blurred edge.
 //! * Past the frame its border's pixels go on. What is left uncovered at the end is made up for by a division by coverage.
 //!
 //! Cost: (peels + 1) × pixels × levels; rows without contributions to a level are skipped. Memory: the peels, three
@@ -51,6 +52,9 @@ impl Method for BBuffer {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let frame = scene.picture_size();
         let mut peels = shared::peels(scene, plan);
+        if let Some(backdrop) = peels.last_mut().filter(|_| plan.does(EffectKind::OpenBackground)) {
+            backdrop.sheet.coverage.values_mut().fill(1.0);
+        }
         cull(&mut peels, frame, plan.parameters.b_buffer.same_surface_px);
         let fields = [Side::Near, Side::Far].map(|side| Field::new(side, plan, frame));
         let levels = fields.iter().map(|field| field.top).max().unwrap_or(0);
@@ -89,13 +93,12 @@ impl Culling {
         if alpha <= 0.0 || self.closed || (coc_px - self.surface_px).abs() < same_surface_px {
             return 0.0;
         }
-        if alpha >= OPAQUE_ALPHA {
-            *self = Self { surface_px: coc_px, closed: coc_px > 0.0, transmitted: [1.0; 2] };
-            return 1.0;
-        }
         let transmitted = &mut self.transmitted[usize::from(coc_px > 0.0)];
         let share = *transmitted;
         *transmitted *= 1.0 - alpha;
+        if alpha >= OPAQUE_ALPHA {
+            *self = Self { surface_px: coc_px, closed: coc_px > 0.0, transmitted: [1.0; 2] };
+        }
         share
     }
 }
@@ -114,6 +117,16 @@ fn cull(peels: &mut [Peel], (width, height): (usize, usize), same_surface_px: f3
             plane.values_mut().par_iter_mut().zip(&kept).for_each(|(value, kept)| *value *= kept);
         }
     }
+}
+
+/// Brings occupancy, the last plane, down to one where it is over.
+fn normalise(planes: &mut [Plane]) {
+    let Some((occupancy, content)) = planes.split_last_mut() else { return };
+    for plane in content {
+        let values = plane.values_mut().par_iter_mut().zip(occupancy.values());
+        values.for_each(|(value, occupancy)| *value /= occupancy.max(1.0));
+    }
+    occupancy.values_mut().par_iter_mut().for_each(|occupancy| *occupancy = occupancy.min(1.0));
 }
 
 /// The contributions of every pixel.
@@ -148,11 +161,11 @@ impl ABuffer {
                 rows.iter_mut().for_each(|row| grid.frame_part_mut(row).fill(0.0));
                 self.add_row(field, n, y, grid, rows);
             });
-            let own = (1..n).fold(finest, |finer, level| grid.reduce_level(level, &finer, SPLAT));
-            let coarser = coarser.unwrap_or_else(|| {
-                let (width, height) = grid.sizes[n];
-                vec![Plane::zeros(width.div_ceil(2), height.div_ceil(2)); self.channels]
-            });
+            let mut own = (1..n).fold(finest, |finer, level| grid.reduce_level(level, &finer, SPLAT));
+            let Some(coarser) = coarser else {
+                normalise(&mut own);
+                return Some(own);
+            };
             Some(grid.expand(n, &coarser, |y, rows| {
                 let own: Vec<&[f32]> = own.iter().map(|plane| plane.row(y)).collect();
                 field.unite(&own, rows);
@@ -254,7 +267,7 @@ mod tests {
 
     #[test]
     fn translucent_contributions_dim_one_another_within_a_field() {
-        assert_eq!(kept(&[(0.5, -3.0), (0.5, -2.0), (0.5, 4.0), (1.0, 6.0)]), [1.0, 0.5, 1.0, 1.0]);
+        assert_eq!(kept(&[(0.5, -3.0), (0.5, -2.0), (0.5, 4.0), (1.0, 6.0)]), [1.0, 0.5, 1.0, 0.5]);
     }
 
     /// A contribution of occupancy 0.8 at pixel 17, 30 of a frame of 64 × 64.
@@ -268,7 +281,8 @@ mod tests {
 
     #[test]
     fn a_contribution_occupies_as_much_in_all_as_its_alpha() {
-        // Level 1 holds means over 4 pixels; 3.0 px lie between V_1 = 1.5 and V_2 = 7.5, (2.25 − 1.5) / 6 of the way.
+        // A variance of 2.25 px² lies between V_1 = 1.5 and V_2 = 7.5, so all of it is in levels 1 and 2, which come back
+        // together as level 1; a sample of that is a mean over 4 pixels.
         let field = Field { side: Side::Far, top: 2, in_focus_px: 0.5, second_moment: 0.25 };
         let grid = Grid::new((64, 64), 2, Edge::Repeat);
         let level = single(3.0).pyramid(&field, &grid).unwrap();
