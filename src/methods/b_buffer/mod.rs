@@ -90,7 +90,8 @@ impl Culling {
 
     /// The share of the next contribution that is kept.
     fn keep(&mut self, alpha: f32, coc_px: f32, same_surface_px: f32) -> f32 {
-        if alpha <= 0.0 || self.closed || (coc_px - self.surface_px).abs() < same_surface_px {
+        let same_px = same_surface_px.max(0.5 * self.surface_px.abs());
+        if alpha <= 0.0 || self.closed || (coc_px - self.surface_px).abs() < same_px {
             return 0.0;
         }
         let transmitted = &mut self.transmitted[usize::from(coc_px > 0.0)];
