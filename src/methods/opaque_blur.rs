@@ -57,7 +57,44 @@ impl Method for OpaqueBlur {
     }
 }
 
-const DEVIATIONS: &[Deviation] = &[];
+/// Figures of the laws' cases, rounded outward.
+const DEVIATIONS: &[Deviation] = &[
+    Deviation {
+        law: Law::SeeThrough,
+        within: [0.0, 1e-5],
+        reason: "no blur lowers an opacity (section 4), and a pinhole picture shows nothing behind the bar",
+    },
+    Deviation {
+        law: Law::Transparency,
+        within: [0.999, 1.74],
+        reason: "the glow makes silhouettes too opaque (section 5)",
+    },
+    Deviation {
+        law: Law::Energy,
+        within: [0.999, 1.34],
+        reason: "eq. 7 rescales to the glow, near the border against transparent black",
+    },
+    Deviation {
+        law: Law::Place,
+        within: [0.4, 0.54],
+        reason: "the 4×4 box gives a sample to coarse ones whose mean is half a pixel off",
+    },
+    Deviation {
+        law: Law::Spread,
+        within: [3.3, 8.5],
+        reason: "1.7·2^(n−1) px is the core of n levels, whose variance is that of a larger disc",
+    },
+    Deviation {
+        law: Law::Convergence,
+        within: [28.0, 29.5],
+        reason: "one pinhole picture, a Gaussian of a few sizes, too opaque silhouettes",
+    },
+    Deviation {
+        law: Law::Supersampling,
+        within: [21.8, 22.6],
+        reason: "a pixel at an edge has one depth; silhouettes are too opaque",
+    },
+];
 
 /// Mattes sub-image `i`, blurs it opaquely and lays it over `result`.
 fn lay(visible: &Visible, images: &SubImages, i: i32, result: &mut Sheet) {

@@ -20,7 +20,7 @@
 //! those of `opaque-blur`, with the same remarks: nearly twice as far as a disc's, and limited behind focus.
 
 use super::shared::{self, BOX, Edge, Grid, Rows, Sheet, SubImages, Visible};
-use super::{Deviation, Method, MethodInfo, Progress};
+use super::{Deviation, Law, Method, MethodInfo, Progress};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, Plan, Scene};
@@ -60,7 +60,40 @@ impl Method for PyramidDisocclusion {
     }
 }
 
-const DEVIATIONS: &[Deviation] = &[];
+/// Figures of the laws' cases, rounded outward.
+const DEVIATIONS: &[Deviation] = &[
+    Deviation {
+        law: Law::Sharpness,
+        within: [0.27, 0.3],
+        reason: "what the bar hides is interpolated from its surroundings",
+    },
+    Deviation {
+        law: Law::Transparency,
+        within: [0.999, 1.46],
+        reason: "the depth in a filled hole may fall into the near object's own sub-image",
+    },
+    Deviation {
+        law: Law::Energy,
+        within: [0.985, 1.001],
+        reason: "past the border its pixels go on, and the blur's reach meets it",
+    },
+    Deviation {
+        law: Law::Place,
+        within: [0.4, 0.51],
+        reason: "the 4×4 box gives a sample to coarse ones whose mean is half a pixel off",
+    },
+    Deviation {
+        law: Law::Spread,
+        within: [2.8, 4.95],
+        reason: "1.7·2^(n−1) px is the core of n levels, whose variance is that of a larger disc",
+    },
+    Deviation {
+        law: Law::Convergence,
+        within: [29.8, 30.8],
+        reason: "one pinhole picture, a Gaussian of a few sizes, guesses for what is hidden",
+    },
+    Deviation { law: Law::Supersampling, within: [25.0, 25.8], reason: "a pixel at an edge has one depth" },
+];
 
 /// The picture without what is nearer than sub-image `i`, holes filled: content and, last, CoC radius, at level 0 of `grid`.
 /// None where everything is nearer.

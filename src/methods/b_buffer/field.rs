@@ -51,6 +51,14 @@ impl Field {
         Arch::new().dispatch(WeighRow { field: *self, rise, fall, coc_px, weights });
     }
 
+    /// Turns the shares of level `n` into those that the same contributions have in the next finer level.
+    pub(super) fn share_of_finer(&self, n: usize, coc_px: &[f32], weights: &mut [f32]) {
+        let whole = level_variance(n) / self.second_moment;
+        for (weight, &coc) in weights.iter_mut().zip(coc_px) {
+            *weight = if *weight > 0.0 && coc * coc < whole { 1.0 - *weight } else { 0.0 };
+        }
+    }
+
     /// Whether contributions of CoC radii in `range_px` may have a share in level `n`.
     pub(super) fn has(&self, n: usize, [near, far]: [f32; 2]) -> bool {
         let [least, most] = match self.side {
@@ -64,8 +72,9 @@ impl Field {
     }
 
     /// Lays together what level `n` itself holds and the expanded coarser levels; the last row is occupancy. The nearer of
-    /// the two is kept, the farther fills what is left of one.
-    pub(super) fn unite(&self, own: &[&[f32]], expanded: &mut Rows) {
+    /// the two is kept, the farther fills what is left of one. Behind focus `in_finer` is kept free as well: what the next
+    /// finer level has of the level's own surfaces, which would else mix with what they hide before they are whole.
+    pub(super) fn unite(&self, own: &[&[f32]], in_finer: Option<&[f32]>, expanded: &mut Rows) {
         let (Some((own_occupancy, own)), Some((occupancy, expanded))) =
             (own.split_last(), expanded.split_last_mut())
         else {
@@ -76,10 +85,11 @@ impl Field {
         let shares: Vec<[f32; 2]> = own_occupancy
             .iter()
             .zip(&*occupancy)
-            .map(|(&own, &coarser)| match self.side {
+            .enumerate()
+            .map(|(x, (&own, &coarser))| match self.side {
                 Side::Far => {
                     let kept = share_of(own, 1.0);
-                    [kept, share_of(coarser, 1.0 - own * kept)]
+                    [kept, share_of(coarser, 1.0 - own * kept - in_finer.map_or(0.0, |finer| finer[x]))]
                 }
                 Side::Near => [share_of(own, 1.0 - coarser), 1.0],
             })
@@ -175,7 +185,7 @@ mod tests {
         // Colour 2 and 4, occupancy 0.75 and 0.5: a quarter is left over.
         let united = |side| {
             let mut rows = vec![vec![4.0 * 0.5], vec![0.5]];
-            field(side).unite(&[&[2.0 * 0.75], &[0.75]], &mut rows);
+            field(side).unite(&[&[2.0 * 0.75], &[0.75]], None, &mut rows);
             [rows[0][0], rows[1][0]]
         };
         assert_eq!(united(Side::Far), [2.0 * 0.75 + 4.0 * 0.25, 1.0], "finer first");
@@ -186,7 +196,7 @@ mod tests {
     fn nothing_fits_in_no_room_at_all() {
         // A coarser level that rounding has brought past one leaves less than nothing to a finer one that is empty.
         let mut rows = vec![vec![0.5], vec![1.0 + 1e-6]];
-        field(Side::Near).unite(&[&[0.0], &[0.0]], &mut rows);
+        field(Side::Near).unite(&[&[0.0], &[0.0]], None, &mut rows);
         assert_eq!([rows[0][0], rows[1][0]], [0.5, 1.0 + 1e-6]);
     }
 
@@ -194,7 +204,7 @@ mod tests {
     fn occupancy_over_one_is_normalised() {
         for side in [Side::Near, Side::Far] {
             let mut rows = vec![vec![0.0], vec![0.0]];
-            field(side).unite(&[&[6.0], &[2.0]], &mut rows);
+            field(side).unite(&[&[6.0], &[2.0]], None, &mut rows);
             assert_eq!([rows[0][0], rows[1][0]], [3.0, 1.0], "{side:?}");
         }
     }

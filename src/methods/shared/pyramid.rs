@@ -301,3 +301,98 @@ impl NullaryFnOnce for ExpandRow<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `plane` carried up `levels` levels and down again.
+    fn blurred(plane: &Plane, levels: usize, taps: Taps, edge: Edge) -> Plane {
+        let frame = (plane.width(), plane.height());
+        let grid = Grid::new(frame, levels, edge);
+        let first = grid.reduce_frame(1, taps, |y, rows| {
+            grid.frame_part_mut(&mut rows[0]).copy_from_slice(plane.row(y));
+        });
+        let coarsest = (1..levels).fold(first, |finer, level| grid.reduce_level(level, &finer, taps));
+        let finest = (0..levels).rev().fold(coarsest, |coarse, level| grid.expand(level, &coarse, |_, _| ()));
+        Plane::from_fn(frame.0, frame.1, |x, y| finest[0].get(x + grid.origin.0, y + grid.origin.1))
+    }
+
+    #[test]
+    fn a_constant_picture_stays_constant_up_to_its_border_where_the_border_goes_on() {
+        for frame in [(1, 1), (1, 7), (9, 1), (17, 3), (40, 22), (31, 31)] {
+            for (levels, taps) in [(1, BOX), (3, SPLAT), (3, BOX), (7, SPLAT), (12, BOX)] {
+                let plane = blurred(&Plane::filled(frame.0, frame.1, 0.6), levels, taps, Edge::Repeat);
+                let off = plane.values().iter().map(|value| (value - 0.6).abs()).fold(0.0, f32::max);
+                assert!(off < 1e-6, "{frame:?}, {levels} levels: off by {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn past_a_clear_border_all_is_transparent() {
+        let plane = blurred(&Plane::filled(32, 32, 1.0), 2, BOX, Edge::Clear);
+        assert!(plane.get(0, 0) < plane.get(0, 16) && plane.get(0, 16) < 0.9, "less towards a corner");
+        // Two levels reach 3 and 6 pixels to either side.
+        assert!((plane.get(16, 16) - 1.0).abs() < 1e-6, "the middle: {}", plane.get(16, 16));
+    }
+
+    /// Centroid and variance along x of what a point at `at` of 128 × 128 becomes.
+    fn moments(at: (usize, usize), levels: usize, taps: Taps) -> [f32; 2] {
+        let point = Plane::from_fn(128, 128, |x, y| f32::from(u8::from((x, y) == at)));
+        let plane = blurred(&point, levels, taps, Edge::Repeat);
+        let mut sums = [0.0; 3];
+        for y in 0..128 {
+            for (x, &value) in plane.row(y).iter().enumerate() {
+                let offset = x as f32 - at.0 as f32;
+                sums.iter_mut()
+                    .zip([1.0, offset, offset * offset])
+                    .for_each(|(sum, weight)| *sum += value * weight);
+            }
+        }
+        assert!((sums[0] - 1.0).abs() < 1e-5, "a point keeps its energy: {}", sums[0]);
+        [sums[1], sums[2]]
+    }
+
+    #[test]
+    fn splat_and_synthesis_of_n_levels_have_the_variance_of_their_steps() {
+        // [1 3 3 1] / 8 at ±½ and ±1½ samples: (2·3·¼ + 2·2¼) / 8 = ¾ of a squared sample, both ways, at each level:
+        // 2 · ¾ · (1 + 4 + … ) = (4ⁿ − 1) / 2.
+        for (levels, variance) in [(1, 1.5), (2, 7.5), (3, 31.5)] {
+            for at in [(61, 64), (64, 61), (66, 66)] {
+                let [place, spread] = moments(at, levels, SPLAT);
+                assert!(place.abs() < 1e-4, "{levels} levels, {at:?}: moved by {place}");
+                assert!((spread / variance - 1.0).abs() < 1e-4, "{levels} levels, {at:?}: {spread}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_box_gives_every_coarse_sample_the_mean_of_sixteen() {
+        let grid = Grid::new((8, 8), 1, Edge::Repeat);
+        let level = grid.reduce_frame(1, BOX, |y, rows| {
+            rows[0].iter_mut().enumerate().for_each(|(x, value)| *value = (x + 10 * y) as f32);
+        });
+        // Columns 1 … 4 and rows 3 … 6: the mean of x is 2.5, of y 4.5.
+        assert_eq!(level[0].get(1, 2), 47.5);
+    }
+
+    #[test]
+    fn the_synthesis_weighs_the_nearest_three_to_one() {
+        let grid = Grid::new((4, 4), 1, Edge::Repeat);
+        let coarse = [Plane::from_fn(2, 2, |x, y| if (x, y) == (0, 0) { 16.0 } else { 0.0 })];
+        let fine = grid.expand(0, &coarse, |_, _| ());
+        let row = |y| fine[0].row(y).to_vec();
+        assert_eq!(row(0), [16.0, 12.0, 4.0, 0.0], "the border goes on, then 3/4 and 1/4");
+        assert_eq!(row(1), [12.0, 9.0, 3.0, 0.0], "3/4 of that");
+    }
+
+    #[test]
+    fn grids_are_centred_and_no_larger_than_they_have_to_be() {
+        let grid = Grid::new((1920, 1080), 6, Edge::Clear);
+        assert_eq!((grid.sizes[0], grid.origin, grid.sizes[6]), ((1984, 1088), (32, 4), (31, 17)));
+        let thin = Grid::new((5000, 1), 14, Edge::Repeat);
+        assert_eq!(thin.sizes[0], (8192, 1), "an axis of one sample stays that");
+        assert_eq!(thin.sizes[14], (1, 1));
+    }
+}
