@@ -145,7 +145,7 @@ fn blur_and_glow(grid: &Grid, channels: usize, matte: impl Fn(usize, &mut Rows) 
     let coarsest: Vec<Plane> = coarsest.into_iter().chain(glow).collect();
     analysed.iter().enumerate().rev().fold(coarsest, |coarse, (finer, analysed)| {
         grid.expand(finer + 1, &coarse, |y, rows| {
-            add_glow(&mut rows[channels], analysed[channels - 1].row(y))
+            add_glow(&mut rows[channels], analysed[channels - 1].row(y));
         })
     })
 }

@@ -214,7 +214,7 @@ impl Grid {
         for (plane, row) in coarse.iter().zip(rows) {
             blend.resize(plane.width(), 0.0);
             let nearest = (y / 2).min(plane.height() - 1);
-            let next = if y % 2 == 0 { nearest.checked_sub(1) } else { Some(nearest + 1) };
+            let next = if y.is_multiple_of(2) { nearest.checked_sub(1) } else { Some(nearest + 1) };
             let next = next.filter(|&next| next < plane.height()).map(|next| plane.row(next));
             let next = next.or((self.edge == Edge::Repeat).then(|| plane.row(nearest)));
             arch.dispatch(ExpandRow { nearest: plane.row(nearest), next, edge: self.edge, blend, row });
