@@ -4,9 +4,12 @@
 //! that the plan could have decided. What several methods share is in `shared/`.
 
 mod accumulate;
+mod b_buffer;
 mod gather;
 mod laws;
+mod opaque_blur;
 mod point_splat;
+mod pyramid_disocclusion;
 mod recursive_gaussian;
 mod scatter;
 mod shared;
@@ -61,11 +64,14 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 6] = [
+pub static METHODS: [&dyn Method; 9] = [
     &shear::Shear,
     &accumulate::Accumulate,
     &recursive_gaussian::RecursiveGaussian,
+    &b_buffer::BBuffer,
     &point_splat::PointSplat,
+    &opaque_blur::OpaqueBlur,
+    &pyramid_disocclusion::PyramidDisocclusion,
     &gather::Gather,
     &scatter::Scatter,
 ];

@@ -102,6 +102,21 @@ impl Sheet {
         Self { content: vec![Plane::zeros(width, height); channels], coverage: Plane::zeros(width, height) }
     }
 
+    /// Works on the rows in parallel: `row(scratch, y, planes)` with row `y` of each plane of content and, last, of coverage;
+    /// `scratch` makes what a thread keeps from row to row.
+    pub(in crate::methods) fn for_rows<T>(
+        &mut self,
+        scratch: impl Fn() -> T + Sync + Send,
+        row: impl Fn(&mut T, usize, &mut [&mut [f32]]) + Sync + Send,
+    ) {
+        let mut planes = std::mem::take(&mut self.content);
+        planes.push(std::mem::take(&mut self.coverage));
+        let rows = row_blocks(&mut planes, 1).into_par_iter().enumerate();
+        rows.for_each_init(scratch, |scratch, (y, mut planes)| row(scratch, y, &mut planes));
+        self.coverage = planes.pop().unwrap_or_default();
+        self.content = planes;
+    }
+
     /// Lays this sheet over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
     pub(in crate::methods) fn over(&mut self, behind: &Self) {
         for (front, back) in self.content.iter_mut().zip(&behind.content) {
@@ -120,6 +135,21 @@ impl Sheet {
         }
         picture(self.content)
     }
+}
+
+/// The rows of planes of one size, in blocks of `lines` rows: for each block, its part of each plane.
+pub(in crate::methods) fn row_blocks(planes: &mut [Plane], lines: usize) -> Vec<Vec<&mut [f32]>> {
+    let mut result = Vec::new();
+    for plane in planes {
+        let length = (plane.width() * lines).max(1);
+        for (block, rows) in plane.values_mut().chunks_mut(length).enumerate() {
+            if block == result.len() {
+                result.push(Vec::new());
+            }
+            result[block].push(rows);
+        }
+    }
+    result
 }
 
 fn lay_over(front: &mut Plane, coverage: &Plane, back: &Plane) {
