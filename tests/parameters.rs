@@ -61,14 +61,14 @@ fn scene() -> Scene {
         ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
     };
     let bar = |x: usize| x % 24 < 8;
-    let behind = |x: usize, y: usize| if x / 8 % 2 == 0 { 14.0 - 0.5 * y as f32 } else { 11.0 };
+    let behind = |x: usize, y: usize| if (x / 8).is_multiple_of(2) { 14.0 - 0.5 * y as f32 } else { 11.0 };
     let coc = |x, y, peel| match (bar(x), peel) {
         (true, 0) => -10.0,
         (true, _) | (false, 0) => behind(x, y),
         (false, _) => 14.5,
     };
     let value = |x: usize, y: usize, k: usize| {
-        let light = if (x + 5 * y) % 97 == 0 { 3.0 } else { 0.0 };
+        let light = if (x + 5 * y).is_multiple_of(97) { 3.0 } else { 0.0 };
         0.97 * noise(x / 2, y / 2, k) + light
     };
     let layers = (0..2).map(|peel| Layer {

@@ -6,7 +6,7 @@
 //! a screen 0.7 m and 3840 pixels wide.
 //!
 //! Colour and features are compared apart: colour after the eye's contrast sensitivity (separable Gaussians in `YCxCz`), in
-//! Hunt-adjusted Lab by the HyAB distance; features, edges and points, by Gaussian derivatives of lightness. Borders repeat.
+//! Hunt-adjusted Lab by the distance `HyAB`; features, edges and points, by Gaussian derivatives of lightness. Borders repeat.
 //! Cost: about 200 multiplications a pixel. Memory: some ten planes.
 
 use super::Rgb;

@@ -146,6 +146,9 @@ impl Plan {
     }
 
     /// Lens samples a pixel, for a method that samples the lens.
+    ///
+    /// # Panics
+    /// If the plan is for one that does not.
     pub fn lens_samples(&self) -> usize {
         self.views.expect("a plan for a method that samples the lens says how often")
     }

@@ -239,6 +239,9 @@ methods! {
 
 impl MethodParameters {
     /// The table of the method called `method`; `null` for a name that has none.
+    ///
+    /// # Panics
+    /// Never: JSON holds every kind of parameter.
     pub fn table(&self, method: &str) -> Json {
         let mut tables = serde_json::to_value(self).expect("parameters are numbers, flags and lists");
         tables[method].take()
