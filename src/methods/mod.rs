@@ -5,6 +5,7 @@
 
 mod accumulate;
 mod laws;
+mod layer_rays;
 mod shared;
 mod shear;
 
@@ -57,7 +58,7 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 2] = [&shear::Shear, &accumulate::Accumulate];
+pub static METHODS: [&dyn Method; 3] = [&shear::Shear, &accumulate::Accumulate, &layer_rays::LayerRays];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";
@@ -132,6 +133,7 @@ fn planes_from_rows<const N: usize, T>(
 struct RaySum {
     color: [f64; 3],
     missed: f64,
+    discarded: f64,
 }
 
 impl RaySum {
@@ -140,11 +142,17 @@ impl RaySum {
         self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmitted));
     }
 
+    /// Leaves `transmitted` out of the mean: nobody knows what it would have found.
+    fn discard(&mut self, transmitted: f32) {
+        self.discarded += f64::from(transmitted);
+    }
+
     /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of
     /// the mean where it is closed.
     fn mean(&self, rays: usize, open_background: bool) -> [f32; 4] {
-        let hit = rays as f64 - self.missed;
-        let weight = if open_background { rays as f64 } else { hit };
+        let known = rays as f64 - self.discarded;
+        let hit = known - self.missed;
+        let weight = if open_background { known } else { hit };
         if hit <= 1e-9 * rays as f64 {
             return [0.0; 4];
         }

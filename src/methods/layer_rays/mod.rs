@@ -1,0 +1,150 @@
+//! `layer-rays`
+mod cones;
+mod cull;
+mod layers;
+mod samples;
+
+use super::shared::Fragments;
+use super::{Method, MethodInfo, Progress, RaySum, planes_from_rows};
+use crate::error::Error;
+use crate::image::Image;
+use crate::lens::View;
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use crate::settings::MethodParameters;
+use cones::Cones;
+use cull::Cull;
+use glam::Vec2;
+use layers::{Ray, Segment, Spacing};
+use samples::Samples;
+
+/// The method.
+#[derive(Debug)]
+pub(super) struct LayerRays;
+
+impl Method for LayerRays {
+    fn info(&self) -> MethodInfo {
+        MethodInfo {
+            name: "layer-rays",
+            source: "Lee, Eisemann & Seidel 2009",
+            role: "paper",
+            summary: "lens rays against depth layers, by false position, thickened to cones",
+            effects: &[],
+            deviations: &[],
+        }
+    }
+
+    fn lens_samples(&self, parameters: &MethodParameters) -> Option<usize> {
+        Some(parameters.layer_rays.rays)
+    }
+
+    fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+        let size = scene.picture_size();
+        let samples =
+            Samples::new(plan.lens_samples(), plan.aperture, plan.parameters.layer_rays.jitter);
+        let tracer = Tracer::new(scene, plan);
+        let planes = planes_from_rows(size, progress, Vec::new, |layers, y, row: &mut [_; 4]| {
+            for x in 0..size.0 {
+                let pixel = tracer.pixel(x, y, samples.of(x, y), layers);
+                row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
+            }
+        });
+        Ok(Image { planes })
+    }
+}
+
+/// Everything that rays are traced against.
+#[derive(Debug)]
+struct Tracer {
+    fragments: Fragments,
+    spacing: Spacing,
+    cull: Cull,
+    cones: Option<Cones>,
+    supersample: f32,
+    /// Where in the pixel the rays lie, as a share of its width.
+    jitter: f32,
+    coc_range_px: [f32; 2],
+    iterations: usize,
+    open_background: bool,
+}
+
+impl Tracer {
+    fn new(scene: Scene, plan: &Plan) -> Self {
+        let parameters = &plan.parameters.layer_rays;
+        let supersample = scene.supersample as f32;
+        let fragments = Fragments::new(scene);
+        let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
+        let distance = cones::sample_distance(plan.lens_samples(), plan.aperture.area());
+        Self {
+            cull: Cull::new(&fragments, spacing, supersample),
+            cones: parameters.cones.then(|| Cones::new(&fragments, spacing, distance * supersample)),
+            fragments,
+            spacing,
+            supersample,
+            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
+            coc_range_px: plan.coc_range_px,
+            iterations: parameters.iterations,
+            open_background: plan.does(EffectKind::OpenBackground),
+        }
+    }
+
+    /// The mean over all rays of picture pixel `x, y`; `layers` is scratch.
+    fn pixel(&self, x: usize, y: usize, samples: &[View], layers: &mut Vec<usize>) -> [f32; 4] {
+        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
+        self.cull.bundle(centre, layers);
+        let mut sum = RaySum::default();
+        for view in samples {
+            let start = centre + self.jitter * self.supersample * view.jitter;
+            self.follow(Ray { start, step: self.supersample * view.lens }, layers, &mut sum);
+        }
+        if sum.mean(samples.len(), self.open_background)[3] <= 0.0 && (sum.discarded > 0.0 || !self.open_background) {
+            let mut central = RaySum::default();
+            self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
+            return central.mean(1, self.open_background);
+        }
+        sum.mean(samples.len(), self.open_background)
+    }
+
+    /// Follows `ray` through `layers`, front to back, and adds what it meets.
+    fn follow(&self, ray: Ray, layers: &[usize], sum: &mut RaySum) {
+        let (width, height) = self.fragments.size();
+        let [enters, leaves] = ray.stay(Vec2::new(width as f32, height as f32));
+        let near = layers.first().map_or(0.0, |&layer| self.spacing.interval(layer)[0]);
+        let mut transmitted = 1.0;
+        if enters > near.max(self.coc_range_px[0]) {
+            sum.discard(transmitted);
+            return;
+        }
+        let mut behind = f32::NEG_INFINITY;
+        for &layer in layers {
+            let interval = self.spacing.interval(layer);
+            if interval[0] > leaves {
+                break;
+            }
+            if !self.cull.can_meet(&ray, layer, interval) {
+                continue;
+            }
+            loop {
+                let interval = [interval[0].max(behind), interval[1]];
+                let segment = Segment { fragments: &self.fragments, ray, interval, behind };
+                let Some(hit) = segment.meet(self.iterations).filter(|hit| hit.at <= leaves) else { break };
+                let cone = self.cones.as_ref();
+                let cone = cone.and_then(|cones| cones.read(&self.fragments, &hit, ray.at(hit.at), layer));
+                let [r, g, b, alpha] = cone.unwrap_or_else(|| self.fragments.color(hit.sample, hit.fragment));
+                sum.add([r, g, b], transmitted);
+                transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
+                if transmitted <= 0.0 {
+                    return;
+                }
+                behind = hit.coc_px;
+                if cone.is_some() {
+                    break;
+                }
+            }
+        }
+        if leaves < self.coc_range_px[1] {
+            sum.discard(transmitted);
+        } else {
+            sum.missed += f64::from(transmitted);
+        }
+    }
+}
