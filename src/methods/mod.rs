@@ -6,6 +6,7 @@
 mod accumulate;
 mod laws;
 mod layer_rays;
+mod peel_rays;
 mod shared;
 mod shear;
 
@@ -58,7 +59,7 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 3] = [&shear::Shear, &accumulate::Accumulate, &layer_rays::LayerRays];
+pub static METHODS: [&dyn Method; 4] = [&shear::Shear, &accumulate::Accumulate, &layer_rays::LayerRays, &peel_rays::PeelRays];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";

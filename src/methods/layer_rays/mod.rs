@@ -64,6 +64,8 @@ struct Tracer {
     jitter: f32,
     coc_range_px: [f32; 2],
     iterations: usize,
+    /// Whether rays that leave the frame are left out.
+    discard: bool,
     open_background: bool,
 }
 
@@ -83,6 +85,7 @@ impl Tracer {
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
             coc_range_px: plan.coc_range_px,
             iterations: parameters.iterations,
+            discard: parameters.discard,
             open_background: plan.does(EffectKind::OpenBackground),
         }
     }
@@ -96,18 +99,23 @@ impl Tracer {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.follow(Ray { start, step: self.supersample * view.lens }, layers, &mut sum);
         }
-        if sum.mean(samples.len(), self.open_background)[3] <= 0.0 && (sum.discarded > 0.0 || !self.open_background) {
-            let mut central = RaySum::default();
-            self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
-            return central.mean(1, self.open_background);
+        let mean = sum.mean(samples.len(), self.open_background);
+        if mean[3] > 0.0 || (self.open_background && sum.discarded < samples.len() as f64) {
+            return mean;
         }
-        sum.mean(samples.len(), self.open_background)
+        // Nothing is known of any ray but the central one, which never leaves.
+        let mut central = RaySum::default();
+        self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
+        central.mean(1, self.open_background)
     }
 
     /// Follows `ray` through `layers`, front to back, and adds what it meets.
     fn follow(&self, ray: Ray, layers: &[usize], sum: &mut RaySum) {
         let (width, height) = self.fragments.size();
-        let [enters, leaves] = ray.stay(Vec2::new(width as f32, height as f32));
+        let [enters, leaves] = match self.discard {
+            true => ray.stay(Vec2::new(width as f32, height as f32)),
+            false => [f32::NEG_INFINITY, f32::INFINITY],
+        };
         let near = layers.first().map_or(0.0, |&layer| self.spacing.interval(layer)[0]);
         let mut transmitted = 1.0;
         if enters > near.max(self.coc_range_px[0]) {
