@@ -59,7 +59,8 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 4] = [&shear::Shear, &accumulate::Accumulate, &layer_rays::LayerRays, &peel_rays::PeelRays];
+pub static METHODS: [&dyn Method; 4] =
+    [&shear::Shear, &accumulate::Accumulate, &layer_rays::LayerRays, &peel_rays::PeelRays];
 
 /// What `auto` chooses.
 const DEFAULT: &str = "shear";
@@ -134,6 +135,7 @@ fn planes_from_rows<const N: usize, T>(
 struct RaySum {
     color: [f64; 3],
     missed: f64,
+    /// Rays that count for nothing, as nobody knows what they would have found.
     discarded: f64,
 }
 
@@ -141,11 +143,6 @@ impl RaySum {
     /// Adds premultiplied `color` seen through `transmitted`.
     fn add(&mut self, color: [f32; 3], transmitted: f32) {
         self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmitted));
-    }
-
-    /// Leaves `transmitted` out of the mean: nobody knows what it would have found.
-    fn discard(&mut self, transmitted: f32) {
-        self.discarded += f64::from(transmitted);
     }
 
     /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of

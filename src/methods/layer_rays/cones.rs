@@ -6,6 +6,7 @@
 
 use super::layers::{Hit, Spacing};
 use crate::methods::shared::Fragments;
+use crate::scene::OPAQUE_ALPHA;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -69,7 +70,11 @@ impl Cones {
                     });
                 }),
                 Some(finer) => Level::halved((finer.width, finer.height), |x, y, add| {
-                    finer.at(x, y).iter().filter(|(layer, _)| highest(*layer as usize) >= number).for_each(|&t| add(t));
+                    finer
+                        .at(x, y)
+                        .iter()
+                        .filter(|(layer, _)| highest(*layer as usize) >= number)
+                        .for_each(|&t| add(t));
                 }),
             };
             levels.push(next);
@@ -80,7 +85,13 @@ impl Cones {
     /// What the cone of a ray that meets `layer` with `hit` at `position` sees there: colour and coverage. None where the
     /// cone is no wider than a sample.
     #[inline]
-    pub(super) fn read(&self, fragments: &Fragments, hit: &Hit, position: Vec2, layer: usize) -> Option<[f32; 4]> {
+    pub(super) fn read(
+        &self,
+        fragments: &Fragments,
+        hit: &Hit,
+        position: Vec2,
+        layer: usize,
+    ) -> Option<[f32; 4]> {
         let level = level(self.per_coc_px * hit.at.abs()).min(self.levels.len() as f32);
         if level <= 0.0 {
             return None;
@@ -91,7 +102,10 @@ impl Cones {
             _ => self.levels[number - 1].bilinear(position / (1 << number) as f32, layer as u32),
         };
         let (fine, coarse, share) = (value(finer), value(finer + 1), level - finer as f32);
-        Some(std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k])))
+        let mixed: [f32; 4] = std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k]));
+        // A cone that is blocked but for rounding shows all of its colour.
+        let blocked = if mixed[3] >= OPAQUE_ALPHA { mixed[3] } else { 1.0 };
+        Some(mixed.map(|value| value / blocked))
     }
 }
 
@@ -173,5 +187,43 @@ impl Level {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lens_samples_lie_apart_as_the_paper_says() {
+        assert!((sample_distance(32, PI) - 0.137).abs() < 1e-6, "32 on a disc");
+        assert!((sample_distance(128, PI) - 0.0685).abs() < 1e-6, "four times as many lie half as far apart");
+    }
+
+    #[test]
+    fn the_level_of_a_cone_has_texels_as_wide_as_it_is() {
+        // Section 4.4: 32 samples and a CoC radius of 32 px make a cone of 4.4 px and level 2.1.
+        let diameter = sample_distance(32, PI) * 32.0;
+        assert!((diameter - 4.4).abs() < 0.05, "{diameter} px");
+        assert!((level(diameter) - 2.1).abs() < 0.05, "level {}", level(diameter));
+        assert_eq!([level(0.0), level(1.0), level(8.0)], [0.0, 0.0, 3.0]);
+    }
+
+    #[test]
+    fn a_cone_sees_its_layer_alone_and_what_share_of_it_is_there() {
+        // Left, every other column of a near layer before a far one; right, the near layer whole.
+        let near = |x: usize| x >= 32 || x.is_multiple_of(2);
+        let list = |x: usize, _| if near(x) { vec![32.0, 40.0] } else { vec![40.0] };
+        let fragments = Fragments::of_lists((64, 64), list);
+        let spacing = Spacing::new([32.0, 40.0], 3.0, 0.1);
+        let cones = Cones::new(&fragments, spacing, 0.137);
+        let read = |x: f32| {
+            let hit = Hit { at: 32.0, sample: 0, fragment: 0, coc_px: 32.0 };
+            cones.read(&fragments, &hit, Vec2::new(x, 32.0), 0).unwrap()
+        };
+        assert_eq!(read(16.0), [16.0, 16.0, 16.0, 0.5], "half of it, premultiplied");
+        assert_eq!(read(48.0), [32.0, 32.0, 32.0, 1.0], "all of it");
+        let focused = Hit { at: 7.0, sample: 0, fragment: 0, coc_px: 7.0 };
+        assert_eq!(cones.read(&fragments, &focused, Vec2::splat(9.0), 0), None, "thinner than a sample");
     }
 }

@@ -75,3 +75,53 @@ impl Cull {
         buffer.least(&self.blocks.window(a.min(b), a.max(b))) <= interval[1]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::methods::layer_rays::layers::Segment;
+    use crate::methods::shared::noise;
+
+    /// Sparse fragments of many depths.
+    fn sparse() -> Fragments {
+        Fragments::of_lists((70, 50), |x, y| match noise(x / 3, y / 3, 1) {
+            v if v < 0.9 => vec![],
+            v => vec![(v - 0.95) * 400.0, (v - 0.95) * 400.0 + 4.0],
+        })
+    }
+
+    #[test]
+    fn no_ray_meets_anything_in_a_layer_that_is_culled() {
+        let fragments = sparse();
+        // Fine layers share their N-buffers, coarse ones have their own.
+        for delta in [0.2, 3.0] {
+            let spacing = Spacing::new([-20.0, 24.0], delta, 0.1);
+            let cull = Cull::new(&fragments, spacing, 1.0);
+            let (mut kept, mut culled, mut layers) = (0, 0, Vec::new());
+            for i in 0..300 {
+                let random = |k| noise(i, k, 5);
+                let centre = Vec2::new((70.0 * random(0)).floor(), (50.0 * random(1)).floor()) + 0.5;
+                cull.bundle(centre, &mut layers);
+                let start = centre + Vec2::new(random(2), random(3)) - 0.5;
+                let ray = Ray { start, step: Vec2::from_angle(6.3 * random(4)) * random(6).sqrt() };
+                for layer in 0..spacing.count {
+                    let interval = spacing.interval(layer);
+                    let segment = Segment { fragments: &fragments, ray, interval, behind: f32::NEG_INFINITY };
+                    if layers.contains(&layer) && cull.can_meet(&ray, layer, interval) {
+                        kept += 1;
+                    } else {
+                        culled += 1;
+                        assert_eq!(segment.meet(3), None, "layer {layer} of δ = {delta}");
+                    }
+                }
+            }
+            assert!(kept > 100 && culled > 100, "δ = {delta}: {kept} kept, {culled} culled");
+        }
+    }
+
+    #[test]
+    fn however_thin_the_layers_their_n_buffers_are_few() {
+        let cull = Cull::new(&sparse(), Spacing::new([-20.0, 24.0], 0.001, 0.1), 1.0);
+        assert!(cull.slabs.len() <= MOST_SLABS, "{} N-buffers", cull.slabs.len());
+    }
+}

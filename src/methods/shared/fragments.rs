@@ -47,6 +47,24 @@ impl Fragments {
         Self { width, height, depth, coc_px, color }
     }
 
+    /// `width × height` samples, each with the CoC radii that `list(x, y)` gives, nearest first; all opaque, and as bright as
+    /// their CoC radius is long.
+    #[cfg(test)]
+    pub(in crate::methods) fn of_lists(
+        (width, height): (usize, usize),
+        list: impl Fn(usize, usize) -> Vec<f32>,
+    ) -> Self {
+        let lists: Vec<Vec<f32>> = (0..width * height).map(|i| list(i % width, i / width)).collect();
+        let depth = lists.iter().map(Vec::len).max().unwrap_or(0);
+        let padded = lists.into_iter().flat_map(|mut list| {
+            list.resize(depth, f32::INFINITY);
+            list
+        });
+        let coc_px: Vec<f32> = padded.collect();
+        let color = coc_px.iter().map(|&coc| [coc, coc, coc, 1.0]).collect();
+        Self { width, height, depth, coc_px, color }
+    }
+
     /// Width and height in samples.
     pub(in crate::methods) fn size(&self) -> (usize, usize) {
         (self.width, self.height)
@@ -128,6 +146,13 @@ impl Blocks {
         let values = (0..self.columns * self.rows).into_par_iter().map(block).collect();
         NBuffer::new(self.columns, values, (longest / self.side as f32) as usize + 2)
     }
+}
+
+/// A number from 0 to 1 that depends on its arguments alone.
+#[cfg(test)]
+pub(in crate::methods) fn noise(x: usize, y: usize, seed: usize) -> f32 {
+    let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+    ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) >> 7 & 0xffff) as f32 / 65_535.0
 }
 
 #[cfg(test)]
