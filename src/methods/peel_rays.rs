@@ -120,7 +120,7 @@ impl Range {
         [self.nearest.least(&window), -self.farthest.least(&window)]
     }
 
-    /// CoC radii of all that rays within `pixel_reach` samples of `centre` can meet.
+    /// CoC radii of all that the rays of the pixel whose centre is at sample position `centre` can meet.
     fn of_bundle(&self, centre: Vec2, supersample: f32) -> [f32; 2] {
         let mut range = self.whole;
         // What lies within reach of the whole range narrows the reach, and so the range, once more.
@@ -268,7 +268,7 @@ impl Marcher {
         let on_this_side = |coc: f32, c: f32| if over_first { coc >= c } else { coc <= c };
         let mut beyond = self
             .joined(stretch.samples[usize::from(over_first)], &found)
-            .filter(|other| !on_this_side(other.coc_px, off));
+            .filter(|other| !on_this_side(other.coc_px, off) || other.coc_px == off);
         for _ in 0..self.binary_steps {
             let middle = 0.5 * (on + off);
             match self.joined(self.fragments.sample_at(ray.at(middle)), &found) {
