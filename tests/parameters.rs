@@ -43,6 +43,7 @@ fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
         with("layer-rays", "iterations", json!(1)),
         with("layer-rays", "cones", json!(false)),
         with("layer-rays", "jitter", json!(false)),
+        with("layer-rays", "discard", json!(false)),
         with("opaque-blur", "first_radius_px", json!(1.0)),
         with("peel-rays", "rays", json!(16)),
         with("peel-rays", "linear_steps", json!(5)),

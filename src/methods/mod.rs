@@ -7,7 +7,9 @@ mod accumulate;
 mod b_buffer;
 mod gather;
 mod laws;
+mod layer_rays;
 mod opaque_blur;
+mod peel_rays;
 mod point_splat;
 mod pyramid_disocclusion;
 mod recursive_gaussian;
@@ -64,13 +66,15 @@ pub trait Method: fmt::Debug + Sync {
 }
 
 /// Every method, in the order they are listed.
-pub static METHODS: [&dyn Method; 9] = [
+pub static METHODS: [&dyn Method; 11] = [
     &shear::Shear,
     &accumulate::Accumulate,
     &recursive_gaussian::RecursiveGaussian,
     &b_buffer::BBuffer,
     &point_splat::PointSplat,
+    &layer_rays::LayerRays,
     &opaque_blur::OpaqueBlur,
+    &peel_rays::PeelRays,
     &pyramid_disocclusion::PyramidDisocclusion,
     &gather::Gather,
     &scatter::Scatter,
@@ -149,6 +153,8 @@ fn planes_from_rows<const N: usize, T>(
 struct RaySum {
     color: [f64; 3],
     missed: f64,
+    /// Rays that count for nothing, as nobody knows what they would have found.
+    discarded: f64,
 }
 
 impl RaySum {
@@ -160,8 +166,9 @@ impl RaySum {
     /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of
     /// the mean where it is closed.
     fn mean(&self, rays: usize, open_background: bool) -> [f32; 4] {
-        let hit = rays as f64 - self.missed;
-        let weight = if open_background { rays as f64 } else { hit };
+        let known = rays as f64 - self.discarded;
+        let hit = known - self.missed;
+        let weight = if open_background { known } else { hit };
         if hit <= 1e-9 * rays as f64 {
             return [0.0; 4];
         }

@@ -200,6 +200,8 @@ methods! {
         cones: bool = true, Flag;
         /// Whether lens samples differ from pixel to pixel (section 4.5).
         jitter: bool = true, Flag;
+        /// Whether rays that are stopped outside the frame are discarded (section 4.3); else the border's samples go on for ever.
+        discard: bool = true, Flag;
     }
 
     /// Parameters of `opaque-blur`.

@@ -1,12 +1,18 @@
-//! What several methods share: the stack as they read it and how their results become a picture, the area of a discrete disc,
-//! image pyramids, and sub-images by depth.
+//! What several methods share: the stack as they read it and how their results become a picture, sorted fragments and
+//! N-buffers for rays, the area of a discrete disc, image pyramids, and sub-images by depth.
 
 mod content;
 mod disc;
+mod fragments;
+mod nbuffer;
 mod pyramid;
 mod sub_images;
 
 pub(super) use content::{Peel, Sheet, Visible, peels, picture, visible};
 pub(super) use disc::{DiscAreas, soft_area};
+#[cfg(test)]
+pub(super) use fragments::noise;
+pub(super) use fragments::{Blocks, Fragments};
+pub(super) use nbuffer::{NBuffer, Window};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 pub(super) use sub_images::SubImages;

@@ -1,0 +1,184 @@
+//! The stack as rays read it: each sample's fragments beside one another, nearest first.
+//!
+//! A ray that comes to a sample wants to know of all its layers at once, so the planes are woven into lists; the peels of
+//! a sample are sorted, whatever order they came in. Positions are in samples. Memory: that of the scene, which is used up.
+
+use super::nbuffer::{NBuffer, Window};
+use crate::scene::Scene;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// The fragments of all samples.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::methods) struct Fragments {
+    width: usize,
+    height: usize,
+    /// Fragments that a sample may have.
+    depth: usize,
+    /// `[row][column][fragment]`: CoC radius in picture pixels, rising; infinite where there is no further fragment.
+    coc_px: Vec<f32>,
+    /// The same for red, green, blue (premultiplied) and alpha.
+    color: Vec<[f32; 4]>,
+}
+
+impl Fragments {
+    /// The fragments of `scene`.
+    pub(in crate::methods) fn new(scene: Scene) -> Self {
+        let (width, height, depth) = (scene.width(), scene.height(), scene.layers.len());
+        let mut coc_px = vec![f32::INFINITY; width * height * depth];
+        let mut color = vec![[0.0; 4]; width * height * depth];
+        let in_row = (width * depth).max(1);
+        for (k, layer) in scene.layers.into_iter().enumerate() {
+            let rows = coc_px.par_chunks_mut(in_row).zip(color.par_chunks_mut(in_row));
+            rows.enumerate().for_each(|(y, (coc_px, color))| {
+                for x in (0..width).filter(|&x| layer.alpha.get(x, y) > 0.0) {
+                    let [r, g, b] = layer.color_at(x, y);
+                    // Sorted as they come: a sample that lacks a peel has its farther ones in its place.
+                    let list = x * depth..x * depth + k + 1;
+                    let coc = layer.coc_px.get(x, y);
+                    let place = coc_px[list.clone()].partition_point(|&other| other <= coc);
+                    coc_px[list.clone()][place..].rotate_right(1);
+                    color[list.clone()][place..].rotate_right(1);
+                    coc_px[list.start + place] = coc;
+                    color[list.start + place] = [r, g, b, layer.alpha.get(x, y)];
+                }
+            });
+        }
+        Self { width, height, depth, coc_px, color }
+    }
+
+    /// `width × height` samples, each with the CoC radii that `list(x, y)` gives, nearest first; all opaque, and as bright as
+    /// their CoC radius is long.
+    #[cfg(test)]
+    pub(in crate::methods) fn of_lists(
+        (width, height): (usize, usize),
+        list: impl Fn(usize, usize) -> Vec<f32>,
+    ) -> Self {
+        let lists: Vec<Vec<f32>> = (0..width * height).map(|i| list(i % width, i / width)).collect();
+        let depth = lists.iter().map(Vec::len).max().unwrap_or(0);
+        let padded = lists.into_iter().flat_map(|mut list| {
+            list.resize(depth, f32::INFINITY);
+            list
+        });
+        let coc_px: Vec<f32> = padded.collect();
+        let color = coc_px.iter().map(|&coc| [coc, coc, coc, 1.0]).collect();
+        Self { width, height, depth, coc_px, color }
+    }
+
+    /// Width and height in samples.
+    pub(in crate::methods) fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The sample at `position`; past the border it is the border's.
+    #[inline(always)]
+    pub(in crate::methods) fn sample_at(&self, position: Vec2) -> usize {
+        // A cast to an integer cuts off at 0.
+        let x = (position.x as usize).min(self.width - 1);
+        let y = (position.y as usize).min(self.height - 1);
+        y * self.width + x
+    }
+
+    /// CoC radii of the fragments of `sample`, nearest first; infinite from the first that is not there.
+    #[inline(always)]
+    pub(in crate::methods) fn coc_px(&self, sample: usize) -> &[f32] {
+        &self.coc_px[sample * self.depth..(sample + 1) * self.depth]
+    }
+
+    /// Red, green, blue (premultiplied) and alpha of fragment `k` of `sample`.
+    #[inline(always)]
+    pub(in crate::methods) fn color(&self, sample: usize, k: usize) -> [f32; 4] {
+        self.color[sample * self.depth + k]
+    }
+}
+
+/// A grid of square blocks of samples, coarse enough that what is kept for each is little beside the stack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::methods) struct Blocks {
+    /// Samples along a block's side.
+    pub side: usize,
+    /// Blocks in a row.
+    pub columns: usize,
+    /// Rows of blocks.
+    pub rows: usize,
+}
+
+impl Blocks {
+    /// Most blocks of a picture.
+    const MOST: usize = 1 << 16;
+
+    /// The blocks of `fragments`: of 8 samples, or of as many more as keeps their number in bounds.
+    pub(in crate::methods) fn of(fragments: &Fragments) -> Self {
+        let (width, height) = fragments.size();
+        let mut side = 8;
+        while width.div_ceil(side) * height.div_ceil(side) > Self::MOST {
+            side *= 2;
+        }
+        Self { side, columns: width.div_ceil(side), rows: height.div_ceil(side) }
+    }
+
+    /// The blocks that hold the rectangle from `least` to `greatest`, cut off at the frame.
+    #[inline]
+    pub(in crate::methods) fn window(&self, least: Vec2, greatest: Vec2) -> Window {
+        let side = self.side as f32;
+        let (least, greatest) = (least / side, greatest / side);
+        let range = |from: f32, to: f32, cells: usize| {
+            let from = (from as usize).min(cells - 1);
+            from..(to as usize).clamp(from, cells - 1) + 1
+        };
+        Window { x: range(least.x, greatest.x, self.columns), y: range(least.y, greatest.y, self.rows) }
+    }
+
+    /// The N-buffer of the least `value(sample)` of each block, for windows of up to `longest` samples.
+    pub(in crate::methods) fn least(
+        &self,
+        fragments: &Fragments,
+        longest: f32,
+        value: impl Fn(usize) -> f32 + Sync,
+    ) -> NBuffer {
+        let (width, height) = fragments.size();
+        let block = |index: usize| {
+            let (x, y) = (index % self.columns * self.side, index / self.columns * self.side);
+            let rows = y..(y + self.side).min(height);
+            let samples = rows.flat_map(|y| (x..(x + self.side).min(width)).map(move |x| y * width + x));
+            samples.map(&value).fold(f32::INFINITY, f32::min)
+        };
+        let values = (0..self.columns * self.rows).into_par_iter().map(block).collect();
+        NBuffer::new(self.columns, values, (longest / self.side as f32) as usize + 2)
+    }
+}
+
+/// A number from 0 to 1 that depends on its arguments alone.
+#[cfg(test)]
+pub(in crate::methods) fn noise(x: usize, y: usize, seed: usize) -> f32 {
+    let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+    ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) >> 7 & 0xffff) as f32 / 65_535.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::scene::Layer;
+    use crate::stack::StackKind;
+
+    #[test]
+    fn fragments_are_sorted_and_gaps_closed() {
+        let layer = |coc, alpha| Layer {
+            color: std::array::from_fn(|_| Plane::filled(2, 1, coc)),
+            alpha: Plane::from_fn(2, 1, |x, _| if x == 0 { 1.0 } else { alpha }),
+            coc_px: Plane::filled(2, 1, coc),
+        };
+        let layers = vec![layer(3.0, 0.0), layer(-1.0, 0.0), layer(7.0, 0.5)];
+        let fragments = Fragments::new(Scene {
+            layers,
+            kind: StackKind::PointSampled,
+            supersample: 1,
+            coc_infinity_px: 10.0,
+            limited_fragments: 0,
+        });
+        assert_eq!(fragments.coc_px(0), [-1.0, 3.0, 7.0], "in order, though the peels were not");
+        assert_eq!(fragments.coc_px(1), [7.0, f32::INFINITY, f32::INFINITY], "the only one is the first");
+        assert_eq!(fragments.color(1, 0), [7.0, 7.0, 7.0, 0.5]);
+    }
+}
