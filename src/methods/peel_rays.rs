@@ -41,7 +41,7 @@ impl Method for PeelRays {
         MethodInfo {
             name: "peel-rays",
             source: "Lee, Eisemann & Seidel 2010, as Schedl & Wimmer 2012 describe it",
-            role: "paper",
+            role: "baseline",
             summary: "lens rays marched through the peels' height fields",
             effects: &[],
             deviations: &[Deviation {

@@ -13,6 +13,6 @@ pub(super) use disc::{DiscAreas, soft_area};
 #[cfg(test)]
 pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
-pub(super) use nbuffer::{NBuffer, Window};
+pub(super) use nbuffer::NBuffer;
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 pub(super) use sub_images::SubImages;
