@@ -23,4 +23,5 @@ pub mod methods;
 pub mod gpu;
 pub mod output;
 pub mod metrics;
+pub mod probes;
 pub mod render;

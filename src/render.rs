@@ -11,10 +11,14 @@ use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
+use crate::probes::{self, Verdict};
 use crate::scene::{self, Facts, Plan, Scene};
 use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
+
+/// The same job looks at the same pixels.
+const PROBE_SEED: u64 = 1;
 
 /// A preset and the name it was asked for by.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +42,8 @@ pub struct Job {
     pub flags: Values,
     /// Where to carry out the plan.
     pub device: DeviceChoice,
+    /// How many pixels of the picture to compare with the stack's truth, if any.
+    pub verify: Option<usize>,
 }
 
 /// A job up to its plan.
@@ -59,6 +65,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// Where.
     pub device: Device,
+    /// How many pixels of the picture to compare with the stack's truth, if any.
+    pub verify: Option<usize>,
     /// What it has cost.
     pub clock: StageClock,
 }
@@ -82,6 +90,8 @@ pub struct Rendered {
     pub plan: Plan,
     /// Where.
     pub device: Device,
+    /// The sampling error, if it was to be verified.
+    pub probe: Option<Verdict>,
     /// What it has cost; writing goes on its account too.
     pub clock: StageClock,
 }
@@ -98,19 +108,25 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let settings = resolve(job, &stack.camera);
     let summary = StackReport::from(&stack);
     let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
-    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, clock })
+    let verify = job.verify;
+    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, verify, clock })
 }
 
 impl Prepared {
-    /// Carries out the plan.
+    /// Carries out the plan, and compares the picture with the stack's truth if that was asked for: the scene is then kept
+    /// in memory twice.
     ///
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { stack, summary, settings, lens, scene, plan, device, mut clock, .. } = self;
+        let Self { stack, summary, settings, lens, scene, plan, device, verify, mut clock, .. } = self;
+        let kept = verify.map(|probes| (scene.clone(), probes));
         let image = clock.time(Stage::Blur, || methods::render(scene, &plan, progress))?;
+        let probe = kept.map(|(scene, probes)| {
+            clock.time(Stage::Verify, || probes::verify(&image, &scene, &plan, probes, PROBE_SEED))
+        });
         let frame = picture_frame(&stack.frame, stack.supersample);
-        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, clock })
+        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, probe, clock })
     }
 }
 
@@ -140,7 +156,7 @@ impl Rendered {
             cpu_seconds_by_stage: self.clock.cpu_seconds(),
             threads: rayon::current_num_threads(),
             peak_memory_bytes: output::usage::peak_memory_bytes(),
-            probe: None,
+            probe: self.probe.and_then(|verdict| serde_json::to_value(verdict).ok()),
             findings: self.stack.findings.clone(),
             warnings: Report::warnings(&self.stack.findings),
         }

@@ -245,3 +245,14 @@ fn a_score_can_have_hdr_flip_and_a_map_of_the_difference() {
     let onto_input = run(folder.path(), &["score", &image, &reference, "--map", &image]);
     assert!(stderr(&onto_input).contains("one of the inputs"), "{}", stderr(&onto_input));
 }
+
+#[test]
+fn a_render_can_say_how_large_its_sampling_error_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["render", STACK, "-o", "a.exr", "--verify", "60", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(json["probe"]["interval_db"][0].as_f64().is_some(), "{json}");
+    assert!(stderr(&output).contains("sampling error: "), "{}", stderr(&output));
+    let few = run(folder.path(), &["render", STACK, "-o", "b.exr", "--verify", "3"]);
+    assert_eq!(few.status.code(), Some(2), "three probes are no sample");
+}

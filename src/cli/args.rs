@@ -155,6 +155,7 @@ impl JobArgs {
                 DeviceArg::Cpu => DeviceChoice::Cpu,
                 DeviceArg::Gpu => DeviceChoice::Gpu,
             },
+            verify: None,
         })
     }
 

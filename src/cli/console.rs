@@ -7,6 +7,7 @@ use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use thinlens::error::Error;
+use thinlens::probes::Verdict;
 use thinlens::scene::Plan;
 use thinlens::stack::Finding;
 
@@ -51,6 +52,16 @@ impl Console {
         for effect in plan.effects.iter().filter(|effect| effect.on) {
             self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
         }
+    }
+
+    /// The sampling error that was found.
+    pub(super) fn verdict(self, verdict: &Verdict) {
+        let Verdict { psnr_db, interval_db: (least, most), pixels, rays_per_pixel } = verdict;
+        let found = psnr_db.map_or("not to be told from nothing".to_owned(), |db| format!("{db:.1} dB"));
+        let most = most.map_or("any".to_owned(), |db| format!("{db:.1}"));
+        self.note(format_args!(
+            "sampling error: {found}, with 95 % certainty {least:.1} … {most} dB ({pixels} pixels, {rays_per_pixel} rays each)"
+        ));
     }
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.

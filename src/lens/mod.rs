@@ -5,7 +5,7 @@ mod aperture;
 mod views;
 
 pub use aperture::Aperture;
-pub use views::{View, views};
+pub use views::{View, moved_views, views};
 
 use crate::error::Error;
 use crate::settings::SensorDistance;

@@ -59,8 +59,22 @@ fn turn(view: View, round: usize) -> View {
     }
     let golden_angle = std::f32::consts::PI * (3.0 - 5f32.sqrt());
     let shift = Vec2::new(0.754_877_7, 0.569_840_3) * round as f32;
-    let wrapped = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
-    View { lens: Vec2::from_angle(golden_angle * round as f32).rotate(view.lens), jitter: wrapped }
+    moved(view, golden_angle * round as f32, shift)
+}
+
+/// `view` with the lens turned by `angle` and its place moved by `shift` within the pixel, around its edges.
+fn moved(view: View, angle: f32, shift: Vec2) -> View {
+    let jitter = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
+    View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter }
+}
+
+/// As many views as the largest table has, all turned by `angle` and moved by `shift` within the pixel: for random `angle`
+/// and `shift` a sample of its own, as evenly spread as the table.
+pub fn moved_views(aperture: Aperture, angle: f32, shift: Vec2) -> Vec<View> {
+    let all = views(LARGEST, Aperture::Disc).into_iter();
+    all.map(|view| moved(view, angle, shift))
+        .map(|v| View { lens: aperture.from_disc(v.lens), ..v })
+        .collect()
 }
 
 #[cfg(test)]

@@ -63,7 +63,8 @@ impl Method for Accumulate {
 }
 
 /// The stack as a set of boxes in `(x, y, c)`.
-struct Volume<'a> {
+#[derive(Debug)]
+pub struct Volume<'a> {
     layers: Vec<(&'a Layer, Extent)>,
     size: [i32; 2],
     supersample: f32,
@@ -73,6 +74,7 @@ struct Volume<'a> {
 }
 
 /// From where to where each fragment of a layer reaches in CoC depth.
+#[derive(Debug)]
 struct Extent {
     near: Plane,
     far: Plane,
@@ -110,7 +112,8 @@ impl Extent {
 }
 
 impl<'a> Volume<'a> {
-    fn new(scene: &'a Scene, plan: &Plan) -> Self {
+    /// The boxes of `scene`.
+    pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
         let layers = scene.layers.iter().map(|layer| (layer, Extent::of(layer))).collect();
         Self {
             layers,
@@ -122,8 +125,8 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// The mean over all rays of picture pixel `x, y`.
-    fn pixel(&self, x: usize, y: usize, samples: &[View]) -> [f32; 4] {
+    /// The mean over the rays `samples` of picture pixel `x, y`.
+    pub fn pixel(&self, x: usize, y: usize, samples: &[View]) -> [f32; 4] {
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         let mut sum = RaySum::default();
         for view in samples {

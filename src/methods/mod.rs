@@ -17,6 +17,7 @@ mod scatter;
 mod shared;
 mod shear;
 
+pub use accumulate::Volume;
 pub use laws::{Deviation, Law};
 
 use crate::error::Error;

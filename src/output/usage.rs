@@ -11,6 +11,8 @@ pub enum Stage {
     Plan,
     /// Plan to picture.
     Blur,
+    /// Picture against the stack's truth.
+    Verify,
     /// Picture to files.
     Write,
 }
@@ -24,6 +26,8 @@ pub struct Seconds {
     pub plan: f64,
     /// [`Stage::Blur`].
     pub blur: f64,
+    /// [`Stage::Verify`].
+    pub verify: f64,
     /// [`Stage::Write`].
     pub write: f64,
     /// From the start of the clock, time between the stages included.
@@ -36,6 +40,7 @@ impl Seconds {
             Stage::Read => self.read += seconds,
             Stage::Plan => self.plan += seconds,
             Stage::Blur => self.blur += seconds,
+            Stage::Verify => self.verify += seconds,
             Stage::Write => self.write += seconds,
         }
     }
