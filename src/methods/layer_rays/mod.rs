@@ -61,12 +61,12 @@ impl Method for LayerRays {
             deviations: &[
                 Deviation {
                     law: Law::Energy,
-                    within: [0.97, 1.02],
+                    within: [0.97, 1.005],
                     reason: "with samples that differ from pixel to pixel, no two pixels share out a point's light exactly",
                 },
                 Deviation {
                     law: Law::Place,
-                    within: [0.0, 0.15],
+                    within: [0.0, 0.1],
                     reason: "with samples that differ from pixel to pixel, no two pixels share out a point's light exactly",
                 },
                 Deviation {
@@ -76,7 +76,7 @@ impl Method for LayerRays {
                 },
                 Deviation {
                     law: Law::Convergence,
-                    within: [39.0, 42.5],
+                    within: [39.5, 42.5],
                     reason: "rays that are stopped outside the frame are discarded, where the reference repeats the border",
                 },
             ],
