@@ -4,7 +4,7 @@ use super::Failure;
 use super::console::{print, print_json};
 use clap::Args;
 use std::fmt::Write;
-use thinlens::methods::{METHODS, MethodInfo, by_name};
+use thinlens::methods::{Deviation, METHODS, MethodInfo, by_name};
 use thinlens::settings::{MethodParameters, Parameter};
 
 /// List the methods, or describe one
@@ -76,8 +76,9 @@ fn in_full(method: &Description) -> String {
     if !deviations.is_empty() {
         text += "\n# By design it deviates from these laws of the blur:\n";
     }
-    for deviation in deviations {
-        let _ = writeln!(text, "# {}: {}", super::console::kebab(&deviation.law), deviation.reason);
+    for Deviation { law, within: [least, most], reason } in deviations {
+        let law_name = super::console::kebab(law);
+        let _ = writeln!(text, "# {law_name}: {reason} ({}: {least} … {most})", law.figure());
     }
     text
 }

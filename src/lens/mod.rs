@@ -89,7 +89,7 @@ impl ThinLens {
     /// Signed radius of the circle of confusion at planar depth `z`, in picture pixels.
     ///
     /// Negative in front of the focus plane; `z = ∞`, NaN, 0 and below count as background and give
-    /// `coc_infinity_px` (METHODS section 1).
+    /// `coc_infinity_px`.
     pub fn coc_radius_px(&self, z: f32) -> f32 {
         if z > 0.0 { self.coc_infinity_px * (1.0 - self.focus_distance / z) } else { self.coc_infinity_px }
     }

@@ -1,7 +1,7 @@
 //! LOOK and DECIDE: the stack in CoC space, the facts it shows, and the plan that follows from them.
 //!
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
-//! `(p + c·u, c)` (METHODS section 1), so every question of visibility is asked here and no method needs depth.
+//! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
 mod facts;
 mod merge;
