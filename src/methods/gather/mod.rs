@@ -10,7 +10,7 @@
 //!
 //! The paper filters along rows, then along columns: what its graphics cards could do, and no real disc. Here the disc is
 //! whole. Every pixel of it is visited as long as they are no more than the parameter `samples`; a larger disc is sampled,
-//! more densely towards its centre, where small discs have to be met too (see [`quadrature`]). Only what is in front of
+//! more densely towards its centre, where small discs have to be met too (see [`mod@quadrature`]). Only what is in front of
 //! focus may reach further than the pixel's own CoC, so the disc to visit is known exactly (see [`reach`]). Past the frame
 //! there is nothing to collect.
 //!

@@ -11,7 +11,7 @@
 //! | extrapolated highlights | [`highlight`] | section 4, eq. 8 |
 //! | fewer points where that does not show | [`reduce`] | section 5 |
 //! | sprites | [`sprites`] | section 3.3, eq. 5 |
-//! | scatter into layers, blend | [`splat`], [`layers`] | sections 3.4 and 3.5, eqs. 6 and 7 |
+//! | scatter into layers, blend | [`mod@splat`], [`layers`] | sections 3.4 and 3.5, eqs. 6 and 7 |
 //!
 //! Where the paper is silent: its "normalised scale" of depth is taken to be that of a depth buffer over the scene's range,
 //! so affine in 1/z and in CoC radius. `H` is, like `V`, all that a camera would see: fragments that pass the tests, over
