@@ -25,3 +25,4 @@ pub mod output;
 pub mod metrics;
 pub mod probes;
 pub mod render;
+pub mod compare;

@@ -19,7 +19,9 @@ fn stdout(output: &Output) -> String {
 fn help_lists_every_subcommand() {
     let folder = tempfile::tempdir().unwrap();
     let help = stdout(&run(folder.path(), &["--help"]));
-    for command in ["render", "inspect", "score", "methods", "presets", "demo", "completions", "man"] {
+    for command in
+        ["render", "inspect", "compare", "score", "methods", "presets", "demo", "completions", "man"]
+    {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
     }
 }
@@ -255,4 +257,30 @@ fn a_render_can_say_how_large_its_sampling_error_is() {
     assert!(stderr(&output).contains("sampling error: "), "{}", stderr(&output));
     let few = run(folder.path(), &["render", STACK, "-o", "b.exr", "--verify", "3"]);
     assert_eq!(few.status.code(), Some(2), "three probes are no sample");
+}
+
+#[test]
+fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = |name: &str| format!("{}/samples/fence/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (preset, reference) = (sample("preset.toml"), sample("reference.exr"));
+    let common = ["compare", STACK, "--preset", &preset, "--repeats", "1", "--probes", "60"];
+    let measured = ["--methods", "shear:16,opaque-blur", "--reference", &reference, "-o", "out", "--json"];
+    let output = run(folder.path(), &[common.as_slice(), &measured].concat());
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&json[0]["method"], &json[0]["views"]), (&"shear".into(), &16.into()));
+    assert!(json[1]["views"].is_null(), "opaque-blur does not sample the lens");
+    let db = |entry: usize| json[entry]["model"]["psnr_db"].as_f64().unwrap();
+    assert!(db(0) > db(1) + 5.0 && json[0]["on_front"] == true, "the fence hides what only peels know");
+    for file in ["shear-16.png", "shear-16-flip.png", "opaque-blur.png", "results.json", "results.csv"] {
+        assert!(folder.path().join("out").join(file).is_file(), "{file}");
+    }
+    let csv = fs::read_to_string(folder.path().join("out/results.csv")).unwrap();
+    let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
+    assert_eq!(columns, [12; 3], "{csv}");
+
+    let table = stdout(&run(folder.path(), &[common.as_slice(), &["--methods", "scatter"]].concat()));
+    assert!(table.contains("* scatter"), "alone it is on the front: {table}");
+    let unknown = run(folder.path(), &[common.as_slice(), &["--methods", "sheer"]].concat());
+    assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
 }

@@ -60,7 +60,7 @@ pub(super) struct InputArgs {
 /// The lens; every flag outranks the preset.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Lens")]
-struct LensArgs {
+pub(super) struct LensArgs {
     /// A preset's name or TOML file (see `thinlens presets`)
     #[arg(long, value_name = "NAME|FILE")]
     preset: Option<String>,
@@ -141,47 +141,62 @@ impl JobArgs {
     /// # Errors
     /// A preset that cannot be read.
     pub(super) fn job(&self, carry: Carry) -> Result<Job, Error> {
-        let preset = self.lens.preset.as_ref().map(|name| {
-            let preset = Preset::load(name)?;
-            Ok(NamedPreset { name: name.clone(), preset })
-        });
+        let Self { input, lens, method } = self;
+        let job = stack_job(input, lens, carry)?;
         Ok(Job {
-            sources: self.input.inputs.iter().cloned().map(Source::File).collect(),
-            read_options: self.input.read_options(carry),
-            preset: preset.transpose()?,
-            flags: self.values(),
-            device: match self.method.device {
+            flags: Values {
+                method: method.method.clone(),
+                views: method.views.map(|views| views as usize),
+                ..job.flags
+            },
+            device: match method.device {
                 DeviceArg::Auto => DeviceChoice::Auto,
                 DeviceArg::Cpu => DeviceChoice::Cpu,
                 DeviceArg::Gpu => DeviceChoice::Gpu,
             },
-            verify: None,
+            ..job
         })
     }
+}
 
-    fn values(&self) -> Values {
-        let Self { input, lens, method } = self;
-        let point = lens.focus_at.map(Focus::Point);
-        Values {
-            focal_length_mm: lens.focal_length,
-            f_number: lens.f_number,
-            focus: lens.focus.map(Focus::Distance).or(point),
-            sensor_width_mm: lens.sensor_width,
-            sensor_distance: lens.sensor_distance.map(|distance| match distance {
-                SensorDistanceArg::FocalLength => SensorDistance::FocalLength,
-                SensorDistanceArg::ThinLens => SensorDistance::ThinLens,
-            }),
-            blades: lens.blades,
-            rotation_deg: lens.rotation,
-            convention: input.depth_convention.and_then(ConventionArg::convention),
-            metres_per_unit: input.metres_per_unit,
-            near_clip: input.near_clip,
-            near: input.near,
-            far: input.far,
-            supersample: input.supersample.map(usize::from),
-            method: method.method.clone(),
-            views: method.views.map(|views| views as usize),
-        }
+/// The job that `input` and `lens` describe, its method left open.
+///
+/// # Errors
+/// A preset that cannot be read.
+pub(super) fn stack_job(input: &InputArgs, lens: &LensArgs, carry: Carry) -> Result<Job, Error> {
+    let preset = lens.preset.as_ref().map(|name| {
+        let preset = Preset::load(name)?;
+        Ok(NamedPreset { name: name.clone(), preset })
+    });
+    Ok(Job {
+        sources: input.inputs.iter().cloned().map(Source::File).collect(),
+        read_options: input.read_options(carry),
+        preset: preset.transpose()?,
+        flags: values(input, lens),
+        ..Job::default()
+    })
+}
+
+fn values(input: &InputArgs, lens: &LensArgs) -> Values {
+    let point = lens.focus_at.map(Focus::Point);
+    Values {
+        focal_length_mm: lens.focal_length,
+        f_number: lens.f_number,
+        focus: lens.focus.map(Focus::Distance).or(point),
+        sensor_width_mm: lens.sensor_width,
+        sensor_distance: lens.sensor_distance.map(|distance| match distance {
+            SensorDistanceArg::FocalLength => SensorDistance::FocalLength,
+            SensorDistanceArg::ThinLens => SensorDistance::ThinLens,
+        }),
+        blades: lens.blades,
+        rotation_deg: lens.rotation,
+        convention: input.depth_convention.and_then(ConventionArg::convention),
+        metres_per_unit: input.metres_per_unit,
+        near_clip: input.near_clip,
+        near: input.near,
+        far: input.far,
+        supersample: input.supersample.map(usize::from),
+        ..Values::default()
     }
 }
 

@@ -26,6 +26,17 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
     }
 }
 
+/// Checks that files can be written into `folder`, making it if need be.
+///
+/// # Errors
+/// If it cannot be made, or is no folder, or cannot be written into.
+pub(super) fn folder(folder: &Path) -> Result<(), Error> {
+    std::fs::create_dir_all(folder).map_err(|cause| {
+        Error::output("the output folder cannot be made").in_file(folder).caused_by(cause)
+    })?;
+    atomic::check_writable(&folder.join("results.json"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

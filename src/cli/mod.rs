@@ -4,6 +4,7 @@
 
 mod args;
 mod checks;
+mod compare;
 mod completions;
 mod console;
 mod demo;
@@ -54,6 +55,7 @@ struct GlobalArgs {
 enum Command {
     Render(Box<render::RenderArgs>),
     Inspect(Box<inspect::InspectArgs>),
+    Compare(Box<compare::CompareArgs>),
     Score(score::ScoreArgs),
     Methods(methods::MethodsArgs),
     Presets(presets::PresetsArgs),
@@ -128,6 +130,7 @@ impl Command {
         match self {
             Self::Render(args) => render::run(&args, console),
             Self::Inspect(args) => inspect::run(&args),
+            Self::Compare(args) => compare::run(&args, console),
             Self::Score(args) => score::run(&args),
             Self::Methods(args) => methods::run(&args),
             Self::Presets(args) => presets::run(&args),

@@ -59,6 +59,14 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Target) -> Result<(), Error
     }
 }
 
+/// Writes `text` to the file `path`, as [`write()`] does.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    write(path, |target| target.write_all(text.as_bytes()).map_err(|error| failed(path, error)))
+}
+
 /// Checks, before the work begins, that [`write()`] can put a file at `path`.
 ///
 /// # Errors

@@ -152,7 +152,5 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
         Error::output("the report cannot be written as JSON").in_file(path).caused_by(error)
     })?;
     text.push('\n');
-    atomic::write(path, |target| {
-        target.write_all(text.as_bytes()).map_err(|error| atomic::failed(path, error))
-    })
+    atomic::write_text(path, &text)
 }
