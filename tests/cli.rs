@@ -281,6 +281,10 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
 
     let table = stdout(&run(folder.path(), &[common.as_slice(), &["--methods", "scatter"]].concat()));
     assert!(table.contains("* scatter"), "alone it is on the front: {table}");
+    let small = folder.path().join("small.png");
+    image::GrayImage::new(3, 2).save(&small).unwrap();
+    let other_size = run(folder.path(), &[common.as_slice(), &["--reference", "small.png"]].concat());
+    assert!(stderr(&other_size).contains("the pictures differ in size"), "{}", stderr(&other_size));
     let unknown = run(folder.path(), &[common.as_slice(), &["--methods", "sheer"]].concat());
     assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
 }

@@ -3,11 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "a sample that cannot be read has failed")]
 
 use std::path::{Path, PathBuf};
-use thinlens::methods;
+use thinlens::methods::{self, METHODS};
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::EffectKind;
-use thinlens::settings::{Preset, Values};
+use thinlens::settings::{MethodParameters, Preset, Values};
 use thinlens::stack::{Source, StackKind, read_picture};
 
 fn folder(scene: &str) -> PathBuf {
@@ -62,5 +62,55 @@ fn the_default_method_answers_the_reference_methods_question() {
         };
         let db = score(&picture("shear"), &picture("accumulate"), 0).unwrap().psnr_db;
         assert!(db > 45.0, "{scene}: {db:.2} dB apart");
+    }
+}
+
+#[test]
+fn the_default_method_is_nearer_the_true_lens_than_any_paper_s() {
+    for scene in ["fence", "table"] {
+        let (default, _) = psnr_db(scene, "stack.exr", 64);
+        let reference = read_picture(&folder(scene).join("reference.exr")).unwrap();
+        for info in METHODS.iter().map(|method| method.info()).filter(|info| info.role == "paper") {
+            let mut job = job(scene, "stack.exr", info.name, 64);
+            job.flags.views = None;
+            let image = render(&job, &|_| {}).unwrap().image;
+            let db = score(&image, &reference, 0).unwrap().psnr_db;
+            assert!(default > db, "{scene}: default {default:.2} dB, {} {db:.2} dB", info.name);
+        }
+    }
+}
+
+#[test]
+fn methods_that_read_the_peels_see_through_the_fence_and_those_that_read_one_picture_do_not() {
+    let reference = read_picture(&folder("fence").join("reference.exr")).unwrap();
+    for (method, sees_through) in [
+        ("recursive-gaussian", true),
+        ("b-buffer", true),
+        ("point-splat", true),
+        ("layer-rays", true),
+        ("opaque-blur", false),
+        ("pyramid-disocclusion", false),
+        ("gather", false),
+        ("scatter", false),
+    ] {
+        let mut job = job("fence", "stack.exr", method, 64);
+        job.flags.views = None;
+        let db = score(&render(&job, &|_| {}).unwrap().image, &reference, 0).unwrap().psnr_db;
+        let expected = if sees_through { 28.0..40.0 } else { 20.0..26.0 };
+        assert!(expected.contains(&db), "{method}: {db:.2} dB, not within {expected:?}");
+    }
+}
+
+#[test]
+fn an_infinite_f_number_gives_the_stack_as_the_camera_saw_it_with_every_method() {
+    for method in METHODS {
+        let mut job = job("fence", "stack.exr", method.info().name, 64);
+        job.flags.f_number = Some(f32::INFINITY);
+        if method.lens_samples(&MethodParameters::default()).is_none() {
+            job.flags.views = None;
+        }
+        let prepared = prepare(&job).unwrap();
+        let seen = prepared.scene.pinhole();
+        assert_eq!(prepared.blur(&|_| {}).unwrap().image, seen, "{}", method.info().name);
     }
 }

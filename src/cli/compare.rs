@@ -8,7 +8,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use thinlens::compare::{Comparison, Contender, Entry, all, mark_front};
 use thinlens::error::Error;
-use thinlens::metrics::Pair;
+use thinlens::metrics::{Pair, check_size};
 use thinlens::output::{atomic, png, report};
 use thinlens::probes::FEWEST_PROBES;
 use thinlens::render::prepare;
@@ -68,6 +68,9 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
     let reference = args.reference.as_deref().map(read_picture).transpose()?;
     let prepared = prepare(&stack_job(&args.input, &args.lens, Carry::None)?)?;
     console.findings(&prepared.stack.findings);
+    if let Some(reference) = &reference {
+        check_size(prepared.scene.picture_size(), reference)?;
+    }
     let comparison = Comparison {
         prepared: &prepared,
         reference: reference.as_ref(),

@@ -59,17 +59,7 @@ impl Pair {
     /// # Errors
     /// [`crate::error::ErrorKind::Input`] for pictures that differ in size or have no pixels.
     pub fn new(image: &Image, reference: &Image, border_px: usize) -> Result<Self, Error> {
-        let size = |image: &Image| (image.width(), image.height());
-        let text = |image: &Image| format!("{}×{}", image.width(), image.height());
-        if size(image) != size(reference) {
-            return Err(Error::input("the pictures differ in size")
-                .with("image", text(image))
-                .with("reference", text(reference))
-                .help("compare renders of one resolution and one data window"));
-        }
-        if image.width() * image.height() == 0 {
-            return Err(Error::input("the pictures have no pixels").with("size", text(image)));
-        }
+        check_size((image.width(), image.height()), reference)?;
         let room = (image.width().min(image.height()) / 2).saturating_sub(KEPT_BY_BORDER_PX);
         let border = border_px.min(room);
         Ok(Self { image: crop(image, border), reference: crop(reference, border) })
@@ -96,6 +86,25 @@ impl Pair {
     pub fn hdr_flip(&self) -> f64 {
         mean_of(&hdr_flip(&self.image, &self.reference))
     }
+}
+
+/// Checks that a picture of width and height `size` can be compared with `reference`.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Input`] for sizes that differ, or without pixels.
+pub fn check_size(size: (usize, usize), reference: &Image) -> Result<(), Error> {
+    let text = |(width, height): (usize, usize)| format!("{width}×{height}");
+    let reference_size = (reference.width(), reference.height());
+    if size != reference_size {
+        return Err(Error::input("the pictures differ in size")
+            .with("image", text(size))
+            .with("reference", text(reference_size))
+            .help("compare renders of one resolution and one data window"));
+    }
+    if size.0 * size.1 == 0 {
+        return Err(Error::input("the pictures have no pixels").with("size", text(size)));
+    }
+    Ok(())
 }
 
 /// [`Pair::score`] of `image` against `reference`.
