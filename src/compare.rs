@@ -14,9 +14,6 @@ use crate::settings::{Origin, Settings, Sourced};
 use std::fmt;
 use std::str::FromStr;
 
-/// The same comparison looks at the same pixels.
-const PROBE_SEED: u64 = 1;
-
 /// A method with a number of lens samples: `NAME`, or `NAME:VIEWS`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Contender {
@@ -134,7 +131,7 @@ impl Comparison<'_> {
             cpu_seconds: median(runs.iter().map(|run| run[0])),
             seconds: median(runs.iter().map(|run| run[1])),
             runs: runs.len(),
-            sampling: probes::verify(&image, scene, &plan, self.probes, PROBE_SEED),
+            sampling: probes::verify(&image, scene, &plan, self.probes, probes::SEED),
             model: model.map(|pair| pair.score()),
             on_front: false,
         };

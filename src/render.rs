@@ -17,9 +17,6 @@ use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
 
-/// The same job looks at the same pixels.
-const PROBE_SEED: u64 = 1;
-
 /// A preset and the name it was asked for by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedPreset {
@@ -123,7 +120,7 @@ impl Prepared {
         let kept = verify.map(|probes| (scene.clone(), probes));
         let image = clock.time(Stage::Blur, || methods::render(scene, &plan, progress))?;
         let probe = kept.map(|(scene, probes)| {
-            clock.time(Stage::Verify, || probes::verify(&image, &scene, &plan, probes, PROBE_SEED))
+            clock.time(Stage::Verify, || probes::verify(&image, &scene, &plan, probes, probes::SEED))
         });
         let frame = picture_frame(&stack.frame, stack.supersample);
         Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, probe, clock })

@@ -10,6 +10,9 @@ use thinlens::render::{Job, NamedPreset};
 use thinlens::settings::{DepthConvention, Focus, Preset, SensorDistance, Values};
 use thinlens::stack::{Carry, ReadOptions, Source};
 
+/// Pixels at which a sampling error is measured unless the user says how many.
+pub(super) const DEFAULT_PROBES: &str = "400";
+
 /// Everything that decides a picture.
 #[derive(Debug, Args)]
 pub(super) struct JobArgs {

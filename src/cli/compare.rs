@@ -1,6 +1,6 @@
 //! `thinlens compare`.
 
-use super::args::{InputArgs, LensArgs, stack_job};
+use super::args::{DEFAULT_PROBES, InputArgs, LensArgs, stack_job};
 use super::console::{Console, print, print_json};
 use super::{Failure, checks};
 use clap::Args;
@@ -39,7 +39,7 @@ pub(super) struct CompareArgs {
           value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     /// Pixels at which the sampling error is measured
-    #[arg(long, value_name = "PIXELS", default_value_t = 400, help_heading = "Method",
+    #[arg(long, value_name = "PIXELS", default_value = DEFAULT_PROBES, help_heading = "Method",
           value_parser = clap::value_parser!(u32).range(FEWEST_PROBES as i64..))]
     probes: u32,
     /// A true render with the lens on, for the model error

@@ -1,6 +1,6 @@
 //! `thinlens render`.
 
-use super::args::JobArgs;
+use super::args::{DEFAULT_PROBES, JobArgs};
 use super::console::{Console, print_json};
 use super::{Failure, checks, usage_error};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -37,7 +37,7 @@ pub(super) struct RenderArgs {
         long,
         value_name = "PIXELS",
         num_args = 0..=1,
-        default_missing_value = "400",
+        default_missing_value = DEFAULT_PROBES,
         value_parser = clap::value_parser!(u32).range(FEWEST_PROBES as i64..),
         help_heading = "Output"
     )]

@@ -55,9 +55,6 @@ impl Method for BBuffer {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let frame = scene.picture_size();
         let mut peels = shared::peels(scene, plan);
-        if let Some(backdrop) = peels.last_mut().filter(|_| plan.does(EffectKind::OpenBackground)) {
-            backdrop.sheet.coverage.values_mut().fill(1.0);
-        }
         cull(&mut peels, frame, plan.parameters.b_buffer.same_surface_px);
         let fields = [Side::Near, Side::Far].map(|side| Field::new(side, plan, frame));
         let levels = fields.iter().map(|field| field.top).max().unwrap_or(0);
@@ -99,6 +96,9 @@ const DEVIATIONS: &[Deviation] = &[
     },
 ];
 
+/// What lies within this share of the winner's CoC radius is of its level, where z is forgotten: it cannot be told apart.
+const SAME_SURFACE_SHARE: f32 = 0.5;
+
 /// What is known of a pixel while its list of contributions is culled, nearest first.
 #[derive(Debug, Clone, Copy)]
 struct Culling {
@@ -115,7 +115,7 @@ impl Culling {
 
     /// The share of the next contribution that is kept.
     fn keep(&mut self, alpha: f32, coc_px: f32, same_surface_px: f32) -> f32 {
-        let same_px = same_surface_px.max(0.5 * self.surface_px.abs());
+        let same_px = same_surface_px.max(SAME_SURFACE_SHARE * self.surface_px.abs());
         if alpha <= 0.0 || self.closed || (coc_px - self.surface_px).abs() < same_px {
             return 0.0;
         }

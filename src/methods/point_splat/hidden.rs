@@ -125,7 +125,8 @@ impl Hiding {
 
     /// CoC radius from which a fragment behind a visible one at `visible_px` is hidden by it, not a part of it.
     pub(super) fn hidden_from_px(&self, visible_px: f32) -> f32 {
-        visible_px + self.epsilon_px
+        // A threshold of nothing must not make the visible fragment hide itself.
+        (visible_px + self.epsilon_px).max(visible_px.next_up())
     }
 
     /// Whether what the pixel `x, y` hides may show: it is not behind focus, and a depth change is near.
@@ -199,6 +200,14 @@ mod tests {
             None,
             "half a pixel does not"
         );
+    }
+
+    #[test]
+    fn nothing_hides_itself_however_small_the_threshold() {
+        let hiding = Hiding::new(0.0, 0.0, [-8.0, 5.0]);
+        let peels = [peel(1.0, 1.0, -8.0), peel(4.0, 1.0, 5.0)];
+        let hidden = seen::<3>(&peels, (0, 0), hiding.hidden_from_px(-8.0)).unwrap();
+        assert_eq!(hidden.coc_px, 5.0, "what is behind, not the visible fragment");
     }
 
     #[test]

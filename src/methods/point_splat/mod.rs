@@ -36,7 +36,7 @@ mod reduce;
 mod splat;
 mod sprites;
 
-use super::shared::{Peel, peels, picture};
+use super::shared::{Peel, coc_range_px, peels, picture};
 use super::{Deviation, Law, Method, MethodInfo, Progress};
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -51,7 +51,7 @@ use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
 
 /// What the method's three layers, and its one hidden image, cannot do.
-static DEVIATIONS: [Deviation; 5] = [
+static DEVIATIONS: [Deviation; 4] = [
     Deviation {
         law: Law::Place,
         within: [0.0, 0.501],
@@ -66,11 +66,6 @@ static DEVIATIONS: [Deviation; 5] = [
         law: Law::NoCracksAcrossCorners,
         within: [0.25, 0.32],
         reason: "of a slanted surface less than one arrives in its own layer (eq. 6), and eq. 7 takes the rest for see-through",
-    },
-    Deviation {
-        law: Law::Transparency,
-        within: [0.99, 1.27],
-        reason: "a single peel has no hidden image (section 3.2), so what is in front of focus stays opaque within its outline",
     },
     Deviation {
         law: Law::Convergence,
@@ -97,18 +92,11 @@ impl Method for PointSplat {
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let size = scene.picture_size();
-        let mut peels = peels(scene, plan);
-        let open = plan.does(EffectKind::OpenBackground);
-        // Of a single peel nothing is known that it hides; behind the last of several there is the open background.
-        if open
-            && peels.len() > 2
-            && let Some(backdrop) = peels.last_mut()
-        {
-            backdrop.sheet.coverage.values_mut().fill(1.0);
-        }
-        let content = match open {
-            true => scatter::<4>(peels, size, plan, progress),
-            false => scatter::<3>(peels, size, plan, progress),
+        let peels = peels(scene, plan);
+        let content = if plan.does(EffectKind::OpenBackground) {
+            scatter::<4>(peels, size, plan, progress)
+        } else {
+            scatter::<3>(peels, size, plan, progress)
         };
         Ok(picture(content))
     }
@@ -122,7 +110,7 @@ fn scatter<const N: usize>(
     progress: &Progress<'_>,
 ) -> Vec<Plane> {
     let parameters = &plan.parameters.point_splat;
-    let hiding = Hiding::new(parameters.epsilon, parameters.edge, plan.coc_range_px);
+    let hiding = Hiding::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
     let sprites = Sprites::new(plan.aperture, &parameters.intensity);
     let visible_px = visible_coc_px(&peels, (width, height));
     let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);

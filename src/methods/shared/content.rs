@@ -2,8 +2,8 @@
 //!
 //! Such methods divide what they gathered by the coverage they gathered. That is right only where coverage means "something
 //! is known here", so the two meanings of alpha are kept apart: *coverage* is whether a layer knows a pixel, *content* is
-//! what it knows of it, namely red, green, blue and, where the background is open, alpha. Where nothing is, and the
-//! background is open, that nothing is known too: a backdrop of full coverage and empty content.
+//! what it knows of it, namely red, green, blue and, where the background is open, alpha. An open background is known too: behind
+//! everything a backdrop of full coverage and empty content.
 
 use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
@@ -42,21 +42,23 @@ fn backdrop_coc_px(plan: &Plan) -> f32 {
     plan.coc_range_px[1].max(0.0)
 }
 
+/// Least and greatest CoC radius in pixels of what the peels hold, an open background's included.
+pub(in crate::methods) fn coc_range_px(plan: &Plan) -> [f32; 2] {
+    let [near, far] = plan.coc_range_px;
+    [near, if plan.does(EffectKind::OpenBackground) { backdrop_coc_px(plan) } else { far }]
+}
+
 /// The layers of `scene` at one sample a pixel, nearest first, and the backdrop of an open background.
 pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
     let scene = scene.merged();
     let open = plan.does(EffectKind::OpenBackground);
-    let backdrop = open.then(|| {
-        let mut coverage = Plane::filled(scene.width(), scene.height(), 1.0);
-        for layer in &scene.layers {
-            let values = coverage.values_mut().par_iter_mut().zip(layer.alpha.values());
-            values.for_each(|(left, &alpha)| *left *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha });
-        }
-        // What shows through all layers, behind them: over what they cover it is hidden again.
-        coverage.values_mut().par_iter_mut().for_each(|left| *left = if *left > 0.0 { 1.0 } else { 0.0 });
-        let content = vec![Plane::zeros(scene.width(), scene.height()); 4];
-        let coc_px = Plane::filled(scene.width(), scene.height(), backdrop_coc_px(plan));
-        Peel { sheet: Sheet { content, coverage }, coc_px }
+    let (width, height) = (scene.width(), scene.height());
+    let backdrop = open.then(|| Peel {
+        sheet: Sheet {
+            content: vec![Plane::zeros(width, height); 4],
+            coverage: Plane::filled(width, height, 1.0),
+        },
+        coc_px: Plane::filled(width, height, backdrop_coc_px(plan)),
     });
     let layers = scene.layers.into_iter().map(|layer| {
         let alpha = open.then(|| layer.alpha.clone());
@@ -169,4 +171,82 @@ pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
     });
     let alpha = alpha.unwrap_or_else(|| Plane::filled(red.width(), red.height(), 1.0));
     Image { planes: [red, green, blue, alpha] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Layer;
+    use crate::settings::{MethodParameters, Origin, Settings, Values};
+    use crate::stack::StackKind;
+
+    /// A scene one pixel high: for each layer the colour, alpha and CoC radius of its pixels.
+    fn scene<const W: usize>(layers: &[[(f32, f32, f32); W]]) -> Scene {
+        let plane = |layer: &[(f32, f32, f32); W], value: fn(&(f32, f32, f32)) -> f32| {
+            Plane::from_fn(W, 1, |x, _| value(&layer[x]))
+        };
+        let layers = layers.iter().map(|layer| Layer {
+            color: std::array::from_fn(|_| plane(layer, |pixel| pixel.0)),
+            alpha: plane(layer, |pixel| pixel.1),
+            coc_px: plane(layer, |pixel| pixel.2),
+        });
+        Scene {
+            layers: layers.collect(),
+            kind: StackKind::Coverage,
+            supersample: 1,
+            coc_infinity_px: 100.0,
+            limited_fragments: 0,
+        }
+    }
+
+    fn plan(scene: &Scene) -> Plan {
+        let values = Values { method: Some("scatter".to_owned()), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        crate::methods::plan(&scene.facts(), &settings).unwrap()
+    }
+
+    #[test]
+    fn an_open_background_is_one_more_peel_of_known_nothing_behind_everything() {
+        let scene = scene(&[[(0.5, 1.0, -6.0), (0.0, 0.0, 0.0)]]);
+        let plan = plan(&scene);
+        let peels = peels(scene, &plan);
+        assert_eq!(peels.len(), 2);
+        assert_eq!(peels[0].sheet.content[3].values(), [1.0, 0.0], "what there is, is opaque");
+        assert_eq!(peels[1].sheet.coverage.values(), [1.0; 2], "known behind the object too");
+        assert_eq!(peels[1].sheet.content[3].values(), [0.0; 2], "and transparent");
+        assert_eq!(coc_range_px(&plan), [-6.0, 0.0], "in focus, as nothing lies behind focus");
+    }
+
+    #[test]
+    fn a_closed_background_needs_neither_alpha_nor_backdrop() {
+        let scene = scene(&[[(0.5, 1.0, -6.0), (0.2, 1.0, 3.0)]]);
+        let plan = plan(&scene);
+        let peels = peels(scene, &plan);
+        assert_eq!((peels.len(), peels[0].sheet.content.len()), (1, 3));
+        assert_eq!(coc_range_px(&plan), [-6.0, 3.0]);
+    }
+
+    #[test]
+    fn the_camera_sees_all_colours_and_the_depth_of_what_shows_most() {
+        // A quarter of red 0.2 over 0.6 of 0.3 more: 0.2 + 0.75 · 0.3 of the 0.25 + 0.75 · 0.6 = 0.7 that is known.
+        let scene = scene(&[[(0.2, 0.25, -6.0)], [(0.3, 0.6, 4.0)]]);
+        let plan = plan(&scene);
+        let Visible { content, coc_px } = visible(scene, &plan);
+        assert!((content[0].get(0, 0) - 0.425 / 0.7).abs() < 1e-6, "{}", content[0].get(0, 0));
+        assert_eq!(coc_px.get(0, 0), 4.0);
+    }
+
+    #[test]
+    fn a_sheet_over_another_lets_through_what_it_does_not_know_and_is_divided_by_what_is_known() {
+        let sheet = |content, coverage| Sheet {
+            content: vec![Plane::filled(1, 1, content); 3],
+            coverage: Plane::filled(1, 1, coverage),
+        };
+        let mut front = sheet(0.1, 0.5);
+        front.over(&sheet(0.4, 0.5));
+        assert_eq!((front.content[0].get(0, 0), front.coverage.get(0, 0)), (0.1 + 0.5 * 0.4, 0.75));
+        let pixel = front.into_picture().pixel(0, 0);
+        assert!((pixel[0] - 0.4).abs() < 1e-6 && pixel[3] == 1.0, "{pixel:?}");
+        assert_eq!(Sheet::unknown(1, 1, 4).into_picture().pixel(0, 0), [0.0; 4], "nothing known");
+    }
 }

@@ -8,7 +8,7 @@ mod nbuffer;
 mod pyramid;
 mod sub_images;
 
-pub(super) use content::{Peel, Sheet, Visible, peels, picture, visible};
+pub(super) use content::{Peel, Sheet, Visible, coc_range_px, peels, picture, visible};
 pub(super) use disc::{DiscAreas, soft_area};
 #[cfg(test)]
 pub(super) use fragments::noise;
