@@ -37,6 +37,8 @@ pub struct Job {
     pub preset: Option<NamedPreset>,
     /// Values that outrank the preset.
     pub flags: Values,
+    /// Parameters of the method that outrank the preset's, `KEY=VALUE` each.
+    pub parameters: Vec<String>,
     /// Where to carry out the plan.
     pub device: DeviceChoice,
     /// How many pixels of the picture to compare with the stack's truth, if any.
@@ -102,7 +104,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let device = gpu::choose(job.device)?;
     check_methods(job)?;
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
-    let settings = resolve(job, &stack.camera);
+    let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
     let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
     let verify = job.verify;
@@ -189,10 +191,13 @@ fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> {
     preset.chain([(Origin::Flag, &job.flags)])
 }
 
-fn resolve(job: &Job, camera: &Values) -> Settings {
+fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
     let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
-    Settings::resolve(&layers, parameters)
+    let mut settings = Settings::resolve(&layers, parameters);
+    let method = methods::by_name(&settings.method.value)?.info().name;
+    job.parameters.iter().try_for_each(|setting| settings.parameters.set(method, setting))?;
+    Ok(settings)
 }
 
 /// The job's read options, with what its layers say about the file.
@@ -280,7 +285,7 @@ mod tests {
             flags: Values { f_number: Some(4.0), ..Values::default() },
             ..Job::default()
         };
-        let settings = resolve(&job, &camera);
+        let settings = resolve(&job, &camera).unwrap();
         assert_eq!((settings.lens.f_number.value, settings.lens.f_number.origin), (4.0, Origin::Flag));
         assert_eq!(
             (settings.lens.blades.value, settings.lens.blades.origin),

@@ -260,6 +260,19 @@ fn a_render_can_say_how_large_its_sampling_error_is() {
 }
 
 #[test]
+fn a_parameter_of_the_method_can_be_set_by_a_flag() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = ["render", STACK, "--method", "scatter", "--report", "r.json", "-o", "a.exr"];
+    let set = run(folder.path(), &[render.as_slice(), &["--set", "saturation=0.5"]].concat());
+    assert!(set.status.success(), "{}", stderr(&set));
+    let report: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("r.json")).unwrap()).unwrap();
+    assert_eq!(report["plan"]["parameters"]["saturation"], 0.5);
+    let wrong = run(folder.path(), &[render.as_slice(), &["--set", "saturatoin=0.5"]].concat());
+    assert!(stderr(&wrong).contains("did you mean 'saturation'?"), "{}", stderr(&wrong));
+}
+
+#[test]
 fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
     let folder = tempfile::tempdir().unwrap();
     let sample = |name: &str| format!("{}/samples/fence/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -277,7 +290,7 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
     }
     let csv = fs::read_to_string(folder.path().join("out/results.csv")).unwrap();
     let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!(columns, [12; 3], "{csv}");
+    assert_eq!(columns, [13; 3], "{csv}");
 
     let table = stdout(&run(folder.path(), &[common.as_slice(), &["--methods", "scatter"]].concat()));
     assert!(table.contains("* scatter"), "alone it is on the front: {table}");

@@ -106,6 +106,11 @@ struct MethodArgs {
     /// Lens samples a pixel; the method's own by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
+    /// A parameter of the method; may be given again
+    ///
+    /// `thinlens methods NAME` shows the parameters of a method, each with its range.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Where to compute
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: DeviceArg,
@@ -152,6 +157,7 @@ impl JobArgs {
                 views: method.views.map(|views| views as usize),
                 ..job.flags
             },
+            parameters: method.set.clone(),
             device: match method.device {
                 DeviceArg::Auto => DeviceChoice::Auto,
                 DeviceArg::Cpu => DeviceChoice::Cpu,

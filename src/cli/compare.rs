@@ -6,7 +6,7 @@ use super::{Failure, checks};
 use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use thinlens::compare::{Comparison, Contender, Entry, all, mark_front};
+use thinlens::compare::{Comparison, Contender, Entry, mark_front};
 use thinlens::error::Error;
 use thinlens::metrics::{Pair, check_size};
 use thinlens::output::{atomic, png, report};
@@ -28,11 +28,12 @@ pub(super) struct CompareArgs {
     input: InputArgs,
     #[command(flatten)]
     lens: LensArgs,
-    /// NAME or NAME:VIEWS each; all by default
+    /// NAME, NAME:VIEWS or NAME:KEY=VALUE each; all by default
     ///
-    /// "all" leaves out the reference, accumulate, which is the truth that the sampling error is measured by; name it to have
+    /// A name alone is the method as the job would run it; several settings are joined by +. "all" runs every method at its
+    /// steps from rough to fine. It leaves out the reference, accumulate, which is the truth that the sampling error is measured by; name it to have
     /// it measured too.
-    #[arg(long, value_name = "A,B:64,…", value_delimiter = ',', help_heading = "Method")]
+    #[arg(long, value_name = "A,B:64,C:KEY=VALUE,…", value_delimiter = ',', help_heading = "Method")]
     methods: Vec<String>,
     /// How often each runs; its time is the median
     #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Method",
@@ -55,8 +56,8 @@ pub(super) struct CompareArgs {
 
 pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> {
     let contenders = match args.methods.as_slice() {
-        [] => all(),
-        [all_of_them] if all_of_them == "all" => all(),
+        [] => Contender::all(),
+        [all_of_them] if all_of_them == "all" => Contender::all(),
         named => named.iter().map(|text| text.parse()).collect::<Result<Vec<Contender>, Error>>()?,
     };
     if let Some(folder) = &args.output {
@@ -105,7 +106,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
 
 /// The picture and the error map of a contender.
 fn files(folder: &Path, contender: &Contender) -> [PathBuf; 2] {
-    let name = contender.to_string().replace(':', "-");
+    let name = contender.to_string().replace([':', '=', '+'], "-");
     [folder.join(format!("{name}.png")), folder.join(format!("{name}-flip.png"))]
 }
 
@@ -121,11 +122,11 @@ fn figure(value: Option<f64>, digits: usize) -> String {
 
 fn csv(entries: &[Entry]) -> String {
     let mut text =
-        "method,views,cpu_seconds,seconds,runs,sampling_psnr_db,sampling_least_db,sampling_most_db,\
+        "name,method,views,cpu_seconds,seconds,runs,sampling_psnr_db,sampling_least_db,sampling_most_db,\
                     model_psnr_db,model_ssim,model_flip,on_front\n"
             .to_owned();
     for entry in entries {
-        let Entry { method, cpu_seconds, seconds, runs, sampling, model, on_front, .. } = entry;
+        let Entry { name, method, cpu_seconds, seconds, runs, sampling, model, on_front, .. } = entry;
         let views = entry.views.map_or(String::new(), |views| views.to_string());
         let (least, most) = sampling.interval_db;
         let [psnr, least, most] = [sampling.psnr_db, Some(least), most].map(|db| figure(db, 3));
@@ -134,7 +135,7 @@ fn csv(entries: &[Entry]) -> String {
         let flip = figure(model.map(|score| score.flip), 5);
         let _ = writeln!(
             text,
-            "{method},{views},{cpu_seconds:.4},{seconds:.4},{runs},{psnr},{least},{most},{model_psnr},{ssim},{flip},{on_front}"
+            "{name},{method},{views},{cpu_seconds:.4},{seconds:.4},{runs},{psnr},{least},{most},{model_psnr},{ssim},{flip},{on_front}"
         );
     }
     text
@@ -145,21 +146,17 @@ fn table(entries: &[Entry]) -> String {
     let mut sorted: Vec<&Entry> = entries.iter().collect();
     sorted.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
     let with_model = entries.iter().any(|entry| entry.model.is_some());
-    let mut text = format!(
-        "  {:<22}{:>7}{:>9}{:>9}  {:<22}",
-        "method", "views", "CPU s", "wall s", "sampling error, dB"
-    );
+    let mut text = format!("  {:<36}{:>9}{:>9}  {:<22}", "method", "CPU s", "wall s", "sampling error, dB");
     text += if with_model { "model error, dB    SSIM    FLIP\n" } else { "\n" };
     for entry in sorted {
         let star = if entry.on_front { '*' } else { ' ' };
-        let views = entry.views.map_or("-".to_owned(), |views| views.to_string());
         let (least, most) = entry.sampling.interval_db;
         let most = most.map_or("any".to_owned(), |most| format!("{most:.1}"));
         let sampling = format!("{:>5} ({least:.1} … {most})", figure(entry.sampling.psnr_db, 1));
         let _ = write!(
             text,
-            "{star} {:<22}{views:>7}{:>9.3}{:>9.3}  {sampling:<22}",
-            entry.method, entry.cpu_seconds, entry.seconds
+            "{star} {:<36}{:>9.3}{:>9.3}  {sampling:<22}",
+            entry.name, entry.cpu_seconds, entry.seconds
         );
         if let Some(score) = &entry.model {
             let _ = write!(text, "{:>15.2}{:>8}{:>8.4}", score.psnr_db, figure(score.ssim, 4), score.flip);

@@ -36,6 +36,7 @@ impl Method for Accumulate {
             role: "reference",
             summary: "lens rays against the stack, one by one, no shortcut",
             effects: &[],
+            steps: &["16", "64", "256"],
             deviations: &[],
         }
     }

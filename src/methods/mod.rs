@@ -41,6 +41,8 @@ pub struct MethodInfo {
     pub summary: &'static str,
     /// The steps beside the blur itself that it has; a plan switches off all others.
     pub effects: &'static [EffectKind],
+    /// Settings from rough and quick to fine and slow, as they follow the name of a contender: what a comparison runs.
+    pub steps: &'static [&'static str],
     /// The laws that it breaks by design.
     pub deviations: &'static [Deviation],
 }

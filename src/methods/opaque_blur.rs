@@ -38,6 +38,7 @@ impl Method for OpaqueBlur {
             role: "paper",
             summary: "sub-images by depth of the pinhole picture, blurred without ever lowering their opacity",
             effects: &[EffectKind::Merge],
+            steps: &["first_radius_px=3.4", "first_radius_px=1.7", "first_radius_px=0.85"],
             deviations: DEVIATIONS,
         }
     }

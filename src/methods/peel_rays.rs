@@ -44,6 +44,7 @@ impl Method for PeelRays {
             role: "baseline",
             summary: "lens rays marched through the peels' height fields",
             effects: &[],
+            steps: &["16", "64", "256"],
             deviations: &[Deviation {
                 law: Law::NoCracksAcrossCorners,
                 within: [-0.001, 0.02],

@@ -38,6 +38,7 @@ impl Method for PyramidDisocclusion {
             role: "baseline",
             summary: "sub-images by depth of the pinhole picture, what nearer ones hide filled from its surroundings",
             effects: &[EffectKind::Merge],
+            steps: &["first_radius_px=3.4", "first_radius_px=1.7", "first_radius_px=0.85"],
             deviations: DEVIATIONS,
         }
     }

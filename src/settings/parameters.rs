@@ -3,6 +3,7 @@
 //! A parameter is declared once, with its default, its range and its meaning; the type that methods read, the preset's
 //! schema, every error message and `thinlens methods NAME` follow from that.
 
+use super::nearest;
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
@@ -249,6 +250,43 @@ impl MethodParameters {
         tables[method].take()
     }
 
+    /// Sets one parameter of the method called `method`, as `KEY=VALUE` with the value as a preset would have it; quotes around
+    /// `auto` may be left out.
+    ///
+    /// # Errors
+    /// What is no such pair, an unknown key (with the nearest known one) and a value that the parameter cannot have.
+    ///
+    /// # Panics
+    /// Never: what a parameter's kind allows, its type holds.
+    pub fn set(&mut self, method: &str, setting: &str) -> Result<(), Error> {
+        let known = Self::of(method);
+        let keys: Vec<&str> = known.iter().map(|parameter| parameter.name).collect();
+        let Some((key, text)) = setting.split_once('=') else {
+            return Err(Error::settings("a parameter is set by KEY=VALUE").with("found", setting).help(
+                format!("`thinlens methods {method}` shows the parameters of {method}, each with its range"),
+            ));
+        };
+        let Some(parameter) = known.iter().find(|parameter| parameter.name == key) else {
+            let help = match nearest(key, &keys) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => format!("the parameters of {method} are {}", keys.join(", ")),
+            };
+            return Err(Error::settings(format!("{method} has no parameter '{key}'")).help(help));
+        };
+        let value = match text.trim_matches('"') {
+            "auto" => Some(Json::Null),
+            text => serde_json::from_str(text).ok(),
+        };
+        let Some(value) = value.filter(|value| parameter.kind.allows(value)) else {
+            let what = format!("'{key}' of {method} must be {}", parameter.wanted());
+            return Err(Error::settings(what).with("found", text));
+        };
+        let mut tables = serde_json::to_value(&*self).expect("parameters are numbers, flags and lists");
+        tables[method][key] = value;
+        *self = serde_json::from_value(tables).expect("what a parameter's kind allows, its type holds");
+        Ok(())
+    }
+
     /// Checks every parameter of the method called `method`.
     ///
     /// # Errors
@@ -264,5 +302,37 @@ impl MethodParameters {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_is_set_by_its_key_and_a_value_as_in_a_preset() {
+        let mut parameters = MethodParameters::default();
+        parameters.set("layer-rays", "cones=false").unwrap();
+        parameters.set("recursive-gaussian", "layers=16").unwrap();
+        parameters.set("scatter", "saturation=0.5").unwrap();
+        parameters.set("point-splat", "intensity=[0.5,1]").unwrap();
+        assert!(!parameters.layer_rays.cones);
+        assert_eq!(parameters.recursive_gaussian.layers, Some(16));
+        assert_eq!(parameters.scatter.saturation, 0.5);
+        assert_eq!(parameters.point_splat.intensity, [0.5, 1.0]);
+        for auto in ["layers=auto", "layers=\"auto\""] {
+            parameters.set("recursive-gaussian", auto).unwrap();
+            assert_eq!(parameters.recursive_gaussian.layers, None, "{auto}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_that_cannot_be_set_says_why() {
+        let message = |setting| MethodParameters::default().set("scatter", setting).unwrap_err().to_string();
+        assert!(message("saturation").contains("KEY=VALUE"));
+        assert!(message("saturatoin=1").contains("did you mean 'saturation'?"));
+        assert!(message("saturation=0").contains("must be a number from 0.1 to 10"));
+        assert!(message("saturation=auto").contains("must be a number"), "auto is not for every parameter");
+        assert!(message("saturation=much").contains("must be a number"));
     }
 }

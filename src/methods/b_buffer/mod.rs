@@ -48,6 +48,7 @@ impl Method for BBuffer {
             role: "paper",
             summary: "contributions splatted into two pyramids, before and behind focus, at the level of their blur",
             effects: &[EffectKind::Merge],
+            steps: &["same_surface_px=0.25", "same_surface_px=0.5", "same_surface_px=1"],
             deviations: DEVIATIONS,
         }
     }

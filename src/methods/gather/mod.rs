@@ -55,6 +55,7 @@ impl Method for Gather {
             role: "baseline",
             summary: "each pixel the weighted mean of the visible pixels whose blur covers it",
             effects: &[EffectKind::Merge],
+            steps: &["64", "256", "1024"],
             deviations: DEVIATIONS,
         }
     }

@@ -58,6 +58,7 @@ impl Method for LayerRays {
             role: "paper",
             summary: "lens rays against depth layers, by false position, thickened to cones",
             effects: &[],
+            steps: &["8", "32", "128"],
             deviations: &[
                 Deviation {
                     law: Law::Energy,

@@ -86,6 +86,7 @@ impl Method for PointSplat {
             role: "paper",
             summary: "pixels scattered as sprites into three layers of each pixel that they reach",
             effects: &[EffectKind::Merge],
+            steps: &["hidden=false", "accelerated=true", "accelerated=false"],
             deviations: &DEVIATIONS,
         }
     }

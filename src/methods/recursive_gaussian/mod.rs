@@ -95,6 +95,7 @@ impl Method for RecursiveGaussian {
             role: "paper",
             summary: "depth layers matted out of the peels, blurred and composed in a cascade of Gaussians",
             effects: &[EffectKind::Merge],
+            steps: &["layers=4", "layers=16", "layers=auto"],
             deviations: &DEVIATIONS,
         }
     }

@@ -41,6 +41,7 @@ impl Method for Scatter {
             role: "baseline",
             summary: "each visible pixel a disc of its blur, nearest first until a pixel is full",
             effects: &[EffectKind::Merge],
+            steps: &["saturation=0.5", "saturation=1", "saturation=2"],
             deviations: DEVIATIONS,
         }
     }

@@ -64,6 +64,7 @@ impl Method for Shear {
                 EffectKind::Prefilter,
                 EffectKind::Resolve,
             ],
+            steps: &["16", "64", "256"],
             deviations: &[Deviation {
                 law: Law::NoCracksAcrossCorners,
                 within: [0.0, 0.02],

@@ -3,6 +3,10 @@
 //! Two errors, never mixed: the *sampling error*, against what the stack itself says ([`crate::probes`]), which is always
 //! known, and the *model error*, against a true render, where there is one.
 
+mod contender;
+
+pub use contender::Contender;
+
 use crate::error::Error;
 use crate::image::Image;
 use crate::methods;
@@ -10,59 +14,12 @@ use crate::metrics::{Pair, Score};
 use crate::output::usage::Stopwatch;
 use crate::probes::{self, Verdict};
 use crate::render::Prepared;
-use crate::settings::{Origin, Settings, Sourced};
-use std::fmt;
-use std::str::FromStr;
-
-/// A method with a number of lens samples: `NAME`, or `NAME:VIEWS`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Contender {
-    /// Name of the method.
-    pub method: &'static str,
-    /// Lens samples a pixel; the method's own number where none is given.
-    pub views: Option<usize>,
-}
-
-impl FromStr for Contender {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let (name, views) = match text.split_once(':') {
-            None => (text, None),
-            Some((name, views)) => {
-                let number = views.parse().map_err(|_| {
-                    Error::settings("what follows a method's name and a colon is a number of views")
-                        .with("found", text)
-                        .help("write shear:64, or the name alone")
-                })?;
-                (name, Some(number))
-            }
-        };
-        Ok(Self { method: methods::by_name(name)?.info().name, views })
-    }
-}
-
-impl fmt::Display for Contender {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.views {
-            Some(views) => write!(f, "{}:{views}", self.method),
-            None => f.write_str(self.method),
-        }
-    }
-}
-
-/// Every method but the reference, which is the truth that the others are measured by.
-pub fn all() -> Vec<Contender> {
-    let infos = methods::METHODS.iter().map(|method| method.info());
-    infos
-        .filter(|info| info.role != "reference")
-        .map(|info| Contender { method: info.name, views: None })
-        .collect()
-}
 
 /// What became of one contender.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Entry {
+    /// The contender as the command line writes it.
+    pub name: String,
     /// Name of the method.
     pub method: &'static str,
     /// Lens samples a pixel; `null` for a method that does not sample the lens.
@@ -108,13 +65,7 @@ impl Comparison<'_> {
     /// Those of the plan and of the method, and a reference of another size.
     pub fn run(&self, contender: &Contender) -> Result<(Entry, Image), Error> {
         let Prepared { scene, facts, settings, .. } = self.prepared;
-        let flag = |value| Sourced { value, origin: Origin::Flag };
-        let settings = Settings {
-            method: Sourced { value: contender.method.to_owned(), origin: Origin::Flag },
-            views: contender.views.map_or(settings.views.clone(), |views| flag(Some(views))),
-            ..settings.clone()
-        };
-        let plan = methods::plan(facts, &settings)?;
+        let plan = methods::plan(facts, &contender.settings(settings)?)?;
         let mut runs = Vec::with_capacity(self.repeats);
         let mut picture = None;
         for _ in 0..self.repeats.max(1) {
@@ -126,6 +77,7 @@ impl Comparison<'_> {
         let image = picture.unwrap_or_default();
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let entry = Entry {
+            name: contender.to_string(),
             method: plan.method,
             views: plan.views,
             cpu_seconds: median(runs.iter().map(|run| run[0])),
@@ -163,6 +115,7 @@ mod tests {
         let sampling =
             Verdict { psnr_db: Some(psnr_db), interval_db: (psnr_db, None), pixels: 1, rays_per_pixel: 1 };
         Entry {
+            name: "shear".to_owned(),
             method: "shear",
             views: None,
             cpu_seconds,
@@ -172,15 +125,6 @@ mod tests {
             model: None,
             on_front: false,
         }
-    }
-
-    #[test]
-    fn a_contender_is_a_method_with_or_without_views() {
-        let parse = |text: &str| text.parse::<Contender>();
-        assert_eq!(parse("scatter").unwrap(), Contender { method: "scatter", views: None });
-        assert_eq!(parse("shear:64").unwrap().to_string(), "shear:64");
-        assert!(parse("sheer").unwrap_err().to_string().contains("did you mean 'shear'?"));
-        assert!(parse("shear:many").unwrap_err().to_string().contains("number of views"));
     }
 
     #[test]
