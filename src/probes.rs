@@ -1,8 +1,11 @@
-//! PROBES: the sampling error of a picture, from the stack's own truth at a few hundred of its pixels.
+//! PROBES: the sampling error of any picture, from the stack's own truth at a few hundred pixels.
 //!
 //! The truth at a pixel is what [`crate::methods::Volume`] says of it with very many rays. Squared differences to it at a few
 //! hundred pixels, drawn so that busy places are looked at more often and counted accordingly less, estimate the mean squared
 //! error of the whole picture, and with it its PSNR.
+//!
+//! *Once.* Where to look is decided by the pinhole picture and what the truth is by the stack: neither depends on the method, so
+//! one set of [`Probes`] serves any number of pictures of a scene.
 //!
 //! *Without bias.* Truth from finitely many rays is itself off, which would add to every difference. So the rays come in two
 //! halves `A`, `B`, independent of each other and of any method's samples, and the squared error of value `x` is estimated as
@@ -20,14 +23,14 @@
 use crate::image::{Image, Plane};
 use crate::lens::{View, moved_views};
 use crate::methods::Volume;
-use crate::metrics::{Rgb, display};
-use crate::scene::{Plan, Scene};
+use crate::metrics::{Rgb, display, displayed};
+use crate::scene::{Layer, Plan, Scene};
 use fastrand::Rng;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
-/// Seed of every report: the same picture is looked at in the same places.
+/// Seed of every report: the same scene is looked at in the same places.
 pub const SEED: u64 = 1;
 
 /// Strata that the pixels are cut into.
@@ -42,6 +45,9 @@ const FLOOR: f32 = 0.5;
 /// Fewest probes: two a stratum, below which there is no variance.
 pub const FEWEST_PROBES: usize = 2 * STRATA;
 
+/// Rays of each half of a truth that is to serve any picture, however good.
+pub const MANY_RAYS: usize = 1024;
+
 /// What the probes say of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Verdict {
@@ -55,63 +61,117 @@ pub struct Verdict {
     pub rays_per_pixel: usize,
 }
 
+/// Pixels of a scene's picture with the stack's truth at each.
+#[derive(Debug, Clone)]
+pub struct Probes {
+    strata: Vec<Stratum>,
+    rays_per_half: usize,
+}
+
+/// Pixels of one kind, some of them looked at.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Stratum {
+    /// How many there are.
+    size: usize,
+    /// Those that are looked at: row by row from the top, `y · width + x`.
+    pixels: Vec<usize>,
+    /// The truth at each of these: of two halves of rays, display-encoded.
+    truths: Vec<[[f32; 3]; 2]>,
+}
+
+impl Probes {
+    /// Looks at about `count` pixels of `scene` as `plan` has it, with two times `rays_per_half` rays each. The same `seed` looks at the
+    /// same pixels.
+    pub fn new(scene: &Scene, plan: &Plan, count: usize, rays_per_half: usize, seed: u64) -> Self {
+        let shown = scene.pinhole();
+        let contrast = contrast(&display(&[0, 1, 2].map(|k| shown.planes[k].clone())));
+        let strata = strata(&contrast, scene);
+        let each = count.max(FEWEST_PROBES).div_ceil(strata.len().max(1));
+        let volume = Volume::new(scene, plan);
+        let look = Look { volume: &volume, plan, width: contrast.width(), rays_per_half };
+        let mut rng = Rng::with_seed(seed);
+        let strata = strata.into_iter().map(|pixels| look.at(pixels, each, &mut rng)).collect();
+        Self { strata, rays_per_half }
+    }
+
+    /// The pixels that are looked at, `y · width + x` each.
+    pub fn pixels(&self) -> Vec<usize> {
+        self.strata.iter().flat_map(|stratum| stratum.pixels.iter().copied()).collect()
+    }
+
+    /// What is to be said of a picture whose [`Probes::pixels`] have these `values`: scene-linear red, green, blue, alpha.
+    pub fn judge(&self, values: &[[f32; 4]]) -> Verdict {
+        let mut rest = values;
+        let errors = self.strata.iter().map(|stratum| {
+            let (own, others) = rest.split_at(stratum.pixels.len());
+            rest = others;
+            StratumErrors { size: stratum.size, errors: stratum.errors(own) }
+        });
+        let (psnr_db, interval_db) = interval(&errors.collect::<Vec<_>>());
+        Verdict { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
+    }
+
+    /// What is to be said of `image`.
+    pub fn judge_image(&self, image: &Image) -> Verdict {
+        let width = image.width();
+        let value =
+            |pixel: usize| image.planes.each_ref().map(|plane| plane.get(pixel % width, pixel / width));
+        self.judge(&self.pixels().into_iter().map(value).collect::<Vec<_>>())
+    }
+}
+
 /// Looks at about `probes` pixels of `image`, the picture of `scene` as `plan` has it. The same `seed` looks at the same pixels.
 pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> Verdict {
-    let shown = display(&[0, 1, 2].map(|k| image.planes[k].clone()));
-    let volume = Volume::new(scene, plan);
-    let look = Look { volume: &volume, shown: &shown, plan };
-    let mut rng = Rng::with_seed(seed);
-    let mut strata = strata(&contrast(&shown), scene);
-    strata.iter_mut().for_each(|stratum| rng.shuffle(&mut stratum.pixels));
-    let probes = probes.max(FEWEST_PROBES);
-    let each = probes.div_ceil(strata.len().max(1));
-    for stratum in &mut strata {
-        look.at(stratum, each, &mut rng);
-    }
-    let (psnr_db, interval_db) = interval(&strata);
-    Verdict {
-        psnr_db,
-        interval_db,
-        pixels: strata.iter().map(|stratum| stratum.errors.len()).sum(),
-        rays_per_pixel: 2 * look.half(&mut rng).len(),
-    }
+    Probes::new(scene, plan, probes, MANY_RAYS, seed).judge_image(image)
+}
+
+/// `color` as a display shows it.
+fn shown([r, g, b, _]: [f32; 4]) -> [f32; 3] {
+    [r, g, b].map(displayed)
 }
 
 /// What it takes to look at a pixel.
 struct Look<'a> {
-    volume: &'a Volume<'a>,
-    shown: &'a Rgb,
+    volume: &'a Volume<&'a Layer>,
     plan: &'a Plan,
+    width: usize,
+    rays_per_half: usize,
 }
 
 impl Look<'_> {
-    /// Looks at the first `count` pixels of `stratum`, as far as it has them.
-    fn at(&self, stratum: &mut Stratum, count: usize, rng: &mut Rng) {
-        let seeds: Vec<(usize, u64)> =
-            stratum.pixels.iter().take(count).map(|&pixel| (pixel, rng.u64(..))).collect();
-        stratum.errors = seeds.into_par_iter().map(|(pixel, seed)| self.squared_error(pixel, seed)).collect();
+    /// Looks at `count` of `pixels`, as far as there are so many.
+    fn at(&self, mut pixels: Vec<usize>, count: usize, rng: &mut Rng) -> Stratum {
+        let size = pixels.len();
+        rng.shuffle(&mut pixels);
+        pixels.truncate(count);
+        let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
+        let truths = seeds.into_par_iter().map(|(pixel, seed)| self.truth(pixel, seed)).collect();
+        Stratum { size, pixels, truths }
     }
 
-    /// An unbiased estimate of the squared error of pixel `pixel`, mean of its three channels.
-    fn squared_error(&self, pixel: usize, seed: u64) -> f64 {
+    /// What two halves of the rays say of pixel `pixel`.
+    fn truth(&self, pixel: usize, seed: u64) -> [[f32; 3]; 2] {
         let mut rng = Rng::with_seed(seed);
-        let width = self.shown[0].width();
-        let (x, y) = (pixel % width, pixel / width);
-        let halves: [Rgb; 2] = std::array::from_fn(|_| {
-            let [r, g, b, _] = self.volume.pixel(x, y, &self.half(&mut rng));
-            display(&[r, g, b].map(|value| Plane::filled(1, 1, value)))
-        });
-        let channel = |k: usize| {
-            let value = self.shown[k].get(x, y);
-            let [a, b] = halves.each_ref().map(|half| f64::from(value - half[k].get(0, 0)));
-            a * b
-        };
-        (channel(0) + channel(1) + channel(2)) / 3.0
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        std::array::from_fn(|_| shown(self.volume.pixel(x, y, &self.half(&mut rng))))
     }
 
     /// Half the rays of a pixel, unlike any others.
     fn half(&self, rng: &mut Rng) -> Vec<View> {
-        moved_views(self.plan.aperture, rng.f32() * TAU, Vec2::new(rng.f32(), rng.f32()))
+        let (angle, shift) = (rng.f32() * TAU, Vec2::new(rng.f32(), rng.f32()));
+        moved_views(self.rays_per_half, self.plan.aperture, angle, shift)
+    }
+}
+
+impl Stratum {
+    /// Unbiased estimates of the squared error of `values`, one for each pixel looked at: means over the three channels.
+    fn errors(&self, values: &[[f32; 4]]) -> Vec<f64> {
+        let squared_error = |(&value, [a, b]): (&[f32; 4], &[[f32; 3]; 2])| {
+            let shown = shown(value);
+            let channel = |k: usize| f64::from(shown[k] - a[k]) * f64::from(shown[k] - b[k]);
+            (channel(0) + channel(1) + channel(2)) / 3.0
+        };
+        values.iter().zip(&self.truths).map(squared_error).collect()
     }
 }
 
@@ -135,18 +195,9 @@ fn contrast(shown: &Rgb) -> Plane {
     contrast
 }
 
-/// Pixels of one kind.
-#[derive(Debug, Clone, PartialEq, Default)]
-struct Stratum {
-    /// Those that it has, in the order in which they are looked at.
-    pixels: Vec<usize>,
-    /// Estimates of the squared error of the first of them.
-    errors: Vec<f64>,
-}
-
 /// The pixels of a picture of `scene` with this `contrast` in strata, in focus and out of it, of falling contrast and about
 /// equal total contrast.
-fn strata(contrast: &Plane, scene: &Scene) -> Vec<Stratum> {
+fn strata(contrast: &Plane, scene: &Scene) -> Vec<Vec<usize>> {
     let values = contrast.values();
     let (focused, blurred) = (0..values.len()).partition(|&pixel| in_focus(scene, pixel));
     [focused, blurred].into_iter().flat_map(|pixels| of_equal_contrast(pixels, values)).collect()
@@ -161,41 +212,49 @@ fn in_focus(scene: &Scene, pixel: usize) -> bool {
 }
 
 /// `pixels` in half of [`STRATA`] strata of falling contrast `values` and about equal total contrast.
-fn of_equal_contrast(mut pixels: Vec<usize>, values: &[f32]) -> Vec<Stratum> {
+fn of_equal_contrast(mut pixels: Vec<usize>, values: &[f32]) -> Vec<Vec<usize>> {
     const COUNT: usize = STRATA / 2;
     let total: f64 = pixels.iter().map(|&pixel| f64::from(values[pixel])).sum();
     let floor = (f64::from(FLOOR) * total / pixels.len().max(1) as f64).max(f64::MIN_POSITIVE);
     // Equal contrasts keep their order, so that the strata do not depend on the number of threads.
     pixels.par_sort_by(|&a, &b| values[b].total_cmp(&values[a]));
     let whole = total + floor * pixels.len() as f64;
-    let mut strata = vec![Stratum::default(); COUNT];
+    let mut strata = vec![Vec::new(); COUNT];
     let mut sum = 0.0;
     for pixel in pixels {
         let stratum = (sum / whole * COUNT as f64) as usize;
-        strata[stratum.min(COUNT - 1)].pixels.push(pixel);
+        strata[stratum.min(COUNT - 1)].push(pixel);
         sum += f64::from(values[pixel]) + floor;
     }
-    strata.retain(|stratum| !stratum.pixels.is_empty());
+    strata.retain(|pixels| !pixels.is_empty());
     strata
 }
 
-impl Stratum {
+/// Squared errors of some of the pixels of one kind.
+#[derive(Debug, Clone, PartialEq)]
+struct StratumErrors {
+    /// How many pixels there are.
+    size: usize,
+    errors: Vec<f64>,
+}
+
+impl StratumErrors {
     fn mean(&self) -> f64 {
         self.errors.iter().sum::<f64>() / self.errors.len() as f64
     }
 
-    /// Variance of [`Stratum::mean`], which is 0 once every pixel was looked at.
+    /// Variance of [`StratumErrors::mean`], which is 0 once every pixel was looked at.
     fn variance(&self) -> f64 {
         let (count, mean) = (self.errors.len() as f64, self.mean());
         let squares: f64 = self.errors.iter().map(|error| (error - mean).powi(2)).sum();
-        squares / (count - 1.0).max(1.0) / count * (1.0 - count / self.pixels.len() as f64)
+        squares / (count - 1.0).max(1.0) / count * (1.0 - count / self.size as f64)
     }
 }
 
 /// PSNR and its 95 % interval from what was found.
-fn interval(strata: &[Stratum]) -> (Option<f64>, (f64, Option<f64>)) {
-    let pixels: usize = strata.iter().map(|stratum| stratum.pixels.len()).sum();
-    let share = |stratum: &Stratum| stratum.pixels.len() as f64 / pixels as f64;
+fn interval(strata: &[StratumErrors]) -> (Option<f64>, (f64, Option<f64>)) {
+    let pixels: usize = strata.iter().map(|stratum| stratum.size).sum();
+    let share = |stratum: &StratumErrors| stratum.size as f64 / pixels as f64;
     let error: f64 = strata.iter().map(|s| share(s) * s.mean()).sum();
     let parts: Vec<(f64, f64)> =
         strata.iter().map(|s| (share(s).powi(2) * s.variance(), s.errors.len() as f64 - 1.0)).collect();
@@ -239,19 +298,19 @@ mod tests {
         }
     }
 
-    fn stratum(pixels: usize, errors: Vec<f64>) -> Stratum {
-        Stratum { pixels: (0..pixels).collect(), errors }
+    fn stratum(size: usize, errors: Vec<f64>) -> StratumErrors {
+        StratumErrors { size, errors }
     }
 
     #[test]
     fn strata_hold_every_pixel_once_and_share_the_contrast() {
         let contrast = Plane::from_fn(50, 20, |x, y| if y == 3 { 1.0 } else { x as f32 * 1e-3 });
         let strata = of_equal_contrast((0..1000).collect(), contrast.values());
-        let mut all: Vec<usize> = strata.iter().flat_map(|stratum| stratum.pixels.clone()).collect();
+        let mut all: Vec<usize> = strata.iter().flatten().copied().collect();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>(), "every pixel once");
-        assert!(strata[0].pixels.len() < strata[strata.len() - 1].pixels.len() / 4, "busy strata are small");
-        assert!(strata[0].pixels.iter().all(|pixel| pixel / 50 == 3), "the bright row comes first");
+        assert!(strata[0].len() < strata[strata.len() - 1].len() / 4, "busy strata are small");
+        assert!(strata[0].iter().all(|pixel| pixel / 50 == 3), "the bright row comes first");
     }
 
     #[test]

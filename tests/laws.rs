@@ -516,6 +516,35 @@ fn every_method_converges_to_the_reference() {
 }
 
 #[test]
+fn single_pixels_are_those_of_the_picture_whatever_was_asked_for_before() {
+    let (width, height) = (45, 31);
+    let mut scene = world(width, height);
+    // A highlight, and pixels at every border.
+    scene.layers.iter_mut().for_each(|layer| layer.color[1].set(20, 15, 40.0));
+    let corners = [0, width - 1, (height - 1) * width, height * width - 1];
+    let pixels: Vec<usize> = (0..width * height).step_by(7).chain(corners).collect();
+    let mut sampling = 0;
+    for method in METHODS {
+        let Some(samples) = method.lens_sampling() else { continue };
+        let plan = plan(method, &scene, 8, 6).forced(EffectKind::Resolve, true);
+        let mut sampler = samples.begin(scene.clone(), &plan);
+        for views in [16, 128, 16, 8] {
+            let values = sampler.pixels(views, &pixels);
+            let picture = samples.begin(scene.clone(), &plan).picture(views, &|_| {});
+            for (value, &pixel) in values.iter().zip(&pixels) {
+                let wanted = picture.planes.each_ref().map(|plane| plane.values()[pixel]);
+                let near = value.iter().zip(wanted).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));
+                assert!(near, "{}: {value:?} of {wanted:?} at {pixel}, {views} views", method.info().name);
+            }
+        }
+        let kept = sampler.picture(8, &|_| {});
+        assert_eq!(kept, samples.begin(scene.clone(), &plan).picture(8, &|_| {}), "{}", method.info().name);
+        sampling += 1;
+    }
+    assert!(sampling >= 4, "{sampling} methods sample the lens");
+}
+
+#[test]
 fn supersampled_layers_blur_as_the_coverage_they_stand_for() {
     // A slanted edge, far behind focus, at twice the resolution; everything is constant along it.
     let edge = |x: usize, y: usize| x + y / 2 < 48;

@@ -68,10 +68,10 @@ fn moved(view: View, angle: f32, shift: Vec2) -> View {
     View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter }
 }
 
-/// As many views as the largest table has, all turned by `angle` and moved by `shift` within the pixel: for random `angle`
-/// and `shift` a sample of its own, as evenly spread as the table.
-pub fn moved_views(aperture: Aperture, angle: f32, shift: Vec2) -> Vec<View> {
-    let all = views(LARGEST, Aperture::Disc).into_iter();
+/// `count` views, all turned by `angle` and moved by `shift` within the pixel: for random `angle` and `shift` a sample of its
+/// own, as evenly spread as the table.
+pub fn moved_views(count: usize, aperture: Aperture, angle: f32, shift: Vec2) -> Vec<View> {
+    let all = views(count, Aperture::Disc).into_iter();
     all.map(|view| moved(view, angle, shift))
         .map(|v| View { lens: aperture.from_disc(v.lens), ..v })
         .collect()

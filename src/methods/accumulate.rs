@@ -12,7 +12,8 @@
 //! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer. Memory: two more
 //! planes a layer. Limits: knows only what the peels know.
 
-use super::{Method, MethodInfo, Progress, RaySum, planes_from_rows};
+use super::shared::{RaySampler, Tracer};
+use super::{LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::lens::{View, views};
@@ -20,6 +21,7 @@ use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use crate::settings::MethodParameters;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
 const JOIN_PX: f32 = 0.5;
@@ -45,28 +47,44 @@ impl Method for Accumulate {
         Some(parameters.accumulate.rays)
     }
 
+    fn lens_sampling(&self) -> Option<&dyn LensSampling> {
+        Some(self)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let volume = Volume::new(&scene, plan);
-        let samples = views(plan.lens_samples(), plan.aperture);
-        let planes = planes_from_rows(
-            scene.picture_size(),
-            progress,
-            || (),
-            |(), y, row: &mut [_; 4]| {
-                for x in 0..row[0].len() {
-                    let pixel = volume.pixel(x, y, &samples);
-                    row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
-                }
-            },
-        );
-        Ok(Image { planes })
+        Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+}
+
+impl LensSampling for Accumulate {
+    fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
+        Box::new(RaySampler::<Accumulation>::new(scene, plan))
+    }
+}
+
+/// The rays of every pixel, and what they are followed through.
+#[derive(Debug)]
+struct Accumulation {
+    volume: Volume<Layer>,
+    samples: Vec<View>,
+}
+
+impl Tracer for Accumulation {
+    type Scratch = ();
+
+    fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
+        Self { volume: Volume::owning(scene, plan), samples: views(rays, plan.aperture) }
+    }
+
+    fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
+        self.volume.pixel(x, y, &self.samples)
     }
 }
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
-pub struct Volume<'a> {
-    layers: Vec<(&'a Layer, Extent)>,
+pub struct Volume<L> {
+    layers: Vec<(L, Extent)>,
     size: [i32; 2],
     supersample: f32,
     coc_range_px: [f32; 2],
@@ -112,16 +130,35 @@ impl Extent {
     }
 }
 
-impl<'a> Volume<'a> {
+impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
     pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
-        let layers = scene.layers.iter().map(|layer| (layer, Extent::of(layer))).collect();
+        Self::of(scene.layers.iter().collect(), scene.supersample, plan)
+    }
+}
+
+impl Volume<Layer> {
+    /// The boxes of `scene`, which it keeps.
+    fn owning(scene: Scene, plan: &Plan) -> Self {
+        Self::of(scene.layers, scene.supersample, plan)
+    }
+}
+
+impl<L: Borrow<Layer>> Volume<L> {
+    fn of(layers: Vec<L>, supersample: usize, plan: &Plan) -> Self {
+        let first = layers.first().map(Borrow::borrow);
         Self {
-            layers,
-            size: [scene.width() as i32, scene.height() as i32],
-            supersample: scene.supersample as f32,
+            size: first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]),
+            layers: layers
+                .into_iter()
+                .map(|layer| {
+                    let extent = Extent::of(layer.borrow());
+                    (layer, extent)
+                })
+                .collect(),
+            supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
-            jitter: if scene.supersample > 1 { 1.0 } else { plan.jitter },
+            jitter: if supersample > 1 { 1.0 } else { plan.jitter },
             open_background: plan.does(EffectKind::OpenBackground),
         }
     }
@@ -167,6 +204,7 @@ impl<'a> Volume<'a> {
         let x = x.clamp(0, self.size[0] - 1) as usize;
         let y = y.clamp(0, self.size[1] - 1) as usize;
         for (layer, extent) in &self.layers {
+            let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);
             if alpha <= 0.0 || extent.near.get(x, y) > stay[1] || extent.far.get(x, y) < stay[0] {
                 continue;

@@ -60,12 +60,33 @@ pub trait Method: fmt::Debug + Sync {
         None
     }
 
+    /// The method as one that can be asked for single pixels with any number of lens samples; `None` for one that cannot.
+    fn lens_sampling(&self) -> Option<&dyn LensSampling> {
+        None
+    }
+
     /// The picture of `scene` as `plan` asks for it, of the scene's picture size; [`render`] calls it only where there is
     /// something to blur. The scene is given away: it is the larger part of all memory, and a method may work in it.
     ///
     /// # Errors
     /// When a device fails; on the CPU a method that has a plan succeeds.
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
+}
+
+/// A method that samples the lens as often as it is asked to.
+pub trait LensSampling {
+    /// Gets to work on `scene` as `plan` has it, whatever number of views it names.
+    fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p>;
+}
+
+/// A lens-sampling method at work on a scene.
+pub trait Sampler {
+    /// What the picture with `views` lens samples has at `pixels`, `y · width + x` each, to within rounding. What it takes is kept
+    /// for the next call with as many views.
+    fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
+
+    /// The picture with `views` lens samples.
+    fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image;
 }
 
 /// Every method, in the order they are listed.

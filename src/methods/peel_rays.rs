@@ -17,8 +17,8 @@
 //! Cost: pixels × rays × steps × layers. Memory: the scene. Limits: knows only what the peels know; with few steps thin things
 //! are stepped over.
 
-use super::shared::{Blocks, Fragments, NBuffer};
-use super::{Deviation, Law, Method, MethodInfo, Progress, RaySum, planes_from_rows};
+use super::shared::{Blocks, Fragments, NBuffer, RaySampler, Tracer};
+use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, views};
@@ -57,28 +57,25 @@ impl Method for PeelRays {
         Some(parameters.peel_rays.rays)
     }
 
+    fn lens_sampling(&self) -> Option<&dyn LensSampling> {
+        Some(self)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let size = scene.picture_size();
-        let samples = views(plan.lens_samples(), plan.aperture);
-        let marcher = Marcher::new(scene, plan);
-        let planes = planes_from_rows(
-            size,
-            progress,
-            || (),
-            |(), y, row: &mut [_; 4]| {
-                for x in 0..size.0 {
-                    let pixel = marcher.pixel(x, y, &samples);
-                    row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
-                }
-            },
-        );
-        Ok(Image { planes })
+        Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+}
+
+impl LensSampling for PeelRays {
+    fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
+        Box::new(RaySampler::<Marcher>::new(scene, plan))
     }
 }
 
 /// Everything that rays are marched through.
 #[derive(Debug)]
 struct Marcher {
+    samples: Vec<View>,
     fragments: Fragments,
     range: Range,
     supersample: f32,
@@ -167,12 +164,15 @@ struct Hit {
     coc_px: f32,
 }
 
-impl Marcher {
-    fn new(scene: Scene, plan: &Plan) -> Self {
+impl Tracer for Marcher {
+    type Scratch = ();
+
+    fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = &plan.parameters.peel_rays;
         let supersample = scene.supersample as f32;
         let fragments = Fragments::new(scene);
         Self {
+            samples: views(rays, plan.aperture),
             range: Range::new(&fragments, plan.coc_range_px, supersample),
             fragments,
             supersample,
@@ -183,18 +183,19 @@ impl Marcher {
         }
     }
 
-    /// The mean over all rays of picture pixel `x, y`.
-    fn pixel(&self, x: usize, y: usize, samples: &[View]) -> [f32; 4] {
+    fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
         let range = self.range.of_bundle(centre, self.supersample);
         let mut sum = RaySum::default();
-        for view in samples {
+        for view in &self.samples {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.march(Ray { start, step: self.supersample * view.lens }, range, &mut sum);
         }
-        sum.mean(samples.len(), self.open_background)
+        sum.mean(self.samples.len(), self.open_background)
     }
+}
 
+impl Marcher {
     /// Marches `ray` through all that there is between the CoC radii of `range`, and adds what it meets.
     fn march(&self, ray: Ray, range: [f32; 2], sum: &mut RaySum) {
         let mut transmitted = 1.0;
@@ -310,6 +311,7 @@ mod tests {
 
     fn marcher(fragments: Fragments, coc_range_px: [f32; 2]) -> Marcher {
         Marcher {
+            samples: Vec::new(),
             range: Range::new(&fragments, coc_range_px, 1.0),
             fragments,
             supersample: 1.0,

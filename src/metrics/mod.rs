@@ -135,9 +135,14 @@ fn crop(image: &Image, border: usize) -> Rgb {
 pub fn display(linear: &Rgb) -> Rgb {
     linear.each_ref().map(|plane| {
         let mut shown = plane.clone();
-        shown.values_mut().par_iter_mut().for_each(|value| *value = srgb_encode(value.clamp(0.0, 1.0)));
+        shown.values_mut().par_iter_mut().for_each(|value| *value = displayed(*value));
         shown
     })
+}
+
+/// A linear value as a screen shows it: clipped to 0 … 1 and sRGB-encoded.
+pub fn displayed(linear: f32) -> f32 {
+    srgb_encode(linear.clamp(0.0, 1.0))
 }
 
 /// The mean of `error(value, reference value)` over all samples, summed in double precision, row by row in a fixed order.

@@ -33,11 +33,10 @@ mod cull;
 mod layers;
 mod samples;
 
-use super::shared::Fragments;
-use super::{Deviation, Law, Method, MethodInfo, Progress, RaySum, planes_from_rows};
+use super::shared::{Fragments, RaySampler, Tracer};
+use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
 use crate::image::Image;
-use crate::lens::View;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
 use crate::settings::MethodParameters;
 use cones::Cones;
@@ -88,23 +87,25 @@ impl Method for LayerRays {
         Some(parameters.layer_rays.rays)
     }
 
+    fn lens_sampling(&self) -> Option<&dyn LensSampling> {
+        Some(self)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let size = scene.picture_size();
-        let samples = Samples::new(plan.lens_samples(), plan.aperture, plan.parameters.layer_rays.jitter);
-        let tracer = Tracer::new(scene, plan);
-        let planes = planes_from_rows(size, progress, Vec::new, |layers, y, row: &mut [_; 4]| {
-            for x in 0..size.0 {
-                let pixel = tracer.pixel(x, y, samples.of(x, y), layers);
-                row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
-            }
-        });
-        Ok(Image { planes })
+        Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+}
+
+impl LensSampling for LayerRays {
+    fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
+        Box::new(RaySampler::<LayerTracer>::new(scene, plan))
     }
 }
 
 /// Everything that rays are traced against.
 #[derive(Debug)]
-struct Tracer {
+struct LayerTracer {
+    samples: Samples,
     fragments: Fragments,
     spacing: Spacing,
     cull: Cull,
@@ -118,14 +119,18 @@ struct Tracer {
     open_background: bool,
 }
 
-impl Tracer {
-    fn new(scene: Scene, plan: &Plan) -> Self {
+impl Tracer for LayerTracer {
+    /// The layers that a pixel's rays can meet.
+    type Scratch = Vec<usize>;
+
+    fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = &plan.parameters.layer_rays;
         let supersample = scene.supersample as f32;
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
-        let distance = cones::sample_distance(plan.lens_samples(), plan.aperture.area());
+        let distance = cones::sample_distance(rays, plan.aperture.area());
         Self {
+            samples: Samples::new(rays, plan.aperture, parameters.jitter),
             cull: Cull::new(&fragments, spacing, supersample),
             cones: parameters.cones.then(|| Cones::new(&fragments, spacing, distance * supersample)),
             fragments,
@@ -138,8 +143,8 @@ impl Tracer {
         }
     }
 
-    /// The mean over all rays of picture pixel `x, y`; `layers` is scratch.
-    fn pixel(&self, x: usize, y: usize, samples: &[View], layers: &mut Vec<usize>) -> [f32; 4] {
+    fn pixel(&self, x: usize, y: usize, layers: &mut Vec<usize>) -> [f32; 4] {
+        let samples = self.samples.of(x, y);
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
         self.cull.bundle(centre, layers);
         let mut sum = RaySum::default();
@@ -156,7 +161,9 @@ impl Tracer {
         self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
         central.mean(1, self.open_background)
     }
+}
 
+impl LayerTracer {
     /// Follows `ray` through `layers`, front to back, and adds what it meets.
     fn follow(&self, ray: Ray, layers: &[usize], sum: &mut RaySum) {
         let (width, height) = self.fragments.size();

@@ -1,11 +1,12 @@
 //! What several methods share: the stack as they read it and how their results become a picture, sorted fragments and
-//! N-buffers for rays, the area of a discrete disc, image pyramids, and sub-images by depth.
+//! N-buffers for rays, methods that look at each pixel on its own, the area of a discrete disc, image pyramids, and sub-images by depth.
 
 mod content;
 mod disc;
 mod fragments;
 mod nbuffer;
 mod pyramid;
+mod rays;
 mod sub_images;
 
 pub(super) use content::{Peel, Sheet, Visible, coc_range_px, peels, picture, visible};
@@ -15,4 +16,5 @@ pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
+pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;

@@ -28,23 +28,15 @@ mod paint;
 mod prefilter;
 mod resolve;
 mod runs;
+mod sampler;
 
-use super::{Deviation, Law, Method, MethodInfo, Progress, planes_from_rows};
+use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
-use crate::image::{Image, Plane};
-use crate::lens::{View, views};
+use crate::image::Image;
 use crate::scene::{EffectKind, Layer, Plan, Scene};
 use crate::settings::MethodParameters;
-use bins::Bins;
-use highlights::{Bokeh, Highlight, Occluders};
-use paint::{Canvas, RowSums};
-use pulp::Arch;
-
-/// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
-const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
-
-/// From this number of views on, bins are narrow.
-const MANY_VIEWS: usize = 128;
+use highlights::Highlight;
+use sampler::ShearSampler;
 
 /// Ours.
 #[derive(Debug)]
@@ -77,24 +69,20 @@ impl Method for Shear {
         Some(parameters.shear.views)
     }
 
+    fn lens_sampling(&self) -> Option<&dyn LensSampling> {
+        Some(self)
+    }
+
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let views = plan.lens_samples();
+        Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+}
+
+impl LensSampling for Shear {
+    fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
         let size = scene.picture_size();
-        let (mut layers, highlights) = load(scene, plan);
-        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)]);
-        let runs = runs::find(&layers, &bins);
-        if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, views, plan.parameters.shear.prefilter);
-        }
-        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins };
-        let (mut image, focused_share) = paint(&canvas, size, plan, progress);
-        let occluders = Occluders { width: image.width(), runs: &runs, bins: &bins, layers: &layers };
-        let bokeh = Bokeh::new(plan.aperture, plan.fragment_px);
-        highlights::draw(&mut image, &highlights, &bokeh, &occluders);
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
-        }
-        Ok(image)
+        let (layers, highlights) = load(scene, plan);
+        Box::new(ShearSampler { plan, size, layers, highlights, ready: None })
     }
 }
 
@@ -110,27 +98,4 @@ fn load(mut scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
         layers.extend(fill::guess(&layers));
     }
     (layers, highlights)
-}
-
-/// Paints all views of `plan`: the picture, and for each pixel the share of rays that met something in focus.
-fn paint(canvas: &Canvas<'_>, size: (usize, usize), plan: &Plan, progress: &Progress<'_>) -> (Image, Plane) {
-    let shears: Vec<_> = views(plan.lens_samples(), plan.aperture)
-        .into_iter()
-        .map(|view| paint::Shear::new(&View { jitter: view.jitter * plan.jitter, ..view }, canvas.bins))
-        .collect();
-    let open = plan.does(EffectKind::OpenBackground);
-    let arch = Arch::new();
-    let new_row = || RowSums::new(size.0);
-    let [red, green, blue, alpha, focused_share] =
-        planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
-            sums.clear();
-            sums.add(canvas, y, &shears, arch);
-            for x in 0..size.0 {
-                let [r, g, b, a] = sums.pixel(x, open);
-                for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
-                    plane[x] = value;
-                }
-            }
-        });
-    (Image { planes: [red, green, blue, alpha] }, focused_share)
 }

@@ -137,6 +137,10 @@ impl Sums {
 pub(super) struct RowSums {
     width: usize,
     views: usize,
+    /// Lanes that are not asked for: past the end of the row, or left out by [`RowSums::only`].
+    unwanted: Vec<Mask>,
+    /// From the first column that is asked for to past the last.
+    wanted: Range<i32>,
     /// Of the go at hand.
     sums: Sums,
     /// Of all goes before it.
@@ -152,15 +156,37 @@ impl RowSums {
     /// A blank row of `width` pixels.
     pub(super) fn new(width: usize) -> Self {
         let words = width.div_ceil(LANES);
+        let mut unwanted = vec![0; words];
+        let overhang = width % LANES;
+        if overhang > 0
+            && let Some(last) = unwanted.last_mut()
+        {
+            *last = Mask::MAX << overhang;
+        }
         Self {
             width,
             views: 0,
+            unwanted,
+            wanted: 0..width as i32,
             sums: Sums::blank(words),
             settled: Sums::blank(words),
             stopped: vec![0; words],
             dimmed: vec![0; words],
             left: vec![Word::default(); words],
         }
+    }
+
+    /// A blank row of `width` pixels, of which only `columns`, in rising order, will be asked for.
+    pub(super) fn only(width: usize, columns: &[usize]) -> Self {
+        let mut row = Self::new(width);
+        row.unwanted.fill(Mask::MAX);
+        columns.iter().for_each(|&x| row.unwanted[x / LANES] &= !(1 << (x % LANES)));
+        row.wanted = match columns {
+            [first, .., last] => *first as i32..*last as i32 + 1,
+            [one] => *one as i32..*one as i32 + 1,
+            [] => 0..0,
+        };
+        row
     }
 
     /// Makes the row blank again.
@@ -213,16 +239,11 @@ impl RowSums {
         (self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane]) / self.views as f32
     }
 
-    /// Lets all rays of the row go.
-    fn start_view(&mut self) {
-        self.stopped.fill(0);
+    /// Lets all rays of the row go, and says how many words have any.
+    fn start_view(&mut self) -> usize {
+        self.stopped.copy_from_slice(&self.unwanted);
         self.dimmed.fill(0);
-        let overhang = self.width % LANES;
-        if overhang > 0
-            && let Some(last) = self.stopped.last_mut()
-        {
-            *last = Mask::MAX << overhang;
-        }
+        self.unwanted.iter().filter(|unwanted| **unwanted != Mask::MAX).count()
     }
 
     /// Counts the rays that nothing stopped.
@@ -258,8 +279,8 @@ impl WithSimd for AddViews<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let bins = self.canvas.bins_in_reach(self.y);
         for shear in self.shears {
-            self.row.start_view();
-            let mut brush = Brush { simd, words_left: self.row.stopped.len(), row: self.row };
+            let words_left = self.row.start_view();
+            let mut brush = Brush { simd, words_left, row: self.row };
             brush.paint_view(self.canvas, self.y, &shear.shifts, &bins);
             self.row.count_missed();
         }
@@ -323,12 +344,13 @@ impl<S: Simd> Brush<'_, S> {
             column,
             focused: shift.focused,
         };
-        self.paint_span(start.max(0)..end.min(width), source(Column::Shifted(shift.columns)));
-        if run.start == 0 && start > 0 {
-            self.paint_span(0..start.min(width), source(Column::Border(0)));
+        let Range { start: first, end: past } = self.row.wanted;
+        self.paint_span(start.max(first)..end.min(past), source(Column::Shifted(shift.columns)));
+        if run.start == 0 && start > first {
+            self.paint_span(first..start.min(past), source(Column::Border(0)));
         }
-        if run.end as i32 == width && end < width {
-            self.paint_span(end.max(0)..width, source(Column::Border(width as usize - 1)));
+        if run.end as i32 == width && end < past {
+            self.paint_span(end.max(first)..past, source(Column::Border(width as usize - 1)));
         }
     }
 

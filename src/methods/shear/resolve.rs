@@ -18,14 +18,17 @@ pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
             let here = before.row(y);
             for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
                 if share > 0.0 {
-                    let a = weight * share;
-                    let neighbours =
-                        here[x.saturating_sub(1)] + here[(x + 1).min(width - 1)] + above[x] + below[x];
-                    *value = here[x] * (1.0 - 4.0 * a) + a * neighbours;
+                    let [left, right] = [here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]];
+                    *value = softened(here[x], [left, right, above[x], below[x]], weight * share);
                 }
             }
         });
     }
+}
+
+/// `value` among its neighbours, each of which weighs `weight`.
+pub(super) fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f32 {
+    value * (1.0 - 4.0 * weight) + weight * (left + right + above + below)
 }
 
 #[cfg(test)]

@@ -1,0 +1,192 @@
+//! At work on a scene: what each number of views needs, once, then pixels or the picture.
+
+use super::bins::Bins;
+use super::highlights::{self, Bokeh, Highlight, Occluders};
+use super::paint::{Canvas, RowSums, Shear};
+use super::prefilter;
+use super::resolve;
+use super::runs::{self, Runs};
+use crate::image::{Image, Plane};
+use crate::lens::{View, views};
+use crate::methods::{Progress, Sampler, planes_from_rows};
+use crate::scene::{EffectKind, Layer, Plan};
+use pulp::Arch;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
+const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
+
+/// From this number of views on, bins are narrow.
+const MANY_VIEWS: usize = 128;
+
+/// What the stack has to paint, and what was made of it for the last number of views that was asked for.
+#[derive(Debug)]
+pub(super) struct ShearSampler<'p> {
+    pub(super) plan: &'p Plan,
+    /// Width and height of the picture.
+    pub(super) size: (usize, usize),
+    /// The layers to paint, at picture resolution.
+    pub(super) layers: Vec<Layer>,
+    /// What was taken out of them, to be drawn as discs.
+    pub(super) highlights: Vec<Highlight>,
+    pub(super) ready: Option<Ready>,
+}
+
+/// Everything that painting a number of views reads.
+#[derive(Debug)]
+pub(super) struct Ready {
+    views: usize,
+    bins: Bins,
+    runs: Runs,
+    shears: Vec<Shear>,
+    /// The layers, prefiltered.
+    layers: Vec<Layer>,
+}
+
+impl Ready {
+    /// Gets `layers` ready for `views` views; bins and runs are those `found` before, if they serve.
+    fn new(mut layers: Vec<Layer>, plan: &Plan, count: usize, found: Option<Self>) -> Self {
+        let many = count >= MANY_VIEWS;
+        let (bins, runs) = match found.filter(|found| (found.views >= MANY_VIEWS) == many) {
+            Some(found) => (found.bins, found.runs),
+            None => {
+                let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(many)]);
+                let runs = runs::find(&layers, &bins);
+                (bins, runs)
+            }
+        };
+        if plan.does(EffectKind::Prefilter) {
+            prefilter::smooth(&mut layers, count, plan.parameters.shear.prefilter);
+        }
+        let shears = views(count, plan.aperture)
+            .into_iter()
+            .map(|view| Shear::new(&View { jitter: view.jitter * plan.jitter, ..view }, &bins))
+            .collect();
+        Self { views: count, bins, runs, shears, layers }
+    }
+
+    fn canvas(&self) -> Canvas<'_> {
+        Canvas { layers: &self.layers, runs: &self.runs, bins: &self.bins }
+    }
+
+    /// Paints all views: the picture, and for each pixel the share of rays that met something in focus.
+    fn paint(&self, size: (usize, usize), open: bool, progress: &Progress<'_>) -> (Image, Plane) {
+        let (canvas, arch) = (self.canvas(), Arch::new());
+        let new_row = || RowSums::new(size.0);
+        let [red, green, blue, alpha, focused_share] =
+            planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
+                sums.clear();
+                sums.add(&canvas, y, &self.shears, arch);
+                for x in 0..size.0 {
+                    let [r, g, b, a] = sums.pixel(x, open);
+                    for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
+                        plane[x] = value;
+                    }
+                }
+            });
+        (Image { planes: [red, green, blue, alpha] }, focused_share)
+    }
+
+    /// Paints all views of `pixels` alone, `y · width + x` each: what [`Ready::paint`] has there.
+    fn paint_pixels(&self, width: usize, open: bool, pixels: impl Iterator<Item = usize>) -> Painted {
+        let (canvas, arch) = (self.canvas(), Arch::new());
+        let mut rows: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
+        for pixel in pixels {
+            rows.entry(pixel / width).or_default().insert(pixel % width);
+        }
+        let rows: Vec<(usize, Vec<usize>)> =
+            rows.into_iter().map(|(y, columns)| (y, columns.into_iter().collect())).collect();
+        rows.into_par_iter()
+            .flat_map_iter(|(y, columns)| {
+                let mut sums = RowSums::only(width, &columns);
+                sums.add(&canvas, y, &self.shears, arch);
+                let painted = move |x| (y * width + x, (sums.pixel(x, open), sums.focused_share(x)));
+                columns.into_iter().map(painted)
+            })
+            .collect()
+    }
+
+    /// Adds the discs of `highlights` to `image`.
+    fn draw(&self, image: &mut Image, highlights: &[Highlight], plan: &Plan) {
+        let Self { bins, runs, layers, .. } = self;
+        let occluders = Occluders { width: image.width(), runs, bins, layers };
+        highlights::draw(image, highlights, &Bokeh::new(plan.aperture, plan.fragment_px), &occluders);
+    }
+}
+
+/// Pixels with their colours and the share of their rays that met something in focus.
+type Painted = HashMap<usize, ([f32; 4], f32)>;
+
+impl Sampler for ShearSampler<'_> {
+    fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
+        let ready = match self.ready.take() {
+            Some(ready) if ready.views == views => ready,
+            found => Ready::new(self.layers.clone(), self.plan, views, found),
+        };
+        let (width, height) = self.size;
+        let open = self.plan.does(EffectKind::OpenBackground);
+        let weight = self.plan.parameters.shear.resolve;
+        let own = ready.paint_pixels(width, open, pixels.iter().copied());
+        let softens = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
+        let softened = pixels.iter().copied().filter(|&pixel| softens(pixel));
+        let beside =
+            ready.paint_pixels(width, open, softened.flat_map(|pixel| neighbours(pixel, width, height)));
+        let discs = self.discs(&ready);
+        let lit = |painted: &Painted, pixel: usize| {
+            let ([r, g, b, a], _) = painted[&pixel];
+            let light = |k: usize| discs.as_ref().map_or(0.0, |discs| discs.planes[k].values()[pixel]);
+            [r + light(0), g + light(1), b + light(2), a]
+        };
+        let value = |&pixel: &usize| {
+            let value = lit(&own, pixel);
+            if !softens(pixel) {
+                return value;
+            }
+            let (beside, share) =
+                (neighbours(pixel, width, height).map(|pixel| lit(&beside, pixel)), own[&pixel].1);
+            std::array::from_fn(|k| resolve::softened(value[k], beside.map(|near| near[k]), weight * share))
+        };
+        let values = pixels.iter().map(value).collect();
+        self.ready = Some(ready);
+        values
+    }
+
+    fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
+        let Self { plan, size, layers, highlights, ready } = *self;
+        let ready = match ready {
+            Some(ready) if ready.views == views => ready,
+            found => Ready::new(layers, plan, views, found),
+        };
+        let (mut image, focused_share) = ready.paint(size, plan.does(EffectKind::OpenBackground), progress);
+        ready.draw(&mut image, &highlights, plan);
+        if plan.does(EffectKind::Resolve) {
+            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
+        }
+        image
+    }
+}
+
+impl ShearSampler<'_> {
+    /// The discs of the highlights over nothing, if there are any.
+    fn discs(&self, ready: &Ready) -> Option<Image> {
+        if self.highlights.is_empty() {
+            return None;
+        }
+        let mut discs = Image::from_fn(self.size.0, self.size.1, |_, _| [0.0; 4]);
+        ready.draw(&mut discs, &self.highlights, self.plan);
+        Some(discs)
+    }
+}
+
+/// The pixels left, right, above and below, the border's its own neighbours.
+fn neighbours(pixel: usize, width: usize, height: usize) -> [usize; 4] {
+    let (x, y) = (pixel % width, pixel / width);
+    let at = |x: usize, y: usize| y * width + x;
+    [
+        at(x.saturating_sub(1), y),
+        at((x + 1).min(width - 1), y),
+        at(x, y.saturating_sub(1)),
+        at(x, (y + 1).min(height - 1)),
+    ]
+}
