@@ -15,7 +15,7 @@ use thinlens::methods;
 use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Plan, Scene};
-use thinlens::settings::{MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
 use thinlens::stack::Source;
 
 const RUNS: usize = 5;
@@ -65,7 +65,7 @@ fn blur(scene: &Scene, views: usize) -> (f64, f64) {
 }
 
 fn plan(scene: &Scene, views: usize) -> Plan {
-    let values = Values { views: Some(views), ..Values::default() };
+    let values = Values { effort: Some(Effort::Views(views)), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
     methods::plan(&scene.facts(), &settings).expect("defaults make a plan")
 }

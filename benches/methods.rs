@@ -8,7 +8,7 @@ mod scene;
 use divan::Bencher;
 use thinlens::methods::{self, METHODS};
 use thinlens::scene::Scene;
-use thinlens::settings::{MethodParameters, Origin, Settings, Values};
+use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Values};
 
 /// Lens samples of the reference, whose own thousand would take longer than all the rest.
 const REFERENCE_VIEWS: usize = 32;
@@ -28,7 +28,7 @@ fn blur(bencher: Bencher<'_, '_>, method: &str) {
     let is_reference = methods::by_name(method).is_ok_and(|method| method.info().role == "reference");
     let values = Values {
         method: Some(method.to_owned()),
-        views: is_reference.then_some(REFERENCE_VIEWS),
+        effort: is_reference.then_some(Effort::Views(REFERENCE_VIEWS)),
         ..Values::default()
     };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, render};
-use thinlens::settings::{Preset, Values};
+use thinlens::settings::{Effort, Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
 const INPUTS: [(&str, Option<usize>); 4] =
@@ -58,7 +58,7 @@ fn job(scene: &Path, input: &Path, supersample: Option<usize>, views: usize) -> 
     Ok(Job {
         sources: vec![Source::File(input.to_owned())],
         preset: Some(NamedPreset { preset: Preset::parse(&text, &name)?, name }),
-        flags: Values { views: Some(views), supersample, ..Values::default() },
+        flags: Values { effort: Some(Effort::Views(views)), supersample, ..Values::default() },
         ..Job::default()
     })
 }

@@ -14,7 +14,7 @@ use thinlens::error::Error;
 use thinlens::image::Image;
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::settings::{MethodParameters, Preset, Values};
+use thinlens::settings::{Effort, MethodParameters, Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
 /// Runs of a setting: the quickest counts, since everything else on the machine only adds.
@@ -251,7 +251,11 @@ fn run(folder: &Path, setting: &Setting) -> Result<Run, Error> {
     let job = Job {
         sources: vec![Source::File(folder.join("stack.exr"))],
         preset: Some(NamedPreset { name, preset }),
-        flags: Values { method: Some(setting.method.to_owned()), views: setting.views, ..Values::default() },
+        flags: Values {
+            method: Some(setting.method.to_owned()),
+            effort: setting.views.map(Effort::Views),
+            ..Values::default()
+        },
         ..Job::default()
     };
     let rendered = prepare(&job)?.blur(&|_| {})?;

@@ -16,7 +16,7 @@ use thinlens::methods::METHODS;
 use thinlens::metrics::score;
 use thinlens::output::png;
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::settings::{Preset, Values};
+use thinlens::settings::{Effort, Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
 fn main() -> Result<(), Error> {
@@ -67,7 +67,11 @@ fn blur(scene: &Path, method: &str) -> Result<(Image, f64, f64), Error> {
     let job = Job {
         sources: vec![Source::File(scene.join("stack.exr"))],
         preset: Some(NamedPreset { preset: Preset::load(&name)?, name }),
-        flags: Values { views, method: Some(method.to_owned()), ..Values::default() },
+        flags: Values {
+            effort: views.map(Effort::Views),
+            method: Some(method.to_owned()),
+            ..Values::default()
+        },
         ..Job::default()
     };
     let rendered = prepare(&job)?.blur(&|_| {})?;

@@ -24,5 +24,6 @@ pub mod gpu;
 pub mod output;
 pub mod metrics;
 pub mod probes;
+pub mod dial;
 pub mod render;
 pub mod compare;

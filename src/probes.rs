@@ -11,24 +11,25 @@
 //! halves `A`, `B`, independent of each other and of any method's samples, and the squared error of value `x` is estimated as
 //! `(x − A)(x − B)`, whose mean is `(x − truth)²`.
 //!
-//! *Where.* Errors of sampling live where pictures are busy, and differ in focus and out of it. The pixels in focus and the
-//! others are each sorted by local contrast and cut into strata of equal total contrast, from each of which equally many are
-//! drawn: near to Neyman's allocation, where errors grow with contrast. (Sharing out half of the probes by the errors
+//! *Where.* Errors of sampling live where pictures are busy, and differ in focus and out of it. Of some thousands of pixels, spread
+//! over the picture, those in focus and the others are each sorted by local contrast and cut into strata of equal total
+//! contrast, from each of which equally many are drawn: near to Neyman's allocation, where errors grow with contrast. (Sharing out half of the probes by the errors
 //! that the first half found makes the interval a fifth narrower, and wrong one time in ten: rare large errors that the first
 //! half missed are then never looked for.)
 //!
 //! *How sure.* The 95 % interval is Student's, with Satterthwaite's degrees of freedom, on the logarithm of the error, which is
-//! lopsided. Cost: the rays. Memory: three planes and the reach of each fragment.
+//! lopsided. Cost: the rays. Memory: next to none.
 
-use crate::image::{Image, Plane};
+use crate::image::Image;
 use crate::lens::{View, moved_views};
 use crate::methods::Volume;
-use crate::metrics::{Rgb, display, displayed};
+use crate::metrics::displayed;
 use crate::scene::{Layer, Plan, Scene};
 use fastrand::Rng;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
+use std::fmt;
 
 /// Seed of every report: the same scene is looked at in the same places.
 pub const SEED: u64 = 1;
@@ -38,6 +39,9 @@ const STRATA: usize = 10;
 
 /// CoC radius below which a pixel counts as in focus here.
 const IN_FOCUS_PX: f32 = 1.0;
+
+/// Pixels among which each probe is chosen: enough that what share of the picture each stratum is, is as good as known.
+const CANDIDATES: usize = 50;
 
 /// Share of the mean contrast that every pixel has at least, so that no place is left out.
 const FLOOR: f32 = 0.5;
@@ -61,6 +65,17 @@ pub struct Verdict {
     pub rays_per_pixel: usize,
 }
 
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (least, most) = self.interval_db;
+        let found = self
+            .psnr_db
+            .map_or("an error not to be told from nothing".to_owned(), |db| format!("{db:.1} dB"));
+        let most = most.map_or("any".to_owned(), |db| format!("{db:.1}"));
+        write!(f, "{found} (with 95 % certainty {least:.1} … {most})")
+    }
+}
+
 /// Pixels of a scene's picture with the stack's truth at each.
 #[derive(Debug, Clone)]
 pub struct Probes {
@@ -71,8 +86,8 @@ pub struct Probes {
 /// Pixels of one kind, some of them looked at.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Stratum {
-    /// How many there are.
-    size: usize,
+    /// How many there are: as the candidates tell.
+    size: f64,
     /// Those that are looked at: row by row from the top, `y · width + x`.
     pixels: Vec<usize>,
     /// The truth at each of these: of two halves of rays, display-encoded.
@@ -83,14 +98,14 @@ impl Probes {
     /// Looks at about `count` pixels of `scene` as `plan` has it, with two times `rays_per_half` rays each. The same `seed` looks at the
     /// same pixels.
     pub fn new(scene: &Scene, plan: &Plan, count: usize, rays_per_half: usize, seed: u64) -> Self {
-        let shown = scene.pinhole();
-        let contrast = contrast(&display(&[0, 1, 2].map(|k| shown.planes[k].clone())));
-        let strata = strata(&contrast, scene);
-        let each = count.max(FEWEST_PROBES).div_ceil(strata.len().max(1));
-        let volume = Volume::new(scene, plan);
-        let look = Look { volume: &volume, plan, width: contrast.width(), rays_per_half };
         let mut rng = Rng::with_seed(seed);
-        let strata = strata.into_iter().map(|pixels| look.at(pixels, each, &mut rng)).collect();
+        let count = count.max(FEWEST_PROBES);
+        let candidates = candidates(scene, count * CANDIDATES, &mut rng);
+        let strata = strata(candidates, scene);
+        let each = count.div_ceil(strata.len().max(1));
+        let volume = Volume::new(scene, plan);
+        let look = Look { volume: &volume, plan, width: scene.picture_size().0, rays_per_half };
+        let strata = strata.into_iter().map(|(size, pixels)| look.at(size, pixels, each, &mut rng)).collect();
         Self { strata, rays_per_half }
     }
 
@@ -109,6 +124,23 @@ impl Probes {
         });
         let (psnr_db, interval_db) = interval(&errors.collect::<Vec<_>>());
         Verdict { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
+    }
+
+    /// About how many rays a pixel bring the truth itself to `target_db`, if its squared error falls with the power `power` of their
+    /// number.
+    pub fn rays_for(&self, target_db: f64, power: f64) -> usize {
+        let errors = self.strata.iter().map(|stratum| {
+            let differences = stratum.truths.iter().map(|[a, b]| {
+                let squares = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2));
+                // The difference has the errors of both halves.
+                squares.sum::<f64>() / 6.0
+            });
+            StratumErrors { size: stratum.size, errors: differences.collect() }
+        });
+        let error = mean_error(&errors.collect::<Vec<_>>()).max(f64::MIN_POSITIVE);
+        let wanted = 10f64.powf(-0.1 * target_db);
+        let rays = self.rays_per_half as f64 * (error / wanted).powf(1.0 / power);
+        (rays.ceil() as usize).next_power_of_two()
     }
 
     /// What is to be said of `image`.
@@ -139,9 +171,8 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// Looks at `count` of `pixels`, as far as there are so many.
-    fn at(&self, mut pixels: Vec<usize>, count: usize, rng: &mut Rng) -> Stratum {
-        let size = pixels.len();
+    /// Looks at `count` of `pixels`, as far as there are so many, which stand for `size` pixels.
+    fn at(&self, size: f64, mut pixels: Vec<usize>, count: usize, rng: &mut Rng) -> Stratum {
         rng.shuffle(&mut pixels);
         pixels.truncate(count);
         let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
@@ -175,56 +206,80 @@ impl Stratum {
     }
 }
 
-/// Squared local contrast of each pixel: of the largest difference to one of its neighbours, in any channel.
-fn contrast(shown: &Rgb) -> Plane {
-    let (width, height) = (shown[0].width(), shown[0].height());
-    let mut contrast = Plane::zeros(width, height);
-    contrast.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        for (x, value) in row.iter_mut().enumerate() {
-            let columns = x.saturating_sub(1)..(x + 2).min(width);
-            for plane in shown {
-                let own = plane.get(x, y);
-                for ny in rows.clone() {
-                    let neighbours = &plane.row(ny)[columns.clone()];
-                    *value = neighbours.iter().fold(*value, |most, other| most.max((other - own).powi(2)));
-                }
-            }
-        }
-    });
-    contrast
+/// A pixel that may be looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Candidate {
+    pixel: usize,
+    /// Squared local contrast: of the largest difference to one of its neighbours, in any channel.
+    contrast: f32,
+    in_focus: bool,
 }
 
-/// The pixels of a picture of `scene` with this `contrast` in strata, in focus and out of it, of falling contrast and about
-/// equal total contrast.
-fn strata(contrast: &Plane, scene: &Scene) -> Vec<Vec<usize>> {
-    let values = contrast.values();
-    let (focused, blurred) = (0..values.len()).partition(|&pixel| in_focus(scene, pixel));
-    [focused, blurred].into_iter().flat_map(|pixels| of_equal_contrast(pixels, values)).collect()
+/// `count` pixels of the picture of `scene`, spread over all of it; all of them, if it has no more.
+fn candidates(scene: &Scene, count: usize, rng: &mut Rng) -> Vec<Candidate> {
+    let (width, height) = scene.picture_size();
+    let all = width * height;
+    let count = count.min(all);
+    // One from each of `count` equal stretches of pixels.
+    let pixels: Vec<usize> = (0..count)
+        .map(|i| {
+            let (from, to) = (i * all / count, (i + 1) * all / count);
+            rng.usize(from..to)
+        })
+        .collect();
+    let candidate = |&pixel: &usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        Candidate { pixel, contrast: contrast(scene, x, y), in_focus: in_focus(scene, x, y) }
+    };
+    pixels.par_iter().map(candidate).collect()
+}
+
+/// Squared local contrast of the pinhole picture at a pixel.
+fn contrast(scene: &Scene, x: usize, y: usize) -> f32 {
+    let (width, height) = scene.picture_size();
+    let own = shown(scene.pinhole_pixel(x, y));
+    let mut most = 0.0f32;
+    for ny in y.saturating_sub(1)..(y + 2).min(height) {
+        for nx in x.saturating_sub(1)..(x + 2).min(width) {
+            let other = shown(scene.pinhole_pixel(nx, ny));
+            most = other.iter().zip(own).fold(most, |most, (a, b)| most.max((a - b).powi(2)));
+        }
+    }
+    most
 }
 
 /// Whether the camera sees something in focus at a pixel.
-fn in_focus(scene: &Scene, pixel: usize) -> bool {
-    let (width, s) = (scene.picture_size().0, scene.supersample);
-    let (x, y) = (pixel % width * s, pixel / width * s);
+fn in_focus(scene: &Scene, x: usize, y: usize) -> bool {
+    let (x, y) = (x * scene.supersample, y * scene.supersample);
     let seen = scene.layers.iter().find(|layer| layer.alpha.get(x, y) > 0.0);
     seen.is_some_and(|layer| layer.coc_px.get(x, y).abs() < IN_FOCUS_PX)
 }
 
-/// `pixels` in half of [`STRATA`] strata of falling contrast `values` and about equal total contrast.
-fn of_equal_contrast(mut pixels: Vec<usize>, values: &[f32]) -> Vec<Vec<usize>> {
+/// `candidates` in strata, in focus and out of it, of falling contrast and about equal total contrast: for each its share of the
+/// candidates, in pixels of the picture, and its candidates.
+fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<usize>)> {
+    let (width, height) = scene.picture_size();
+    let pixels_each = (width * height) as f64 / candidates.len().max(1) as f64;
+    let (focused, blurred): (Vec<_>, Vec<_>) =
+        candidates.into_iter().partition(|candidate| candidate.in_focus);
+    let cut = [focused, blurred].into_iter().flat_map(of_equal_contrast);
+    cut.map(|pixels| (pixels.len() as f64 * pixels_each, pixels)).collect()
+}
+
+/// `candidates` in half of [`STRATA`] strata of falling contrast and about equal total contrast.
+fn of_equal_contrast(mut candidates: Vec<Candidate>) -> Vec<Vec<usize>> {
     const COUNT: usize = STRATA / 2;
-    let total: f64 = pixels.iter().map(|&pixel| f64::from(values[pixel])).sum();
-    let floor = (f64::from(FLOOR) * total / pixels.len().max(1) as f64).max(f64::MIN_POSITIVE);
+    let total: f64 = candidates.iter().map(|candidate| f64::from(candidate.contrast)).sum();
+    let floor = (f64::from(FLOOR) * total / candidates.len().max(1) as f64).max(f64::MIN_POSITIVE);
     // Equal contrasts keep their order, so that the strata do not depend on the number of threads.
-    pixels.par_sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    let whole = total + floor * pixels.len() as f64;
+    candidates.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
+    let whole = total + floor * candidates.len() as f64;
     let mut strata = vec![Vec::new(); COUNT];
     let mut sum = 0.0;
-    for pixel in pixels {
+    for Candidate { pixel, contrast, .. } in candidates {
         let stratum = (sum / whole * COUNT as f64) as usize;
         strata[stratum.min(COUNT - 1)].push(pixel);
-        sum += f64::from(values[pixel]) + floor;
+        sum += f64::from(contrast) + floor;
     }
     strata.retain(|pixels| !pixels.is_empty());
     strata
@@ -234,7 +289,7 @@ fn of_equal_contrast(mut pixels: Vec<usize>, values: &[f32]) -> Vec<Vec<usize>> 
 #[derive(Debug, Clone, PartialEq)]
 struct StratumErrors {
     /// How many pixels there are.
-    size: usize,
+    size: f64,
     errors: Vec<f64>,
 }
 
@@ -247,15 +302,21 @@ impl StratumErrors {
     fn variance(&self) -> f64 {
         let (count, mean) = (self.errors.len() as f64, self.mean());
         let squares: f64 = self.errors.iter().map(|error| (error - mean).powi(2)).sum();
-        squares / (count - 1.0).max(1.0) / count * (1.0 - count / self.size as f64)
+        squares / (count - 1.0).max(1.0) / count * (1.0 - count / self.size).max(0.0)
     }
+}
+
+/// The mean squared error of the whole picture.
+fn mean_error(strata: &[StratumErrors]) -> f64 {
+    let pixels: f64 = strata.iter().map(|stratum| stratum.size).sum();
+    strata.iter().map(|stratum| stratum.size / pixels * stratum.mean()).sum()
 }
 
 /// PSNR and its 95 % interval from what was found.
 fn interval(strata: &[StratumErrors]) -> (Option<f64>, (f64, Option<f64>)) {
-    let pixels: usize = strata.iter().map(|stratum| stratum.size).sum();
-    let share = |stratum: &StratumErrors| stratum.size as f64 / pixels as f64;
-    let error: f64 = strata.iter().map(|s| share(s) * s.mean()).sum();
+    let pixels: f64 = strata.iter().map(|stratum| stratum.size).sum();
+    let share = |stratum: &StratumErrors| stratum.size / pixels;
+    let error = mean_error(strata);
     let parts: Vec<(f64, f64)> =
         strata.iter().map(|s| (share(s).powi(2) * s.variance(), s.errors.len() as f64 - 1.0)).collect();
     let variance: f64 = parts.iter().map(|part| part.0).sum();
@@ -298,14 +359,15 @@ mod tests {
         }
     }
 
-    fn stratum(size: usize, errors: Vec<f64>) -> StratumErrors {
+    fn stratum(size: f64, errors: Vec<f64>) -> StratumErrors {
         StratumErrors { size, errors }
     }
 
     #[test]
     fn strata_hold_every_pixel_once_and_share_the_contrast() {
-        let contrast = Plane::from_fn(50, 20, |x, y| if y == 3 { 1.0 } else { x as f32 * 1e-3 });
-        let strata = of_equal_contrast((0..1000).collect(), contrast.values());
+        let contrast = |pixel: usize| if pixel / 50 == 3 { 1.0 } else { (pixel % 50) as f32 * 1e-3 };
+        let candidate = |pixel| Candidate { pixel, contrast: contrast(pixel), in_focus: false };
+        let strata = of_equal_contrast((0..1000).map(candidate).collect());
         let mut all: Vec<usize> = strata.iter().flatten().copied().collect();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>(), "every pixel once");
@@ -316,21 +378,21 @@ mod tests {
     #[test]
     fn a_stratum_counts_for_its_pixels_and_not_for_its_probes() {
         // 100 pixels of error 0.01 and 900 of none: MSE 1e-3, 30 dB.
-        let (db, (low, high)) = interval(&[stratum(100, vec![0.01; 50]), stratum(900, vec![0.0; 50])]);
+        let (db, (low, high)) = interval(&[stratum(100.0, vec![0.01; 50]), stratum(900.0, vec![0.0; 50])]);
         assert!((db.unwrap() - 30.0).abs() < 1e-9);
         assert!((low - 30.0).abs() < 1e-9 && (high.unwrap() - 30.0).abs() < 1e-9, "no variance, no interval");
     }
 
     #[test]
     fn an_error_that_may_be_nothing_has_no_upper_end() {
-        let (db, (low, high)) = interval(&[stratum(1000, vec![1e-6, -1e-6, 1e-6, -1.1e-6])]);
+        let (db, (low, high)) = interval(&[stratum(1000.0, vec![1e-6, -1e-6, 1e-6, -1.1e-6])]);
         assert_eq!((db, high), (None, None));
         assert!(low > 50.0, "but it is not large: {low}");
     }
 
     #[test]
     fn a_stratum_looked_at_whole_is_known() {
-        let whole = stratum(3, vec![1.0, 2.0, 3.0]);
+        let whole = stratum(3.0, vec![1.0, 2.0, 3.0]);
         assert_eq!((whole.mean(), whole.variance()), (2.0, 0.0));
     }
 }

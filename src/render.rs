@@ -3,6 +3,7 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] carries the plan
 //! out. Writing is the caller's: this module touches no output file and prints nothing.
 
+use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::Image;
@@ -12,7 +13,7 @@ use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
-use crate::scene::{self, Facts, Plan, Scene};
+use crate::scene::{self, EffectKind, Facts, Goal, Plan, Scene};
 use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
@@ -89,6 +90,8 @@ pub struct Rendered {
     pub plan: Plan,
     /// Where.
     pub device: Device,
+    /// How the number of lens samples was found, if it was not given.
+    pub outcome: Option<Outcome>,
     /// The sampling error, if it was to be verified.
     pub probe: Option<Verdict>,
     /// What it has cost; writing goes on its account too.
@@ -120,12 +123,20 @@ impl Prepared {
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self { stack, summary, settings, lens, scene, plan, device, verify, mut clock, .. } = self;
         let kept = verify.map(|probes| (scene.clone(), probes));
-        let image = clock.time(Stage::Blur, || methods::render(scene, &plan, progress))?;
+        let (image, outcome) = clock.time(Stage::Blur, || match plan.goal {
+            Some(Goal::TargetDb { psnr_db, most_views }) if plan.does(EffectKind::Blur) => {
+                let (image, outcome) = dial::reach(scene, &plan, (psnr_db, most_views), progress)?;
+                Ok((image, Some(outcome)))
+            }
+            _ => methods::render(scene, &plan, progress).map(|image| (image, None)),
+        })?;
+        let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
+        let plan = Plan { views, ..plan };
         let probe = kept.map(|(scene, probes)| {
             clock.time(Stage::Verify, || probes::verify(&image, &scene, &plan, probes, probes::SEED))
         });
         let frame = picture_frame(&stack.frame, stack.supersample);
-        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, probe, clock })
+        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, outcome, probe, clock })
     }
 }
 
@@ -138,6 +149,11 @@ pub fn render(job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
 }
 
 impl Rendered {
+    /// The sampling error, where it was measured: on its own account, or to find the number of lens samples.
+    pub fn sampling_error(&self) -> Option<Verdict> {
+        self.probe.or_else(|| self.outcome.as_ref()?.verdict())
+    }
+
     /// The report of the run so far, which read `input` and wrote `output`.
     pub fn report(&self, input: Vec<String>, output: String) -> Report {
         Report {
@@ -150,12 +166,13 @@ impl Rendered {
             stack: self.summary.clone(),
             plan: PlanReport::from(&self.plan),
             views: self.plan.views,
+            dial: self.outcome.as_ref().and_then(|outcome| serde_json::to_value(outcome).ok()),
             seconds: self.clock.seconds(),
             cpu_seconds: self.clock.cpu_seconds().total,
             cpu_seconds_by_stage: self.clock.cpu_seconds(),
             threads: rayon::current_num_threads(),
             peak_memory_bytes: output::usage::peak_memory_bytes(),
-            probe: self.probe.and_then(|verdict| serde_json::to_value(verdict).ok()),
+            probe: self.sampling_error().and_then(|verdict| serde_json::to_value(verdict).ok()),
             findings: self.stack.findings.clone(),
             warnings: Report::warnings(&self.stack.findings),
         }

@@ -10,7 +10,7 @@ use thinlens::image::{Image, Plane};
 use thinlens::lens::{LensSpec, ThinLens};
 use thinlens::methods::{self, Law, METHODS, Method};
 use thinlens::scene::{EffectKind, Layer, Plan, Scene};
-use thinlens::settings::{MethodParameters, Origin, SensorDistance, Settings, Values};
+use thinlens::settings::{Effort, MethodParameters, Origin, SensorDistance, Settings, Values};
 use thinlens::stack::StackKind;
 
 type Pixel = [f32; 4];
@@ -84,7 +84,7 @@ fn grey(value: f32) -> Pixel {
 fn plan(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Plan {
     let values = Values {
         method: Some(method.info().name.to_owned()),
-        views: samples_the_lens(method).then_some(views),
+        effort: samples_the_lens(method).then_some(Effort::Views(views)),
         blades: Some(blades),
         ..Values::default()
     };

@@ -312,6 +312,9 @@ mod the_report {
             method: "shear",
             method_reason: "the default".to_owned(),
             views: Some(64),
+
+            goal: None,
+            views_reason: String::new(),
             jitter: 1.0,
             fragment_px: 1.0,
             aperture: Aperture::Disc,
@@ -328,6 +331,7 @@ mod the_report {
             vec![Finding::note("depth", "planar"), Finding::warning("peels", "the last peel is empty")];
         report::Report {
             version: "1.2.3",
+            dial: None,
             input: vec!["a.exr".to_owned()],
             output: "b.exr".to_owned(),
             method: plan.method,

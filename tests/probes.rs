@@ -8,7 +8,7 @@ use thinlens::methods;
 use thinlens::probes::{Verdict, verify};
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Layer, Plan, Scene};
-use thinlens::settings::{MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
 use thinlens::stack::Source;
 
 const WIDTH: usize = 64;
@@ -35,7 +35,8 @@ fn part(sample: &str, [x0, y0]: [usize; 2]) -> Scene {
 
 /// The picture of `scene` by `method`, and its plan.
 fn picture(scene: &Scene, method: &str, views: Option<usize>) -> (Image, Plan) {
-    let values = Values { method: Some(method.to_owned()), views, ..Values::default() };
+    let values =
+        Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
     let plan = methods::plan(&scene.facts(), &settings).unwrap();
     (methods::render(scene.clone(), &plan, &|_| {}).unwrap(), plan)

@@ -7,7 +7,7 @@ use thinlens::methods::{self, METHODS};
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::EffectKind;
-use thinlens::settings::{MethodParameters, Preset, Values};
+use thinlens::settings::{Effort, MethodParameters, Preset, Values};
 use thinlens::stack::{Source, StackKind, read_picture};
 
 fn folder(scene: &str) -> PathBuf {
@@ -19,7 +19,11 @@ fn job(scene: &str, input: &str, method: &str, views: usize) -> Job {
     Job {
         sources: vec![Source::File(folder(scene).join(input))],
         preset: Some(NamedPreset { name: scene.to_owned(), preset: Preset::parse(&preset, scene).unwrap() }),
-        flags: Values { method: Some(method.to_owned()), views: Some(views), ..Values::default() },
+        flags: Values {
+            method: Some(method.to_owned()),
+            effort: Some(Effort::Views(views)),
+            ..Values::default()
+        },
         ..Job::default()
     }
 }
@@ -72,7 +76,7 @@ fn the_default_method_is_nearer_the_true_lens_than_any_paper_s() {
         let reference = read_picture(&folder(scene).join("reference.exr")).unwrap();
         for info in METHODS.iter().map(|method| method.info()).filter(|info| info.role == "paper") {
             let mut job = job(scene, "stack.exr", info.name, 64);
-            job.flags.views = None;
+            job.flags.effort = None;
             let image = render(&job, &|_| {}).unwrap().image;
             let db = score(&image, &reference, 0).unwrap().psnr_db;
             assert!(default > db, "{scene}: default {default:.2} dB, {} {db:.2} dB", info.name);
@@ -94,7 +98,7 @@ fn methods_that_read_the_peels_see_through_the_fence_and_those_that_read_one_pic
         ("scatter", false),
     ] {
         let mut job = job("fence", "stack.exr", method, 64);
-        job.flags.views = None;
+        job.flags.effort = None;
         let db = score(&render(&job, &|_| {}).unwrap().image, &reference, 0).unwrap().psnr_db;
         let expected = if sees_through { 28.0..40.0 } else { 20.0..26.0 };
         assert!(expected.contains(&db), "{method}: {db:.2} dB, not within {expected:?}");
@@ -107,7 +111,7 @@ fn an_infinite_f_number_gives_the_stack_as_the_camera_saw_it_with_every_method()
         let mut job = job("fence", "stack.exr", method.info().name, 64);
         job.flags.f_number = Some(f32::INFINITY);
         if method.lens_samples(&MethodParameters::default()).is_none() {
-            job.flags.views = None;
+            job.flags.effort = None;
         }
         let prepared = prepare(&job).unwrap();
         let seen = prepared.scene.pinhole();

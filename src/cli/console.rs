@@ -6,9 +6,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
+use thinlens::dial::Outcome;
 use thinlens::error::Error;
 use thinlens::probes::Verdict;
-use thinlens::scene::Plan;
+use thinlens::scene::{Goal, Plan};
 use thinlens::stack::Finding;
 
 /// Standard error, as talkative as asked for.
@@ -47,8 +48,8 @@ impl Console {
 
     /// One line for the method and one per effect that is on.
     pub(super) fn plan(self, plan: &Plan) {
-        let views = plan.views.map(|views| format!(", {views} views")).unwrap_or_default();
-        self.note(format_args!("method: {}{views}: {}", plan.method, plan.method_reason));
+        self.note(format_args!("method: {}: {}", plan.method, plan.method_reason));
+        self.note(format_args!("views: {}", sampling(plan)));
         for effect in plan.effects.iter().filter(|effect| effect.on) {
             self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
         }
@@ -56,12 +57,17 @@ impl Console {
 
     /// The sampling error that was found.
     pub(super) fn verdict(self, verdict: &Verdict) {
-        let Verdict { psnr_db, interval_db: (least, most), pixels, rays_per_pixel } = verdict;
-        let found = psnr_db.map_or("not to be told from nothing".to_owned(), |db| format!("{db:.1} dB"));
-        let most = most.map_or("any".to_owned(), |db| format!("{db:.1}"));
-        self.note(format_args!(
-            "sampling error: {found}, with 95 % certainty {least:.1} … {most} dB ({pixels} pixels, {rays_per_pixel} rays each)"
-        ));
+        let Verdict { pixels, rays_per_pixel, .. } = verdict;
+        self.note(format_args!("sampling error: {verdict}, {pixels} pixels of {rays_per_pixel} rays each"));
+    }
+
+    /// What the search for a number of lens samples found.
+    pub(super) fn outcome(self, outcome: &Outcome) {
+        if outcome.met {
+            self.note(format_args!("views: {}", outcome.statement));
+        } else {
+            line(format_args!("warning: views: {}", outcome.statement));
+        }
     }
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.
@@ -125,4 +131,17 @@ pub(super) fn print(text: &str) -> io::Result<()> {
 fn line(text: impl Display) {
     // Where standard error is closed there is nobody left to tell.
     let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// How a plan samples the lens, in words.
+pub(super) fn sampling(plan: &Plan) -> String {
+    let reason = &plan.views_reason;
+    match (plan.goal, plan.views) {
+        (Some(Goal::TargetDb { psnr_db, most_views }), _) => {
+            format!("as many as reach {psnr_db} dB, at most {most_views}: {reason}")
+        }
+        (Some(Goal::TimeBudget { seconds }), _) => format!("as many as fit into {seconds} s: {reason}"),
+        (None, Some(views)) => format!("{views}: {reason}"),
+        (None, None) => format!("none: {reason}"),
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::Failure;
 use super::args::JobArgs;
-use super::console::{kebab, print, print_json};
+use super::console::{kebab, print, print_json, sampling};
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -145,9 +145,7 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
 fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     writeln!(text, "plan")?;
     line(text, "method", format_args!("{}: {}", plan.method, plan.method_reason))?;
-    if let Some(views) = plan.views {
-        line(text, "views", views)?;
-    }
+    line(text, "views", sampling(plan))?;
     for effect in &plan.effects {
         let state = if effect.on { "on " } else { "off" };
         line(text, &kebab(&effect.name), format_args!("{state}  {}", effect.reason))?;

@@ -111,6 +111,9 @@ pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     let bar = console.progress("blurring");
     let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
+    if let Some(outcome) = &rendered.outcome {
+        console.outcome(outcome);
+    }
     if let Some(verdict) = &rendered.probe {
         console.verdict(verdict);
     }

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::methods::{self, METHODS};
-use crate::settings::{MethodParameters, Origin, Settings, Sourced};
+use crate::settings::{Effort, MethodParameters, Origin, Settings, Sourced};
 use std::fmt;
 use std::str::FromStr;
 
@@ -78,10 +78,9 @@ impl Contender {
     pub fn settings(&self, settings: &Settings) -> Result<Settings, Error> {
         let mut parameters = settings.parameters.clone();
         self.parameters.iter().try_for_each(|setting| parameters.set(self.method, setting))?;
-        let views = Sourced { value: self.views, origin: Origin::Flag };
         Ok(Settings {
             method: Sourced { value: self.method.to_owned(), origin: Origin::Flag },
-            views: if self.views.is_some() { views } else { settings.views.clone() },
+            effort: Sourced { value: self.views.map(Effort::Views), origin: Origin::Flag },
             parameters,
             ..settings.clone()
         })
@@ -118,7 +117,7 @@ mod tests {
                 let settings = Settings::resolve(&[], MethodParameters::default());
                 let own = contender.settings(&settings).unwrap();
                 assert_eq!(own.method.value, info.name);
-                assert_eq!(contender.views.is_some(), own.views.value.is_some());
+                assert_eq!(contender.views.is_some(), own.effort.value.is_some());
                 assert!(
                     contender.views.is_none() || method.lens_samples(&own.parameters).is_some(),
                     "{contender}"

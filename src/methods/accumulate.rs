@@ -9,18 +9,17 @@
 //! Past the frame's border the last sample goes on for ever. A ray that leaves without a hit says nothing where the
 //! stack's background is closed, and is transparent where it is open.
 //!
-//! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer. Memory: two more
-//! planes a layer. Limits: knows only what the peels know.
+//! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer. Memory: none but the
+//! picture. Limits: knows only what the peels know.
 
 use super::shared::{RaySampler, Tracer};
 use super::{LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
-use crate::image::{Image, Plane};
+use crate::image::Image;
 use crate::lens::{View, views};
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use crate::settings::MethodParameters;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::borrow::Borrow;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
@@ -84,7 +83,7 @@ impl Tracer for Accumulation {
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
 pub struct Volume<L> {
-    layers: Vec<(L, Extent)>,
+    layers: Vec<L>,
     size: [i32; 2],
     supersample: f32,
     coc_range_px: [f32; 2],
@@ -92,42 +91,41 @@ pub struct Volume<L> {
     open_background: bool,
 }
 
-/// From where to where each fragment of a layer reaches in CoC depth.
-#[derive(Debug)]
-struct Extent {
-    near: Plane,
-    far: Plane,
+/// From where to where the fragment `x, y` of `layer` reaches in CoC depth: less than half of [`JOIN_PX`] either way.
+fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
+    let coc = layer.coc_px.get(x, y);
+    let mut reach = [coc; 2];
+    if layer.alpha.get(x, y) < OPAQUE_ALPHA {
+        // Translucent fragments stay thin: reaching into one another they would count twice.
+        return reach;
+    }
+    let neighbours = [
+        (x > 0).then(|| (x - 1, y)),
+        (x + 1 < layer.width()).then(|| (x + 1, y)),
+        (y > 0).then(|| (x, y - 1)),
+        (y + 1 < layer.height()).then(|| (x, y + 1)),
+    ];
+    for (nx, ny) in neighbours.into_iter().flatten() {
+        let other = layer.coc_px.get(nx, ny);
+        if layer.alpha.get(nx, ny) > 0.0 && (other - coc).abs() < JOIN_PX {
+            let middle = 0.5 * (coc + other);
+            reach = [reach[0].min(middle), reach[1].max(middle)];
+        }
+    }
+    reach
 }
 
-impl Extent {
-    fn of(layer: &Layer) -> Self {
-        let (mut near, mut far) = (layer.coc_px.clone(), layer.coc_px.clone());
-        let (width, height) = (near.width(), near.height());
-        let rows = near.values_mut().par_chunks_mut(width).zip(far.values_mut().par_chunks_mut(width));
-        rows.enumerate().for_each(|(y, (near, far))| {
-            for x in 0..width {
-                let coc = layer.coc_px.get(x, y);
-                let neighbours = [
-                    (x > 0).then(|| (x - 1, y)),
-                    (x + 1 < width).then(|| (x + 1, y)),
-                    (y > 0).then(|| (x, y - 1)),
-                    (y + 1 < height).then(|| (x, y + 1)),
-                ];
-                for (nx, ny) in neighbours.into_iter().flatten() {
-                    let other = layer.coc_px.get(nx, ny);
-                    // Translucent fragments stay thin: reaching into one another they would count twice.
-                    let joined = layer.alpha.get(nx, ny) > 0.0
-                        && layer.alpha.get(x, y) >= OPAQUE_ALPHA
-                        && (other - coc).abs() < JOIN_PX;
-                    if joined {
-                        near[x] = near[x].min(0.5 * (coc + other));
-                        far[x] = far[x].max(0.5 * (coc + other));
-                    }
-                }
-            }
-        });
-        Self { near, far }
+/// Whether the fragment `x, y` of `layer` reaches into the CoC depths `stay`.
+fn reaches_into(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> bool {
+    let coc = layer.coc_px.get(x, y);
+    if coc >= stay[0] && coc <= stay[1] {
+        return true;
     }
+    if coc < stay[0] - JOIN_PX || coc > stay[1] + JOIN_PX {
+        return false;
+    }
+    let [near, far] = extent(layer, x, y);
+    near <= stay[1] && far >= stay[0]
 }
 
 impl<'a> Volume<&'a Layer> {
@@ -149,13 +147,7 @@ impl<L: Borrow<Layer>> Volume<L> {
         let first = layers.first().map(Borrow::borrow);
         Self {
             size: first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]),
-            layers: layers
-                .into_iter()
-                .map(|layer| {
-                    let extent = Extent::of(layer.borrow());
-                    (layer, extent)
-                })
-                .collect(),
+            layers,
             supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
             jitter: if supersample > 1 { 1.0 } else { plan.jitter },
@@ -203,10 +195,10 @@ impl<L: Borrow<Layer>> Volume<L> {
     fn meet(&self, x: i32, y: i32, stay: [f32; 2], mut transmitted: f32, sum: &mut RaySum) -> f32 {
         let x = x.clamp(0, self.size[0] - 1) as usize;
         let y = y.clamp(0, self.size[1] - 1) as usize;
-        for (layer, extent) in &self.layers {
+        for layer in &self.layers {
             let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);
-            if alpha <= 0.0 || extent.near.get(x, y) > stay[1] || extent.far.get(x, y) < stay[0] {
+            if alpha <= 0.0 || !reaches_into(layer, x, y, stay) {
                 continue;
             }
             sum.add(layer.color_at(x, y), transmitted);
@@ -235,6 +227,7 @@ fn leave(start: f32, step: f32, cell: i32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
 
     #[test]
     fn a_ray_leaves_a_cell_where_its_line_meets_the_side_it_heads_for() {
@@ -251,8 +244,17 @@ mod tests {
             alpha: Plane::filled(3, 1, 1.0),
             coc_px: Plane::from_fn(3, 1, |x, _| coc[x]),
         };
-        let extent = Extent::of(&layer);
-        assert_eq!(extent.near.values(), [0.0, 0.2, 2.0], "only the second reaches forward");
-        assert_eq!(extent.far.values(), [0.2, 0.4, 2.0], "only the first reaches back");
+        let extents = [0, 1, 2].map(|x| extent(&layer, x, 0));
+        assert_eq!(
+            extents,
+            [[0.0, 0.2], [0.2, 0.4], [2.0, 2.0]],
+            "only the second forward, only the first back"
+        );
+        for stay in [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
+        {
+            let found = [0, 1, 2].map(|x| reaches_into(&layer, x, 0, stay));
+            let wanted = extents.map(|[near, far]| near <= stay[1] && far >= stay[0]);
+            assert_eq!(found, wanted, "{stay:?}");
+        }
     }
 }

@@ -23,7 +23,7 @@ pub use laws::{Deviation, Law};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::scene::{Abilities, EffectKind, Facts, Plan, Scene};
-use crate::settings::{MethodParameters, Settings, nearest};
+use crate::settings::{Effort, MethodParameters, Quality, Settings, nearest};
 use rayon::prelude::*;
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -104,15 +104,12 @@ pub static METHODS: [&dyn Method; 11] = [
     &scatter::Scatter,
 ];
 
-/// What `auto` chooses.
-const DEFAULT: &str = "shear";
-
-/// The method called `name`; `auto` is the default one.
+/// The method called `name`; `auto` is the one of final quality.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one.
 pub fn by_name(name: &str) -> Result<&'static dyn Method, Error> {
-    let wanted = if name == "auto" { DEFAULT } else { name };
+    let wanted = if name == "auto" { Quality::Final.method() } else { name };
     METHODS.into_iter().find(|method| method.info().name == wanted).ok_or_else(|| {
         let known = METHODS.map(|method| method.info().name);
         let help = match nearest(name, &known) {
@@ -128,10 +125,14 @@ pub fn by_name(name: &str) -> Result<&'static dyn Method, Error> {
 /// # Errors
 /// Those of [`by_name`] and of [`Plan::decide`].
 pub fn plan(facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
-    let method = by_name(&settings.method.value)?;
+    let method = match (settings.method.value.as_str(), settings.effort.value) {
+        ("auto", Some(Effort::Quality(quality))) => by_name(quality.method())?,
+        (name, _) => by_name(name)?,
+    };
     let MethodInfo { name, effects, .. } = method.info();
     let lens_samples = method.lens_samples(&settings.parameters);
-    Plan::decide(facts, settings, Abilities { method: name, effects, lens_samples })
+    let seeks = method.lens_sampling().is_some();
+    Plan::decide(facts, settings, Abilities { method: name, effects, lens_samples, seeks })
 }
 
 /// Carries out `plan`: the picture of `scene`, of its picture size.

@@ -32,6 +32,8 @@ pub struct Report {
     pub plan: PlanReport,
     /// Lens samples a pixel; `null` for a method that does not sample the lens.
     pub views: Option<usize>,
+    /// How the number of lens samples was found, where it was not given.
+    pub dial: Option<serde_json::Value>,
     /// Wall time by stage.
     pub seconds: Seconds,
     /// Processor time in all.

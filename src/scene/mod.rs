@@ -8,7 +8,7 @@ mod merge;
 mod plan;
 
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
-pub use plan::{Abilities, Effect, EffectKind, Plan};
+pub use plan::{Abilities, Effect, EffectKind, Goal, Plan};
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -103,18 +103,21 @@ impl Scene {
     /// Where the nearest layer is opaque and there is one sample a pixel, this is that layer bit for bit.
     pub fn pinhole(&self) -> Image {
         let (width, height) = self.picture_size();
+        Image::from_fn(width, height, |x, y| self.pinhole_pixel(x, y))
+    }
+
+    /// Pixel `x, y` of the picture without a lens: red, green, blue, alpha.
+    pub fn pinhole_pixel(&self, x: usize, y: usize) -> [f32; 4] {
         let s = self.supersample;
-        Image::from_fn(width, height, |x, y| {
-            if s == 1 {
-                return self.flattened(x, y);
-            }
-            let mut sum = [0.0; 4];
-            for sample in 0..s * s {
-                let value = self.flattened(x * s + sample % s, y * s + sample / s);
-                sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
-            }
-            sum.map(|sum| sum / (s * s) as f32)
-        })
+        if s == 1 {
+            return self.flattened(x, y);
+        }
+        let mut sum = [0.0; 4];
+        for sample in 0..s * s {
+            let value = self.flattened(x * s + sample % s, y * s + sample / s);
+            sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
+        }
+        sum.map(|sum| sum / (s * s) as f32)
     }
 
     /// All layers at one sample, nearest over farther.

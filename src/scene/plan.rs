@@ -3,7 +3,7 @@
 use super::{Facts, bright_step_floor};
 use crate::error::Error;
 use crate::lens::Aperture;
-use crate::settings::{MethodParameters, Origin, Settings};
+use crate::settings::{Effort, MethodParameters, Origin, Quality, Settings};
 use crate::stack::StackKind;
 
 /// An effect that a plan switches on or off.
@@ -48,6 +48,26 @@ pub struct Abilities {
     pub effects: &'static [EffectKind],
     /// Lens samples a pixel that its parameters ask for; `None` for a method that does not sample the lens.
     pub lens_samples: Option<usize>,
+    /// Whether it can look for the number of lens samples that reaches a [`Goal`].
+    pub seeks: bool,
+}
+
+/// What the number of lens samples is to reach.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Goal {
+    /// A sampling error.
+    TargetDb {
+        /// PSNR in dB against the stack's own truth.
+        psnr_db: f64,
+        /// Lens samples past which it is given up.
+        most_views: usize,
+    },
+    /// A time.
+    TimeBudget {
+        /// Wall seconds of the blur.
+        seconds: f64,
+    },
 }
 
 /// What a method is to do: a pure function of facts and settings, and the only thing it reads beside the scene.
@@ -57,8 +77,13 @@ pub struct Plan {
     pub method: &'static str,
     /// Why this method.
     pub method_reason: String,
-    /// Lens samples a pixel; `None` for a method that does not sample the lens.
+    /// Lens samples a pixel; `None` for a method that does not sample the lens. Where there is a goal, those that the search for
+    /// it begins with.
     pub views: Option<usize>,
+    /// What the number of views is to reach, where it is not given.
+    pub goal: Option<Goal>,
+    /// Why this number of views, or this goal.
+    pub views_reason: String,
     /// Where in the pixel the views lie, as a share of its width: 1 for samples at points, less for colours that are
     /// averages over the pixel already.
     pub jitter: f32,
@@ -98,7 +123,7 @@ impl Plan {
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;
-        let views = views(settings, abilities)?;
+        let Sampling { views, goal, reason: views_reason } = sampling(settings, abilities)?;
         let method_reason = match settings.method.value.as_str() {
             "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
             _ => format!("asked for by {}", settings.method.origin),
@@ -132,6 +157,8 @@ impl Plan {
             method: abilities.method,
             method_reason,
             views,
+            goal,
+            views_reason,
             jitter: if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 },
             fragment_px: match facts.kind {
                 StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
@@ -172,29 +199,71 @@ impl Plan {
 /// The error of this many views is below what a half float can hold.
 const MAX_VIEWS: usize = 1 << 16;
 
-fn views(settings: &Settings, abilities: Abilities) -> Result<Option<usize>, Error> {
-    let asked = settings.views.value;
-    let Some(own) = abilities.lens_samples else {
-        return match asked {
-            Some(views) if settings.views.origin == Origin::Flag => {
-                Err(Error::settings(format!("{} does not sample the lens", abilities.method))
-                    .with("found", format!("--views {views}"))
-                    .help(format!(
-                        "leave --views out; `thinlens methods {}` shows what it has",
-                        abilities.method
-                    )))
+/// Where the search for a target begins: about as many views as `shear` takes for it on the scenes it was made with.
+fn first_views(target_db: f64) -> usize {
+    const VIEWS_FOR_45_DB: f64 = 64.0;
+    const DB_PER_TENFOLD: f64 = 15.0;
+    let views = VIEWS_FOR_45_DB * 10f64.powf((target_db - 45.0) / DB_PER_TENFOLD);
+    (views.round() as usize).next_power_of_two().clamp(8, 1024)
+}
+
+/// How the lens is to be sampled.
+struct Sampling {
+    views: Option<usize>,
+    goal: Option<Goal>,
+    reason: String,
+}
+
+fn sampling(settings: &Settings, abilities: Abilities) -> Result<Sampling, Error> {
+    let Abilities { method, lens_samples, seeks, .. } = abilities;
+    let (effort, origin) = (settings.effort.value, &settings.effort.origin);
+    let auto = settings.method.value == "auto";
+    let (effort, reason) = match effort {
+        Some(effort) => (Some(effort), format!("{effort}, asked for by {origin}")),
+        None if auto => (Some(Effort::Quality(Quality::Final)), "auto is of final quality".to_owned()),
+        None => (None, format!("{method}'s own number")),
+    };
+    let Some(own) = lens_samples else {
+        return match effort {
+            Some(effort) if *origin == Origin::Flag => {
+                Err(Error::settings(format!("{method} does not sample the lens"))
+                    .with("found", effort.to_string())
+                    .help(format!("leave it out; `thinlens methods {method}` shows what the method has")))
             }
-            // A preset's views are for whichever method samples the lens.
-            _ => Ok(None),
+            // A preset's effort is for whichever method samples the lens.
+            _ => {
+                Ok(Sampling { views: None, goal: None, reason: format!("{method} does not sample the lens") })
+            }
         };
     };
-    let views = asked.unwrap_or(own);
+    let goal = match effort {
+        Some(Effort::Views(_)) | None => None,
+        Some(Effort::TargetDb(psnr_db)) => Some(Goal::TargetDb { psnr_db, most_views: MAX_VIEWS }),
+        Some(Effort::TimeBudget(seconds)) => Some(Goal::TimeBudget { seconds }),
+        Some(Effort::Quality(quality)) => {
+            Some(Goal::TargetDb { psnr_db: quality.target_db(), most_views: quality.most_views() })
+        }
+    };
+    if goal.is_some() && !seeks {
+        return match effort {
+            Some(effort) if *origin == Origin::Flag => {
+                Err(Error::settings(format!("{method} cannot look for the number of samples that {effort} takes"))
+                    .help("ask for a number with --views, or for another method: shear, accumulate, layer-rays, peel-rays"))
+            }
+            _ => Ok(Sampling { views: Some(own), goal: None, reason: format!("{method}'s own number") }),
+        };
+    }
+    let views = match (effort, goal) {
+        (Some(Effort::Views(views)), _) => views,
+        (_, Some(Goal::TargetDb { psnr_db, most_views })) => first_views(psnr_db).min(most_views),
+        _ => own,
+    };
     if views == 0 || views > MAX_VIEWS {
         return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
             .with("found", views.to_string())
             .help("set it with --views, or in the preset's [method]"));
     }
-    Ok(Some(views))
+    Ok(Sampling { views: Some(views), goal, reason })
 }
 
 fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
@@ -329,6 +398,7 @@ mod tests {
             EffectKind::Resolve,
         ],
         lens_samples: Some(64),
+        seeks: true,
     };
 
     fn facts() -> Facts {
@@ -413,7 +483,8 @@ mod tests {
     fn numbers_that_cannot_be_are_refused_by_name() {
         let refused = |values| decide(&facts(), &values).unwrap_err().to_string();
         assert!(
-            refused(Values { views: Some(0), ..Values::default() }).contains("number of views"),
+            refused(Values { effort: Some(Effort::Views(0)), ..Values::default() })
+                .contains("number of views"),
             "zero views"
         );
         assert!(
@@ -428,9 +499,9 @@ mod tests {
 
     #[test]
     fn a_method_is_not_said_to_do_what_it_has_no_step_for() {
-        let blind = Abilities { method: "scatter", effects: &[], lens_samples: None };
+        let blind = Abilities { method: "scatter", effects: &[], lens_samples: None, seeks: false };
         let settings = |origin| {
-            let values = Values { views: Some(32), ..Values::default() };
+            let values = Values { effort: Some(Effort::Views(32)), ..Values::default() };
             Settings::resolve(&[(origin, &values)], MethodParameters::default())
         };
         let plan = Plan::decide(&lights(100), &settings(Origin::Header), blind).unwrap();

@@ -3,9 +3,11 @@
 //! A value comes from: built-in default < camera data in the header < preset < flags. Each of these is one [`Values`];
 //! [`Settings::resolve`] lays them over one another and keeps the [`Origin`] of each value that won.
 
+mod effort;
 mod parameters;
 mod preset;
 
+pub use effort::{Effort, Quality};
 pub use parameters::{
     AccumulateParameters, BBufferParameters, GatherParameters, LayerRaysParameters, MethodParameters,
     OpaqueBlurParameters, Parameter, ParameterKind, PeelRaysParameters, PointSplatParameters,
@@ -117,8 +119,8 @@ pub struct Values {
     pub supersample: Option<usize>,
     /// Name of the method, or `auto`.
     pub method: Option<String>,
-    /// Number of lens samples a pixel.
-    pub views: Option<usize>,
+    /// What decides the number of lens samples.
+    pub effort: Option<Effort>,
 }
 
 /// What describes lens, aperture and depth, each value with its origin.
@@ -155,8 +157,8 @@ pub struct Settings {
     pub lens: LensSettings,
     /// See [`Values::method`].
     pub method: Sourced<String>,
-    /// See [`Values::views`]; `None` leaves it to the method.
-    pub views: Sourced<Option<usize>>,
+    /// See [`Values::effort`]; `None` leaves it to the method.
+    pub effort: Sourced<Option<Effort>>,
     /// The methods' own parameters.
     pub parameters: MethodParameters,
 }
@@ -202,7 +204,7 @@ impl Settings {
                 far: pick(layers, 1.0, |v| v.far),
             },
             method: pick(layers, "auto".to_owned(), |v| v.method.clone()),
-            views: pick(layers, None, |v| v.views.map(Some)),
+            effort: pick(layers, None, |v| v.effort.map(Some)),
             parameters,
         }
     }

@@ -3,7 +3,7 @@
 //! [`SCHEMA`] is the one list of keys: what may be written, how it is checked and where it goes. The `[method.NAME]`
 //! tables follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
-use super::{DepthConvention, Focus, MethodParameters, SensorDistance, Values, nearest};
+use super::{DepthConvention, Effort, Focus, MethodParameters, Quality, SensorDistance, Values, nearest};
 use crate::error::Error;
 use serde_json::Value as Json;
 use std::ops::Range;
@@ -121,7 +121,7 @@ struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables.
-static SCHEMA: [Key; 16] = {
+static SCHEMA: [Key; 19] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -147,7 +147,12 @@ static SCHEMA: [Key; 16] = {
         key("depth", "far", |v, e| e.positive().map(|x| v.far = Some(x))),
         key("depth", "supersample", |v, e| e.count().map(|x| v.supersample = Some(x))),
         key("method", "name", |v, e| e.text().map(|x| v.method = Some(x.to_owned()))),
-        key("method", "views", |v, e| e.count().map(|x| v.views = Some(x))),
+        key("method", "views", |v, e| e.effort(v, Effort::Views(e.count()?))),
+        key("method", "target_db", |v, e| e.effort(v, Effort::TargetDb(e.decibels()?))),
+        key("method", "time_budget_s", |v, e| e.effort(v, Effort::TimeBudget(e.positive()?.into()))),
+        key("method", "quality", |v, e| {
+            e.effort(v, Effort::Quality(e.one_of(&Quality::ALL.map(|quality| (quality.name(), quality)))?))
+        }),
     ]
 };
 
@@ -378,6 +383,22 @@ impl<'a> Entry<'a> {
         Ok(())
     }
 
+    /// Keeps `effort`, unless another key has set one.
+    fn effort(&self, values: &mut Values, effort: Effort) -> Result<(), Error> {
+        if values.effort.is_some() {
+            let what = "'views', 'target_db', 'time_budget_s' and 'quality' exclude one another";
+            return Err(self.document.error(what, self.key_span.clone()).help("keep one of them"));
+        }
+        values.effort = Some(effort);
+        Ok(())
+    }
+
+    fn decibels(&self) -> Result<f64, Error> {
+        let [least, most] = Effort::TARGETS_DB;
+        let wanted = format!("a number of decibels from {least} to {most}");
+        self.number_where(&wanted, |x| (least..=most).contains(&f64::from(x))).map(f64::from)
+    }
+
     fn one_of<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, Error> {
         let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
         let text = self.text()?;
@@ -463,7 +484,7 @@ mod tests {
             far: Some(100.0),
             supersample: Some(2),
             method: Some("shear".to_owned()),
-            views: Some(32),
+            effort: Some(Effort::Views(32)),
         };
         assert_eq!(parse(text).unwrap().values, expected);
     }
@@ -581,7 +602,7 @@ mod tests {
         let (_, rest) = readme.split_once("    [lens]").unwrap();
         let (block, _) = rest.split_once("\nThe flags").unwrap();
         let preset = Preset::parse(&format!("[lens]{block}"), "README.md").unwrap();
-        assert_eq!(preset.values.views, Some(64));
+        assert_eq!(preset.values.effort, Some(Effort::Views(64)));
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
         far: from.number("thinlens.far", Range::Positive),
         supersample: from.whole("thinlens.supersample").filter(|&samples| samples > 0).map(usize::from),
         method: None,
-        views: None,
+        effort: None,
     };
     (values, from.findings)
 }

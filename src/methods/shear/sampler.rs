@@ -45,17 +45,29 @@ pub(super) struct Ready {
 }
 
 impl Ready {
-    /// Gets `layers` ready for `views` views; bins and runs are those `found` before, if they serve.
-    fn new(mut layers: Vec<Layer>, plan: &Plan, count: usize, found: Option<Self>) -> Self {
-        let many = count >= MANY_VIEWS;
-        let (bins, runs) = match found.filter(|found| (found.views >= MANY_VIEWS) == many) {
-            Some(found) => (found.bins, found.runs),
-            None => {
-                let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(many)]);
-                let runs = runs::find(&layers, &bins);
-                (bins, runs)
-            }
-        };
+    /// Gets `layers` ready for `views` views.
+    fn new(layers: Vec<Layer>, plan: &Plan, views: usize) -> Self {
+        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)]);
+        let runs = runs::find(&layers, &bins);
+        Self::with_runs(layers, (bins, runs), plan, views)
+    }
+
+    /// What was ready for some number of views made ready for `views`, from the `layers` as they were.
+    fn again(self, layers: &[Layer], plan: &Plan, views: usize) -> Self {
+        let Self { layers: mut own, bins, runs, .. } = self;
+        // Smoothing has changed nothing but the colours.
+        for (own, layer) in own.iter_mut().zip(layers) {
+            let planes = own.color.iter_mut().zip(&layer.color);
+            planes.for_each(|(own, plane)| own.values_mut().copy_from_slice(plane.values()));
+        }
+        if (self.views >= MANY_VIEWS) == (views >= MANY_VIEWS) {
+            Self::with_runs(own, (bins, runs), plan, views)
+        } else {
+            Self::new(own, plan, views)
+        }
+    }
+
+    fn with_runs(mut layers: Vec<Layer>, (bins, runs): (Bins, Runs), plan: &Plan, count: usize) -> Self {
         if plan.does(EffectKind::Prefilter) {
             prefilter::smooth(&mut layers, count, plan.parameters.shear.prefilter);
         }
@@ -122,7 +134,8 @@ impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
         let ready = match self.ready.take() {
             Some(ready) if ready.views == views => ready,
-            found => Ready::new(self.layers.clone(), self.plan, views, found),
+            Some(ready) => ready.again(&self.layers, self.plan, views),
+            None => Ready::new(self.layers.clone(), self.plan, views),
         };
         let (width, height) = self.size;
         let open = self.plan.does(EffectKind::OpenBackground);
@@ -156,7 +169,8 @@ impl Sampler for ShearSampler<'_> {
         let Self { plan, size, layers, highlights, ready } = *self;
         let ready = match ready {
             Some(ready) if ready.views == views => ready,
-            found => Ready::new(layers, plan, views, found),
+            Some(ready) => ready.again(&layers, plan, views),
+            None => Ready::new(layers, plan, views),
         };
         let (mut image, focused_share) = ready.paint(size, plan.does(EffectKind::OpenBackground), progress);
         ready.draw(&mut image, &highlights, plan);
