@@ -265,7 +265,7 @@ mod tests {
     fn an_error_that_samples_do_not_take_away_ends_the_search() {
         let (found, tried) = searched(50.0, [2e-5, 2e-3, 1.2], 1 << 16);
         let End::Floor(floor_db) = found.end else { panic!("{found:?} after {tried:?}") };
-        assert!((floor_db - 47.0).abs() < 0.1, "the floor is 2e-5, 47 dB: {floor_db}");
+        assert!((47.0..48.5).contains(&floor_db), "47 dB, and seen from above: {floor_db}");
         assert!(*tried.last().unwrap() <= 1024, "{tried:?}");
     }
 
