@@ -12,6 +12,10 @@ use std::f32::consts::PI;
 /// CoC radii at which `j + c·u` shall be even; the last stands for the lens alone.
 const RADII: [f32; 10] = [0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, f32::INFINITY];
 const STEPS: usize = 3000;
+
+/// Sizes of the tables: powers of two, and halfway between them.
+const SIZES: [usize; 15] = [8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024];
+
 const SLICES: usize = 12;
 
 type Point = (Vec2, Vec2);
@@ -19,7 +23,7 @@ type Point = (Vec2, Vec2);
 fn main() -> std::io::Result<()> {
     let path = std::env::args().nth(1).expect("the file to write as first argument");
     let mut bytes = Vec::new();
-    for n in (3..=10).map(|k| 1usize << k) {
+    for n in SIZES {
         for (lens, jitter) in ordered(&optimised(n)) {
             bytes.extend([lens.x, lens.y, jitter.x, jitter.y].iter().flat_map(|v| v.to_le_bytes()));
         }

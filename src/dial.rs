@@ -4,35 +4,41 @@
 //! pixels ([`Probes`]), the method is asked for these pixels alone ([`Sampler::pixels`]) with rising or falling numbers of samples,
 //! and when the number is known the picture is painted once. What the probes said of that number is then true of the picture.
 //!
-//! The numbers are powers of two, for which the tables of lens samples are made. Where more samples stop helping (a method that
-//! makes the picture in another way than ray by ray has an error that no number of samples takes away) the search ends and
-//! says so.
+//! The numbers are those that there are tables of lens samples for: powers of two, and halfway between them. The first one is
+//! guessed from how much single rays differ ([`Places::spread`]). Where more samples stop helping (a method that makes the
+//! picture in another way than ray by ray has an error that no number of samples takes away) the search ends and says so.
 
 use crate::error::Error;
 use crate::image::Image;
-use crate::methods::{self, Progress, Sampler};
-use crate::probes::{self, Probes, SEED, Verdict};
-use crate::scene::{Goal, Plan, Scene};
+use crate::methods::{self, Progress};
+use crate::probes::{MANY_RAYS, Places, Probes, SEED, Verdict};
+use crate::scene::{EffectKind, Goal, Plan, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Pixels at which numbers of samples are tried.
 const PROBES: usize = 200;
 
-/// Fewest lens samples that are tried: the smallest table's.
-const FEWEST_VIEWS: usize = 8;
-
 /// A target is met if it is missed by no more than this: about half the standard error of the estimate.
 const TOLERANCE_DB: f64 = 0.25;
 
-/// What doubling the number of lens samples gains where nothing better is known.
-const DB_PER_DOUBLING: f64 = 2.5;
+/// What one step up, to √2 times the lens samples, gains where nothing better is known.
+const DB_PER_STEP: f64 = 1.25;
+
+/// And what it gains at least.
+const LEAST_DB_PER_STEP: f64 = 0.6;
 
 /// Squared error falls with this power of the number of lens samples at least, where nothing but the samples is at fault.
 const LEAST_POWER: f64 = 0.6;
 
 /// With this power it falls for rays that are evenly spread.
 const POWER_OF_RAYS: f64 = 1.2;
+
+/// By how much 16 lens samples of `shear` better the PSNR of one ray, in dB, and what √2 times as many gain: means over scenes.
+const SHEAR_GAIN_DB: [f64; 2] = [21.5, 1.25];
+
+/// The same of methods that follow rays.
+const RAYS_GAIN_DB: [f64; 2] = [15.0, 1.8];
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -83,10 +89,15 @@ pub fn reach(
     (psnr_db, most_views): (f64, usize),
     progress: &Progress<'_>,
 ) -> Result<(Image, Outcome), Error> {
-    let (mut sampler, probes) = begin(scene, plan)?;
+    let sampling = methods::by_name(plan.method)?.lens_sampling().ok_or_else(|| {
+        Error::settings(format!("{} cannot be asked for single pixels", plan.method))
+            .help("ask for a number of lens samples with --views")
+    })?;
+    let (probes, first) = probes(&scene, plan, psnr_db);
+    let mut sampler = sampling.begin(scene, plan);
     let pixels = probes.pixels();
     let mut tried = Vec::new();
-    let found = search(psnr_db, plan.lens_samples(), most_views, |views| {
+    let found = search(psnr_db, first, most_views, |views| {
         let trial = Trial { views, verdict: probes.judge(&sampler.pixels(views, &pixels)) };
         tried.push(trial);
         trial.psnr_db()
@@ -97,17 +108,40 @@ pub fn reach(
     Ok((image, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
 }
 
-/// The plan's method at work on `scene`, and the truth at some of its pixels.
-fn begin(scene: Scene, plan: &Plan) -> Result<(Box<dyn Sampler + '_>, Probes), Error> {
-    let method = methods::by_name(plan.method)?;
-    let Some(sampling) = method.lens_sampling() else {
-        return Err(Error::settings(format!("{} cannot be asked for single pixels", plan.method))
-            .help("ask for a number of lens samples with --views"));
-    };
-    // Twice the samples that are likely to do: their own noise then adds little to what is measured.
-    let rays_per_half = (2 * plan.lens_samples()).clamp(64, probes::MANY_RAYS);
-    let probes = Probes::new(&scene, plan, PROBES, rays_per_half, SEED);
-    Ok((sampling.begin(scene, plan), probes))
+/// The truth at some pixels of `scene`, and the step at which the search for `psnr_db` begins.
+fn probes(scene: &Scene, plan: &Plan, psnr_db: f64) -> (Probes, u32) {
+    // What a plan guesses is no error of its samples.
+    let filled = plan.does(EffectKind::Fill).then(|| scene.clone().filled());
+    let scene = filled.as_ref().unwrap_or(scene);
+    let places = Places::new(scene, plan, PROBES, SEED);
+    let first = first_step(psnr_db, places.spread(), plan.method);
+    // As many rays as samples are likely to do, twice: their own noise then adds little to what is measured.
+    let rays_per_half = views_at(first).clamp(64, MANY_RAYS);
+    (Probes::new(places, scene, plan, rays_per_half), first)
+}
+
+/// Lens samples of step `step` of the grid: 8, 12, 16, 24 …
+fn views_at(step: u32) -> usize {
+    let octave = step / 2;
+    if step.is_multiple_of(2) { 8 << octave } else { 12 << octave }
+}
+
+/// The last step of the grid with at most `views` lens samples; the first of all, if none has so few.
+fn step_within(views: usize) -> u32 {
+    let mut step = 0;
+    while views_at(step + 1) <= views {
+        step += 1;
+    }
+    step
+}
+
+/// The step that is likely to reach `psnr_db` where the squared error of one ray is `spread`.
+fn first_step(psnr_db: f64, spread: f64, method: &str) -> u32 {
+    const STEP_OF_16: f64 = 2.0;
+    const LAST: f64 = 16.0;
+    let [gain_of_16, gain_of_step] = if method == "shear" { SHEAR_GAIN_DB } else { RAYS_GAIN_DB };
+    let wanted = psnr_db + 10.0 * spread.max(1e-12).log10();
+    ((wanted - gain_of_16) / gain_of_step + STEP_OF_16).ceil().clamp(0.0, LAST) as u32
 }
 
 /// How a search ended.
@@ -128,83 +162,93 @@ struct Found {
     end: End,
 }
 
-/// Looks for the smallest power of two, up to `most`, whose PSNR, as `measure` has it, reaches `target_db`; begins at `first`.
-fn search(target_db: f64, first: usize, most: usize, mut measure: impl FnMut(usize) -> f64) -> Found {
-    let mut known = BTreeMap::new();
-    let mut views = first.clamp(FEWEST_VIEWS.min(most), most);
+/// PSNRs in dB by step of the grid.
+type Known = BTreeMap<u32, f64>;
+
+/// Looks for the fewest lens samples, up to `most`, whose PSNR, as `measure` has it, reaches `target_db`; begins at step `first`.
+fn search(target_db: f64, first: u32, most: usize, mut measure: impl FnMut(usize) -> f64) -> Found {
+    let last = step_within(most);
+    let views = |step: u32| views_at(step).min(most);
+    let mut known = Known::new();
+    let mut step = first.min(last);
     loop {
-        known.insert(views, measure(views));
-        match next(&known, target_db, most) {
-            Step::Try(next) => views = next,
-            Step::End(found) => return found,
+        known.insert(step, measure(views(step)));
+        match next(&known, target_db, last) {
+            Step::Try(next) => step = next,
+            Step::End(step, end) => return Found { views: views(step), end },
         }
     }
 }
 
-/// What to do after the numbers of lens samples that are `known`, each with its PSNR.
+/// What to do after some steps of the grid are known.
 enum Step {
-    Try(usize),
-    End(Found),
+    Try(u32),
+    End(u32, End),
 }
 
-fn next(known: &BTreeMap<usize, f64>, target_db: f64, most: usize) -> Step {
-    let enough = known.iter().find(|(_, db)| **db >= target_db - TOLERANCE_DB);
-    let short = known.iter().rfind(|(_, db)| **db < target_db - TOLERANCE_DB);
-    match (short, enough) {
-        (Some((&views, &db)), None) => more(known, (views, db), target_db, most),
-        (None, Some((&views, &db))) => fewer((views, db), target_db),
-        // What reaches the target with fewer than something that misses it does so by chance.
-        (Some((&less, &less_db)), Some((&views, &db))) => between((less, less_db), (views, db), target_db),
-        (None, None) => Step::End(Found { views: most, end: End::Most }),
+fn next(known: &Known, target_db: f64, last: u32) -> Step {
+    let reaches = |(_, db): &(&u32, &f64)| **db >= target_db - TOLERANCE_DB;
+    let enough = known.iter().find(reaches);
+    // Of the steps below it: one above that misses the target does so by chance.
+    let mut below = known.iter().filter(|(step, _)| enough.is_none_or(|(enough, _)| *step < enough));
+    match (below.next_back(), enough) {
+        (_, None) => more(known, target_db, last),
+        (None, Some((&step, &db))) => fewer(step, db - target_db),
+        (Some((&short, &short_db)), Some((&step, &db))) => {
+            between((short, short_db - target_db), (step, db - target_db))
+        }
     }
 }
 
-/// Nothing known reaches the target, `views` with `db` come nearest to it.
-fn more(known: &BTreeMap<usize, f64>, (views, db): (usize, f64), target_db: f64, most: usize) -> Step {
-    let end = if views >= most { Some(End::Most) } else { floor_db(known, target_db).map(End::Floor) };
-    if let Some(end) = end {
-        return Step::End(Found { views: fewest_as_good(known), end });
+/// Nothing known reaches the target.
+fn more(known: &Known, target_db: f64, last: u32) -> Step {
+    let Some((&step, &db)) = known.last_key_value() else { return Step::Try(0) };
+    let end = if step >= last { Some(End::Most) } else { floor_db(known, target_db).map(End::Floor) };
+    match end {
+        Some(end) => Step::End(fewest_as_good(known), end),
+        None => {
+            let steps = ((target_db - db) / DB_PER_STEP).ceil().clamp(1.0, 6.0) as u32;
+            Step::Try((step + steps).min(last))
+        }
     }
-    let doublings = ((target_db - db) / DB_PER_DOUBLING).ceil().clamp(1.0, 3.0) as u32;
-    Step::Try((views << doublings).min(most))
 }
 
-/// Everything known reaches the target; `views`, the fewest, have `db`.
-fn fewer((views, db): (usize, f64), target_db: f64) -> Step {
-    // Halving may cost little: as little as this where the picture is smooth.
-    const LEAST_DB_PER_DOUBLING: f64 = 1.5;
-    let halvings = ((db - target_db) / LEAST_DB_PER_DOUBLING).floor().clamp(0.0, 2.0) as u32;
-    let tried = (views >> halvings).max(FEWEST_VIEWS);
-    if tried < views { Step::Try(tried) } else { Step::End(Found { views, end: End::Met }) }
+/// Everything known reaches the target, step `step`, the lowest, by `surplus_db`.
+fn fewer(step: u32, surplus_db: f64) -> Step {
+    let steps = (surplus_db / DB_PER_STEP).floor().clamp(0.0, 6.0) as u32;
+    match steps.min(step) {
+        0 => Step::End(step, End::Met),
+        steps => Step::Try(step - steps),
+    }
 }
 
-/// `less` views miss the target, `views` reach it.
-fn between((less, less_db): (usize, f64), (views, db): (usize, f64), target_db: f64) -> Step {
-    let doublings = (views as f64 / less as f64).log2();
-    let needed = ((target_db - less_db) / (db - less_db).max(1e-3) * doublings).ceil().max(1.0);
-    if needed >= doublings {
-        return Step::End(Found { views, end: End::Met });
+/// Step `short` misses the target, by `short_db` below nothing, step `enough` reaches it, by `surplus_db`.
+fn between((short, short_db): (u32, f64), (enough, surplus_db): (u32, f64)) -> Step {
+    let steps = f64::from(enough - short);
+    let needed = (-short_db / (surplus_db - short_db).max(1e-3) * steps).ceil().max(1.0) as u32;
+    if short + needed >= enough || surplus_db < LEAST_DB_PER_STEP {
+        return Step::End(enough, End::Met);
     }
-    Step::Try(less << needed as u32)
+    Step::Try(short + needed)
 }
 
 /// The PSNR in dB that more and more lens samples approach, if it misses the target.
-fn floor_db(known: &BTreeMap<usize, f64>, target_db: f64) -> Option<f64> {
-    // Only numbers far enough apart tell a floor from chance.
-    const APART: usize = 4;
-    let (&most, &most_db) = known.last_key_value()?;
-    let (&fewer, &fewer_db) = known.iter().rfind(|(views, _)| **views * APART <= most)?;
+fn floor_db(known: &Known, target_db: f64) -> Option<f64> {
+    // Only numbers far enough apart tell a floor from chance: four times as many.
+    const APART: u32 = 4;
+    let (&last, &last_db) = known.last_key_value()?;
+    let (&before, &before_db) = known.iter().rfind(|(step, _)| **step + APART <= last)?;
     let error = |db: f64| 10f64.powf(-0.1 * db);
-    let falls_to = (most as f64 / fewer as f64).powf(-LEAST_POWER);
-    let floor = (error(most_db) - error(fewer_db) * falls_to) / (1.0 - falls_to);
+    let falls_to = (views_at(last) as f64 / views_at(before) as f64).powf(-LEAST_POWER);
+    let floor = (error(last_db) - error(before_db) * falls_to) / (1.0 - falls_to);
     (floor >= error(target_db)).then(|| -10.0 * floor.log10())
 }
 
-/// The fewest of the `known` lens samples that are hardly worse than the best.
-fn fewest_as_good(known: &BTreeMap<usize, f64>) -> usize {
+/// The lowest of the `known` steps that is hardly worse than the best.
+fn fewest_as_good(known: &Known) -> u32 {
     const HARDLY_DB: f64 = 0.5;
     let best = known.values().fold(f64::NEG_INFINITY, |best, db| best.max(*db));
-    known.iter().find(|(_, db)| **db >= best - HARDLY_DB).map_or(FEWEST_VIEWS, |(views, _)| *views)
+    known.iter().find(|(_, db)| **db >= best - HARDLY_DB).map_or(0, |(step, _)| *step)
 }
 
 /// What there is to say of a search for `target_db`.
@@ -234,12 +278,17 @@ mod tests {
     /// A search for `target_db` from 64 on, and the numbers it tried, where the error is `floor + noise / views ^ power`.
     fn searched(target_db: f64, [floor, noise, power]: [f64; 3], most: usize) -> (Found, Vec<usize>) {
         let mut tried = Vec::new();
-        let db = |views: usize| -10.0 * (floor + noise * (views as f64).powf(-power)).log10();
-        let found = search(target_db, 64, most, |views| {
+        let found = search(target_db, step_within(64), most, |views| {
             tried.push(views);
-            db(views)
+            -10.0 * (floor + noise * (views as f64).powf(-power)).log10()
         });
         (found, tried)
+    }
+
+    #[test]
+    fn the_grid_has_powers_of_two_and_halfway_between_them() {
+        assert_eq!([0, 1, 2, 3, 4].map(views_at), [8, 12, 16, 24, 32]);
+        assert_eq!([1, 8, 11, 12, 64, 95, 96].map(step_within), [0, 0, 0, 1, 6, 6, 7]);
     }
 
     #[test]
@@ -253,9 +302,9 @@ mod tests {
                         format!("{target_db} dB, power {power}, noise {noise}: {found:?} after {tried:?}");
                     assert_eq!(found.end, End::Met, "{case}");
                     assert!(db(found.views) >= target_db - TOLERANCE_DB, "too few: {case}");
-                    let half_would_do = db(found.views / 2) >= target_db && found.views > FEWEST_VIEWS;
-                    assert!(!half_would_do || db(found.views) < target_db + 3.0, "too many: {case}");
-                    assert!(tried.len() <= 8, "{case}");
+                    let surplus_db = db(found.views) - target_db;
+                    assert!(found.views == 8 || surplus_db < 2.5, "{surplus_db} dB too many: {case}");
+                    assert!(tried.len() <= 9, "{case}");
                 }
             }
         }
@@ -272,7 +321,7 @@ mod tests {
     #[test]
     fn a_search_stops_at_the_most_samples_it_may_take() {
         let (found, tried) = searched(60.0, [0.0, 1e-2, 1.0], 100);
-        assert_eq!((found.end, found.views), (End::Most, 100), "after {tried:?}");
+        assert_eq!((found.end, found.views), (End::Most, 96), "after {tried:?}");
         let (found, _) = searched(60.0, [0.0, 1e-2, 1.0], 2);
         assert_eq!((found.end, found.views), (End::Most, 2), "even below the smallest table");
     }
@@ -281,5 +330,17 @@ mod tests {
     fn more_samples_that_make_it_no_better_are_not_spent() {
         let (found, tried) = searched(60.0, [1e-4, 1e-9, 1.0], 1 << 16);
         assert_eq!(found.views, 64, "{found:?} after {tried:?}");
+    }
+
+    #[test]
+    fn the_first_guess_follows_the_target_and_the_spread() {
+        let first = |db, spread| views_at(first_step(db, spread, "shear"));
+        assert!(first(45.0, 1e-2) > first(40.0, 1e-2), "a higher target");
+        assert!(first(45.0, 1e-2) > first(45.0, 1e-3), "a busier scene");
+        assert_eq!(first(45.0, 0.0), 8, "nothing differs");
+        assert!(
+            views_at(first_step(45.0, 1e-2, "accumulate")) > first(45.0, 1e-2),
+            "single rays are noisier"
+        );
     }
 }

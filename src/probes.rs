@@ -82,6 +82,40 @@ impl fmt::Display for Verdict {
     }
 }
 
+/// Where to look at the pictures of a scene.
+#[derive(Debug, Clone)]
+pub struct Places {
+    /// Of each stratum, how many pixels it has and those that are looked at.
+    strata: Vec<(f64, Vec<usize>)>,
+    spread: f64,
+    rng: Rng,
+}
+
+impl Places {
+    /// About `count` pixels of `scene` as `plan` has it. The same `seed` chooses the same pixels.
+    pub fn new(scene: &Scene, plan: &Plan, count: usize, seed: u64) -> Self {
+        let mut rng = Rng::with_seed(seed);
+        let count = count.max(FEWEST_PROBES);
+        let volume = Volume::new(scene, plan);
+        let candidates = Look { scene, volume: &volume, plan }.candidates(count * CANDIDATES, &mut rng);
+        let sum: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
+        let spread = sum / (3 * candidates.len().max(1)) as f64;
+        let mut strata = strata(candidates, scene);
+        let each = count.div_ceil(strata.len().max(1));
+        for (_, pixels) in &mut strata {
+            rng.shuffle(pixels);
+            pixels.truncate(each);
+        }
+        Self { strata, spread, rng }
+    }
+
+    /// How much single rays of a pixel differ: the variance of what they show, the mean over the picture and its channels. It is
+    /// the squared error of a picture of one ray a pixel.
+    pub fn spread(&self) -> f64 {
+        self.spread
+    }
+}
+
 /// Pixels of a scene's picture with the stack's truth at each.
 #[derive(Debug, Clone)]
 pub struct Probes {
@@ -94,24 +128,24 @@ pub struct Probes {
 struct Stratum {
     /// How many there are: as the candidates tell.
     size: f64,
-    /// Those that are looked at: row by row from the top, `y · width + x`.
+    /// Those that are looked at: `y · width + x`.
     pixels: Vec<usize>,
     /// The truth at each of these: of two halves of rays, display-encoded.
     truths: Vec<[[f32; 3]; 2]>,
 }
 
 impl Probes {
-    /// Looks at about `count` pixels of `scene` as `plan` has it, with two times `rays_per_half` rays each. The same `seed` looks at the
-    /// same pixels.
-    pub fn new(scene: &Scene, plan: &Plan, count: usize, rays_per_half: usize, seed: u64) -> Self {
-        let mut rng = Rng::with_seed(seed);
-        let count = count.max(FEWEST_PROBES);
+    /// Looks at the pixels `places` of `scene` as `plan` has it, with two times `rays_per_half` rays each.
+    pub fn new(places: Places, scene: &Scene, plan: &Plan, rays_per_half: usize) -> Self {
+        let Places { strata, mut rng, .. } = places;
         let volume = Volume::new(scene, plan);
-        let look = Look { scene, volume: &volume, plan, rays_per_half };
-        let strata = strata(look.candidates(count * CANDIDATES, &mut rng), scene);
-        let each = count.div_ceil(strata.len().max(1));
-        let strata = strata.into_iter().map(|(size, pixels)| look.at(size, pixels, each, &mut rng)).collect();
-        Self { strata, rays_per_half }
+        let look = Look { scene, volume: &volume, plan };
+        let stratum = |(size, pixels): (f64, Vec<usize>)| {
+            let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
+            let truth = |(pixel, seed)| look.truth(pixel, rays_per_half, seed);
+            Stratum { size, truths: seeds.into_par_iter().map(truth).collect(), pixels }
+        };
+        Self { strata: strata.into_iter().map(stratum).collect(), rays_per_half }
     }
 
     /// The pixels that are looked at, `y · width + x` each.
@@ -159,7 +193,7 @@ impl Probes {
 
 /// Looks at about `probes` pixels of `image`, the picture of `scene` as `plan` has it. The same `seed` looks at the same pixels.
 pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> Verdict {
-    Probes::new(scene, plan, probes, MANY_RAYS, seed).judge_image(image)
+    Probes::new(Places::new(scene, plan, probes, seed), scene, plan, MANY_RAYS).judge_image(image)
 }
 
 /// `color` as a display shows it.
@@ -172,7 +206,6 @@ struct Look<'a> {
     scene: &'a Scene,
     volume: &'a Volume<&'a Layer>,
     plan: &'a Plan,
-    rays_per_half: usize,
 }
 
 impl Look<'_> {
@@ -215,19 +248,10 @@ impl Look<'_> {
         shown(self.volume.pixel(pixel % width, pixel / width, rays))
     }
 
-    /// Looks at `count` of `pixels`, as far as there are so many, which stand for `size` pixels.
-    fn at(&self, size: f64, mut pixels: Vec<usize>, count: usize, rng: &mut Rng) -> Stratum {
-        rng.shuffle(&mut pixels);
-        pixels.truncate(count);
-        let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
-        let truths = seeds.into_par_iter().map(|(pixel, seed)| self.truth(pixel, seed)).collect();
-        Stratum { size, pixels, truths }
-    }
-
     /// What two halves of the rays say of pixel `pixel`.
-    fn truth(&self, pixel: usize, seed: u64) -> [[f32; 3]; 2] {
+    fn truth(&self, pixel: usize, rays_per_half: usize, seed: u64) -> [[f32; 3]; 2] {
         let mut rng = Rng::with_seed(seed);
-        std::array::from_fn(|_| self.shown(pixel, &self.rays(self.rays_per_half, &mut rng)))
+        std::array::from_fn(|_| self.shown(pixel, &self.rays(rays_per_half, &mut rng)))
     }
 
     /// Rays of a pixel, unlike any others.

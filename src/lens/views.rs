@@ -1,6 +1,6 @@
 //! Lens samples: pairs of a point on the aperture and a place within the pixel, spread evenly in both at once.
 //!
-//! The tables hold, for 8, 16 … 1024 views, point sets `(u, j)` optimised so that `j + c·u` is evenly spread along every
+//! The tables hold, for 8, 12, 16, 24 … 1024 views, point sets `(u, j)` optimised so that `j + c·u` is evenly spread along every
 //! direction for every CoC radius `c` from 0 (the pixel alone) to ∞ (the lens alone): sliced optimal transport after
 //! Paulin et al. 2020, "Sliced Optimal Transport Sampling". `examples/view_tables.rs` makes them. Each table is ordered
 //! so that its beginnings are well spread too.
@@ -17,12 +17,11 @@ pub struct View {
     pub jitter: Vec2,
 }
 
-/// Tables of 8, 16 … 1024 points, one after the other; a point is `u_x, u_y, j_x, j_y`, little-endian.
-static TABLES: &[u8] = include_bytes!("view_tables.bin");
+/// Sizes of the tables: powers of two, and halfway between them.
+const SIZES: [usize; 15] = [8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024];
 
-/// Points in the smallest and in the largest table.
-const SMALLEST: usize = 8;
-const LARGEST: usize = 1024;
+/// The tables, one after the other; a point is `u_x, u_y, j_x, j_y`, little-endian.
+static TABLES: &[u8] = include_bytes!("view_tables.bin");
 
 /// Bytes of a point.
 const POINT: usize = 4 * size_of::<f32>();
@@ -32,8 +31,9 @@ const POINT: usize = 4 * size_of::<f32>();
 /// Counts that are no table's size take the beginning of the next larger one; past the largest, the largest is used again,
 /// turned and shifted.
 pub fn views(count: usize, aperture: Aperture) -> Vec<View> {
-    let size = count.next_power_of_two().clamp(SMALLEST, LARGEST);
-    let table = &TABLES[(size - SMALLEST) * POINT..][..size * POINT];
+    let index = SIZES.iter().position(|&size| size >= count).unwrap_or(SIZES.len() - 1);
+    let (before, size) = (SIZES[..index].iter().sum::<usize>(), SIZES[index]);
+    let table = &TABLES[before * POINT..][..size * POINT];
     (0..count)
         .map(|i| {
             let view = point(table, i % size);
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn every_count_gives_that_many_views_within_lens_and_pixel() {
-        for count in [1, 2, 7, 8, 9, 64, 100, 1024, 1500, 4096] {
+        for count in [1, 2, 7, 8, 9, 64, 96, 100, 768, 1024, 1500, 4096] {
             let samples = views(count, Aperture::Disc);
             assert_eq!(samples.len(), count, "asked for {count}");
             for view in samples {
@@ -91,6 +91,11 @@ mod tests {
                 assert!(view.jitter.abs().max_element() <= 0.5, "{view:?} leaves the pixel");
             }
         }
+    }
+
+    #[test]
+    fn the_tables_are_as_long_as_their_sizes_say() {
+        assert_eq!(TABLES.len(), SIZES.iter().sum::<usize>() * POINT);
     }
 
     #[test]
@@ -102,7 +107,7 @@ mod tests {
     #[test]
     fn views_are_spread_evenly_in_pixel_and_lens_at_once() {
         // For several CoC radii, the share of points in a half plane through the centre is one half.
-        for count in [64, 256, 1024] {
+        for count in [48, 64, 96, 192, 256, 768, 1024] {
             for coc in [0.0f32, 1.0, 4.0] {
                 let positive = views(count, Aperture::Disc)
                     .iter()

@@ -4,6 +4,7 @@
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
 mod facts;
+mod fill;
 mod merge;
 mod plan;
 

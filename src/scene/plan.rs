@@ -77,8 +77,8 @@ pub struct Plan {
     pub method: &'static str,
     /// Why this method.
     pub method_reason: String,
-    /// Lens samples a pixel; `None` for a method that does not sample the lens. Where there is a goal, those that the search for
-    /// it begins with.
+    /// Lens samples a pixel; `None` for a method that does not sample the lens. Where there is a goal, the method's own number until
+    /// the one that reaches it is found.
     pub views: Option<usize>,
     /// What the number of views is to reach, where it is not given.
     pub goal: Option<Goal>,
@@ -199,14 +199,6 @@ impl Plan {
 /// The error of this many views is below what a half float can hold.
 const MAX_VIEWS: usize = 1 << 16;
 
-/// Where the search for a target begins: about as many views as `shear` takes for it on the scenes it was made with.
-fn first_views(target_db: f64) -> usize {
-    const VIEWS_FOR_45_DB: f64 = 64.0;
-    const DB_PER_TENFOLD: f64 = 15.0;
-    let views = VIEWS_FOR_45_DB * 10f64.powf((target_db - 45.0) / DB_PER_TENFOLD);
-    (views.round() as usize).next_power_of_two().clamp(8, 1024)
-}
-
 /// How the lens is to be sampled.
 struct Sampling {
     views: Option<usize>,
@@ -253,11 +245,7 @@ fn sampling(settings: &Settings, abilities: Abilities) -> Result<Sampling, Error
             _ => Ok(Sampling { views: Some(own), goal: None, reason: format!("{method}'s own number") }),
         };
     }
-    let views = match (effort, goal) {
-        (Some(Effort::Views(views)), _) => views,
-        (_, Some(Goal::TargetDb { psnr_db, most_views })) => first_views(psnr_db).min(most_views),
-        _ => own,
-    };
+    let views = if let Some(Effort::Views(views)) = effort { views } else { own };
     if views == 0 || views > MAX_VIEWS {
         return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
             .with("found", views.to_string())

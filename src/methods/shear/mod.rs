@@ -11,7 +11,7 @@
 //! | --- | --- | --- |
 //! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
-//! | fill | [`fill`] | a guessed surface where the stack has none |
+//! | fill | [`Scene::filled`] | a guessed surface where the stack has none |
 //! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`mod@paint`] | the views |
@@ -22,7 +22,6 @@
 //! peels know; content past the frame is its border repeated.
 
 mod bins;
-mod fill;
 mod highlights;
 mod paint;
 mod prefilter;
@@ -93,9 +92,6 @@ fn load(mut scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
     } else {
         Vec::new()
     };
-    let mut layers = scene.merged().layers;
-    if plan.does(EffectKind::Fill) {
-        layers.extend(fill::guess(&layers));
-    }
-    (layers, highlights)
+    let scene = if plan.does(EffectKind::Fill) { scene.filled() } else { scene.merged() };
+    (scene.layers, highlights)
 }

@@ -4,8 +4,8 @@
 //! pyramid over the nearest layer keeps, in each cell, only the farthest cluster of CoC radii below it; each pixel takes
 //! the finest cell around it that lies behind its own last fragment, unless that is so coarse that no ray would get there.
 
+use super::{Layer, Scene};
 use crate::image::Plane;
-use crate::scene::Layer;
 use rayon::prelude::*;
 
 /// What lies within this of the farthest radius belongs to the farthest cluster, in picture pixels.
@@ -29,8 +29,18 @@ struct Level {
     cells: Vec<Cell>,
 }
 
+impl Scene {
+    /// The scene, at one sample a pixel, with a guessed surface behind what it knows.
+    #[must_use]
+    pub fn filled(self) -> Self {
+        let mut scene = self.merged();
+        scene.layers.extend(guess(&scene.layers));
+        scene
+    }
+}
+
 /// The guessed surface, empty where nothing farther is near; `None` without layers.
-pub(super) fn guess(layers: &[Layer]) -> Option<Layer> {
+fn guess(layers: &[Layer]) -> Option<Layer> {
     let nearest = layers.first()?;
     let (width, height) = (nearest.width(), nearest.height());
     let mut levels = vec![base(nearest)];
