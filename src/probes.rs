@@ -44,7 +44,7 @@ const STRATA: usize = 10;
 const IN_FOCUS_PX: f32 = 1.0;
 
 /// Pixels among which each probe is chosen: enough that what share of the picture each stratum is, is as good as known.
-const CANDIDATES: usize = 20;
+const CANDIDATES: usize = 10;
 
 /// Rays that tell how much the rays of a pixel differ.
 const SPREAD_RAYS: usize = 8;

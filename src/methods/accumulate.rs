@@ -20,6 +20,7 @@ use crate::lens::{View, views};
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use crate::settings::MethodParameters;
 use glam::Vec2;
+use rayon::prelude::*;
 use std::borrow::Borrow;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
@@ -84,6 +85,8 @@ impl Tracer for Accumulation {
 #[derive(Debug)]
 pub struct Volume<L> {
     layers: Vec<L>,
+    /// Whether every sample has its fragments nearest first: past one behind a ray's stay there is then none before it.
+    nearest_first: bool,
     size: [i32; 2],
     supersample: f32,
     coc_range_px: [f32; 2],
@@ -115,17 +118,45 @@ fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
     reach
 }
 
-/// Whether the fragment `x, y` of `layer` reaches into the CoC depths `stay`.
-fn reaches_into(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> bool {
+/// Where a fragment is, seen from a ray's stay in its sample.
+enum Meeting {
+    Before,
+    Met,
+    Behind,
+}
+
+/// Where the fragment `x, y` of `layer` is, seen from the CoC depths `stay`.
+fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
     let coc = layer.coc_px.get(x, y);
-    if coc >= stay[0] && coc <= stay[1] {
-        return true;
+    if coc > stay[1] + JOIN_PX {
+        return Meeting::Behind;
     }
-    if coc < stay[0] - JOIN_PX || coc > stay[1] + JOIN_PX {
-        return false;
+    if coc < stay[0] - JOIN_PX {
+        return Meeting::Before;
     }
-    let [near, far] = extent(layer, x, y);
-    near <= stay[1] && far >= stay[0]
+    let within = coc >= stay[0] && coc <= stay[1];
+    let met = within || {
+        let [near, far] = extent(layer, x, y);
+        near <= stay[1] && far >= stay[0]
+    };
+    // Beside the stay, but not in it: another layer may still be.
+    if met { Meeting::Met } else { Meeting::Before }
+}
+
+/// Whether all layers have their fragments at every sample in the order of their CoC radii.
+fn nearest_first<L: Borrow<Layer> + Sync>(layers: &[L]) -> bool {
+    let Some(first) = layers.first() else { return true };
+    (0..first.borrow().height()).into_par_iter().all(|y| {
+        let mut nearest = vec![f32::NEG_INFINITY; first.borrow().width()];
+        layers.iter().all(|layer| {
+            let (alpha, coc) = (layer.borrow().alpha.row(y), layer.borrow().coc_px.row(y));
+            nearest.iter_mut().zip(alpha.iter().zip(coc)).fold(true, |ordered, (nearest, (&alpha, &coc))| {
+                let (before, present) = (*nearest, alpha > 0.0);
+                *nearest = if present { coc } else { before };
+                ordered & (*nearest >= before)
+            })
+        })
+    })
 }
 
 impl<'a> Volume<&'a Layer> {
@@ -142,11 +173,12 @@ impl Volume<Layer> {
     }
 }
 
-impl<L: Borrow<Layer>> Volume<L> {
+impl<L: Borrow<Layer> + Sync> Volume<L> {
     fn of(layers: Vec<L>, supersample: usize, plan: &Plan) -> Self {
         let first = layers.first().map(Borrow::borrow);
         Self {
             size: first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]),
+            nearest_first: nearest_first(&layers),
             layers,
             supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
@@ -198,8 +230,13 @@ impl<L: Borrow<Layer>> Volume<L> {
         for layer in &self.layers {
             let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);
-            if alpha <= 0.0 || !reaches_into(layer, x, y, stay) {
+            if alpha <= 0.0 {
                 continue;
+            }
+            match meeting(layer, x, y, stay) {
+                Meeting::Behind if self.nearest_first => break,
+                Meeting::Before | Meeting::Behind => continue,
+                Meeting::Met => (),
             }
             sum.add(layer.color_at(x, y), transmitted);
             transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
@@ -252,7 +289,7 @@ mod tests {
         );
         for stay in [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
         {
-            let found = [0, 1, 2].map(|x| reaches_into(&layer, x, 0, stay));
+            let found = [0, 1, 2].map(|x| matches!(meeting(&layer, x, 0, stay), Meeting::Met));
             let wanted = extents.map(|[near, far]| near <= stay[1] && far >= stay[0]);
             assert_eq!(found, wanted, "{stay:?}");
         }
