@@ -90,6 +90,9 @@ const HIGHLIGHT_SHARE: f64 = 0.05;
 const COMPLETE_LAYERS: usize = 3;
 
 impl Plan {
+    /// The most lens samples a pixel: the error of this many is below what a half float can hold.
+    pub const MAX_VIEWS: usize = 1 << 16;
+
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
@@ -169,9 +172,6 @@ impl Plan {
     }
 }
 
-/// The error of this many views is below what a half float can hold.
-const MAX_VIEWS: usize = 1 << 16;
-
 fn views(settings: &Settings, abilities: Abilities) -> Result<Option<usize>, Error> {
     let asked = settings.views.value;
     let Some(own) = abilities.lens_samples else {
@@ -189,8 +189,8 @@ fn views(settings: &Settings, abilities: Abilities) -> Result<Option<usize>, Err
         };
     };
     let views = asked.unwrap_or(own);
-    if views == 0 || views > MAX_VIEWS {
-        return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
+    if views == 0 || views > Plan::MAX_VIEWS {
+        return Err(Error::settings(format!("the number of views must be from 1 to {}", Plan::MAX_VIEWS))
             .with("found", views.to_string())
             .help("set it with --views, or in the preset's [method]"));
     }
@@ -344,6 +344,7 @@ mod tests {
             open_samples: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
             limited_fragments: 0,
+            spread: crate::scene::Spread::default(),
         }
     }
 
