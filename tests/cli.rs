@@ -236,7 +236,9 @@ fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
 fn plan_shows_the_effects_and_what_every_step_will_cost() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&plan(folder.path(), "cache", &["--views", "48", "--uncalibrated"]));
-    for words in ["method           shear", "highlights       off", "* shear:48 ", "  shear:256 ", "not calibrated"] {
+    for words in
+        ["method           shear", "highlights       off", "* shear:48 ", "  shear:256 ", "not calibrated"]
+    {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(!text.contains("gather"), "one method alone: {text}");

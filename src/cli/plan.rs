@@ -164,7 +164,8 @@ fn provenance(calibration: &Calibration) -> String {
 fn in_words(age: Duration) -> String {
     let seconds = age.as_secs();
     let units = [("day", 86_400), ("hour", 3600), ("minute", 60)];
-    let count = units.into_iter().map(|(unit, length)| (unit, seconds / length)).find(|(_, count)| *count > 0);
+    let count =
+        units.into_iter().map(|(unit, length)| (unit, seconds / length)).find(|(_, count)| *count > 0);
     match count {
         None => "just now".to_owned(),
         Some((unit, 1)) => format!("1 {unit} ago"),

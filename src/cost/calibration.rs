@@ -25,6 +25,9 @@ pub const CACHE_VARIABLE: &str = "THINLENS_CACHE_DIR";
 /// How often each method runs in a calibration.
 const RUNS: usize = 4;
 
+/// A machine that gives its threads less than this share of a core each, in every kind of work, has something else to do.
+const IDLE_SHARE: f64 = 0.6;
+
 /// Width and height of the picture that a calibration blurs.
 const SIZE: (usize, usize) = (512, 288);
 
@@ -65,9 +68,11 @@ impl Calibration {
     /// # Errors
     /// Those of the methods, which on the CPU have none.
     pub fn measure() -> Result<Self, Error> {
-        let factors = timed()?.map(|(kind, [cpu_seconds, _], speed_up)| Factor {
-            cpu: cpu_seconds / MADE_SECONDS[kind as usize],
-            speed_up,
+        // More digits would be noise.
+        let rounded = |value: f64| (value * 1e4).round() / 1e4;
+        let factors = timed()?.map(|(kind, cpu_seconds, speed_up)| Factor {
+            cpu: rounded(cpu_seconds / MADE_SECONDS[kind as usize]),
+            speed_up: rounded(speed_up),
         });
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
         Ok(Self { machine: Machine::this(), measured_at: Some(now), factors })
@@ -88,6 +93,13 @@ impl Calibration {
             }
         }
         let calibration = Self::measure()?;
+        if calibration.was_busy() {
+            remarks.push(Remark(
+                "other work kept this machine busy while it was timed, and wall seconds follow that; \
+                 --recalibrate when it is idle"
+                    .to_owned(),
+            ));
+        }
         match file.map(|file| calibration.save(&file)) {
             Some(Ok(())) => {}
             Some(Err(error)) => remarks.push(Remark(format!("the calibration is not kept: {error}"))),
@@ -99,6 +111,12 @@ impl Calibration {
     /// How the machine does work of `kind`.
     pub fn of(&self, kind: Kind) -> Factor {
         self.factors[kind as usize]
+    }
+
+    /// Whether the threads got much less than a core each while they were timed.
+    fn was_busy(&self) -> bool {
+        let threads = self.machine.threads.min(self.machine.cores) as f64;
+        self.factors.iter().all(|factor| factor.speed_up < IDLE_SHARE * threads)
     }
 
     /// The calibration of `machine` in `file`, or why there is none.
@@ -150,15 +168,15 @@ fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Opt
     user.map(|folder| folder.join("thinlens"))
 }
 
-/// For each kind of work: least processor and wall seconds of the calibration's run, and the speed-up by threads.
+/// For each kind of work: least processor seconds of the calibration's run, and the speed-up by threads.
 ///
 /// # Errors
 /// Those of the methods, which on the CPU have none.
-pub fn timed() -> Result<[(Kind, [f64; 2], f64); KINDS.len()], Error> {
+pub fn timed() -> Result<[(Kind, f64, f64); KINDS.len()], Error> {
     let scene = made(SIZE);
     let facts = scene.facts();
     let threads = rayon::current_num_threads() as f64;
-    let mut best = KINDS.map(|kind| (kind, [f64::INFINITY; 2], 1.0_f64));
+    let mut best = KINDS.map(|kind| (kind, f64::INFINITY, 1.0_f64));
     for _ in 0..RUNS {
         for (kind, seconds, speed_up) in &mut best {
             let plan = methods::plan(&facts, &settings(*kind))?;
@@ -171,7 +189,7 @@ pub fn timed() -> Result<[(Kind, [f64; 2], f64); KINDS.len()], Error> {
                 0.0 => wall * threads,
                 cpu => cpu,
             };
-            *seconds = [seconds[0].min(cpu), seconds[1].min(wall)];
+            *seconds = seconds.min(cpu);
             *speed_up = speed_up.max(cpu / wall).min(threads);
         }
     }
@@ -218,7 +236,11 @@ mod tests {
     /// A calibration of this machine, without measuring.
     fn invented() -> Calibration {
         let factor = Factor { cpu: 1.5, speed_up: 1.25 };
-        Calibration { measured_at: Some(1_700_000_000), factors: [factor; KINDS.len()], ..Calibration::assumed() }
+        Calibration {
+            measured_at: Some(1_700_000_000),
+            factors: [factor; KINDS.len()],
+            ..Calibration::assumed()
+        }
     }
 
     #[test]
@@ -235,10 +257,8 @@ mod tests {
     fn a_file_that_is_no_calibration_of_this_machine_is_measured_afresh_and_said() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(Machine::this().file_name());
-        let elsewhere = Calibration {
-            machine: Machine { cpu: "another".to_owned(), ..Machine::this() },
-            ..invented()
-        };
+        let elsewhere =
+            Calibration { machine: Machine { cpu: "another".to_owned(), ..Machine::this() }, ..invented() };
         let still = Factor { cpu: 0.0, speed_up: 1.0 };
         let cannot_be = Calibration { factors: [still; KINDS.len()], ..invented() };
         let json = |value: &Calibration| serde_json::to_string(value).unwrap();
@@ -249,10 +269,20 @@ mod tests {
         ] {
             std::fs::write(&file, text).unwrap();
             let (measured, remarks) = Calibration::of_this_machine(Some(folder.path()), false).unwrap();
-            assert!(remarks.len() == 1 && remarks[0].0.contains(why), "{remarks:?}");
+            assert!(remarks[0].0.contains(why), "{remarks:?}");
             assert!(measured.factors.iter().all(|factor| factor.cpu > 0.0 && factor.speed_up >= 1.0));
             assert_eq!(Calibration::load(&file, &Machine::this()), Ok(measured), "kept in its place");
         }
+    }
+
+    #[test]
+    fn threads_that_share_one_core_say_that_the_machine_is_busy() {
+        let with = |speed_up: [f64; 3]| {
+            let machine = Machine { threads: 8, cores: 8, ..Machine::this() };
+            let factors = speed_up.map(|speed_up| Factor { cpu: 1.0, speed_up });
+            Calibration { machine, factors, ..invented() }.was_busy()
+        };
+        assert_eq!([with([1.0; 3]), with([1.0, 7.8, 1.0]), with([6.0; 3])], [true, false, false]);
     }
 
     #[test]
@@ -270,9 +300,10 @@ mod tests {
         std::fs::write(&file, "in the way").unwrap();
         let (measured, remarks) = Calibration::of_this_machine(Some(&file), false).unwrap();
         assert!(measured.measured_at.is_some());
-        assert!(remarks[0].0.contains("not kept"), "{remarks:?}");
+        let says = |remarks: &[Remark], what: &str| remarks.iter().any(|remark| remark.0.contains(what));
+        assert!(says(&remarks, "not kept"), "{remarks:?}");
         let (_, remarks) = Calibration::of_this_machine(None, false).unwrap();
-        assert!(remarks[0].0.contains(CACHE_VARIABLE), "{remarks:?}");
+        assert!(says(&remarks, CACHE_VARIABLE), "{remarks:?}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! Figures are of the picture, not of samples: a supersampled stack is merged before most methods look at it.
 
-use crate::scene::{Block, Blocks, COC_STEPS, EffectKind, Facts, Plan, coc_step};
+use crate::scene::{Block, Blocks, COC_STEPS, EffectKind, Facts, Plan, bright_step_floor, coc_step};
 use std::f64::consts::PI;
 
 /// The facts and the plan, and what follows from them.
@@ -17,10 +17,17 @@ pub(super) struct Shape<'a> {
 pub(super) struct Depths {
     /// From the nearest that a ray of the pixel can meet to what the pixel shows.
     pub(super) before_px: f64,
-    /// As much of that as any fragment of the scene is in.
-    pub(super) occupied_px: f64,
     /// From the nearest that there is at all to what the pixel shows.
     pub(super) whole_px: f64,
+}
+
+/// Discs, all together.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Discs {
+    /// How many there are.
+    pub(super) count: f64,
+    /// Their rows.
+    pub(super) rows: f64,
 }
 
 /// The middle of a step of CoC radii.
@@ -101,15 +108,22 @@ impl<'a> Shape<'a> {
         if front > 0.0 { (edges / front).min(1.0) } else { 0.0 }
     }
 
-    /// Disc area of all highlights.
-    pub(super) fn highlights_px(&self) -> f64 {
+    /// The highlights that are drawn as discs.
+    pub(super) fn highlights(&self) -> Discs {
+        let mut discs = Discs::default();
         if !self.plan.does(EffectKind::Highlights) {
-            return 0.0;
+            return discs;
         }
-        let threshold = self.plan.highlight_threshold * (1.0 - 1e-4);
-        let bright = self.facts.bright.iter().enumerate();
-        let bright = bright.filter(|(step, _)| crate::scene::bright_step_floor(*step) >= threshold);
-        bright.map(|(_, step)| step.disc_area_px).sum()
+        // A threshold within a step takes part of it; the whole of it is near enough.
+        let bright = self.facts.bright.iter().enumerate().filter(|(step, bright)| {
+            bright.fragments > 0 && bright_step_floor(step + 1) > self.plan.highlight_threshold
+        });
+        for (_, bright) in bright {
+            let count = bright.fragments as f64;
+            discs.count += count;
+            discs.rows += count * 2.0 * (bright.disc_area_px / count / PI).sqrt();
+        }
+        discs
     }
 
     /// The blocks of the picture.
@@ -135,7 +149,6 @@ impl<'a> Shape<'a> {
     /// What lies before the pixels of the picture, as the rays of each can meet it.
     pub(super) fn depths(&self) -> Depths {
         let whole = self.plan.coc_range_px.map(f64::from);
-        let occupied: Vec<[f64; 2]> = self.occupied(1.0).map(|(_, ends)| ends).collect();
         let mut sum = Depths::default();
         let blocks = &self.blocks().blocks;
         for (at, block) in blocks.iter().enumerate() {
@@ -153,18 +166,12 @@ impl<'a> Shape<'a> {
                 }
             }
             if range[0] <= range[1] {
-                let overlap = |&[from, to]: &[f64; 2]| (to.min(shown) - from.max(range[0])).max(0.0);
                 sum.before_px += (shown - range[0]).max(0.0);
-                sum.occupied_px += occupied.iter().map(overlap).sum::<f64>();
             }
             sum.whole_px += (shown - whole[0]).max(0.0);
         }
         let count = blocks.len().max(1) as f64;
-        Depths {
-            before_px: sum.before_px / count,
-            occupied_px: sum.occupied_px / count,
-            whole_px: sum.whole_px / count,
-        }
+        Depths { before_px: sum.before_px / count, whole_px: sum.whole_px / count }
     }
 
     /// The sum over the pixels of the picture of `figure` of the radius within which all lies that spreads over the pixel.
@@ -174,12 +181,23 @@ impl<'a> Shape<'a> {
         let side = self.blocks().side_px as f64;
         let mut sum = 0.0;
         for (at, block) in blocks.iter().enumerate() {
-            let own = if block.front > 0.0 { block.front_size_px / block.front } else { 0.0 };
-            let radii = self.around(at, near).map(|(block, gap)| (-f64::from(block.near_px), gap));
-            let reaching = radii.filter(|(radius, gap)| *radius > gap.max(0.25 * side));
-            sum += figure(reaching.map(|(radius, _)| radius).fold(own, f64::max));
+            let own = figure(if block.front > 0.0 { block.front_size_px / block.front } else { 0.0 });
+            let raised = self.around(at, near).map(|(block, gap)| {
+                let radius = -f64::from(block.near_px);
+                // The nearest fragment may be anywhere in its block: the share of this one that its disc covers.
+                let share = if gap > 0.0 { (radius - gap) / side + 0.25 } else { 2.0 * radius / side };
+                share.clamp(0.0, 1.0) * (figure(radius.max(0.0)) - own)
+            });
+            sum += own + raised.fold(0.0, f64::max);
         }
         sum * self.pixels() / blocks.len().max(1) as f64
+    }
+
+    /// Rows of the picture, in whole blocks, that hold something with a CoC radius within `span`.
+    pub(super) fn rows_with(&self, span: [f64; 2]) -> f64 {
+        let rows = self.row_ranges();
+        let holding = rows.iter().filter(|range| range[0] <= span[1] && range[1] >= span[0]).count();
+        self.size()[1] * holding as f64 / rows.len().max(1) as f64
     }
 
     /// Slices of CoC radii `width_px` wide near focus, growing past 32 of them by a 32nd part, that some fragment is in, summed

@@ -31,7 +31,7 @@ pub(super) fn calibrated_by(kind: Kind) -> (&'static str, Option<usize>) {
 }
 
 /// Processor seconds of a calibration's runs on the machine of the table.
-pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [1.0, 1.0, 1.0];
+pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [0.0318, 0.0225, 0.0140];
 
 /// One term of a method's cost.
 #[derive(Debug)]
@@ -74,25 +74,22 @@ pub(super) static COSTS: [Cost; 12] = [
         method: "pinhole",
         kind: Kind::Planes,
         work: work::pinhole,
-        terms: &[
-            term("pixels", 1.0),
-            term("samples of the picture", 1.0),
-        ],
+        terms: &[term("samples of the picture", 20.795)],
     },
     Cost {
         method: "shear",
         kind: Kind::Rows,
         work: work::shear,
         terms: &[
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels to fill", 1.0),
-            term("pixels × views", 1.0),
-            term("translucent fragments × views", 1.0),
-            term("rows × slices × views", 1.0),
-            term("runs × views", 1.0),
-            term("hidden fragments × views", 1.0),
-            term("highlights' area", 1.0),
+            term("pixels × layers", 18.173),
+            term("samples to merge", 23.505),
+            term("pixels to fill", 221.605),
+            term("pixels × views", 0.738),
+            term("translucent fragments × views", 24.582),
+            term("rows × slices × views", 3.462),
+            term("runs × views", 15.656),
+            term("highlights", 10644.557),
+            term("rows of highlights", 1163.577),
         ],
     },
     Cost {
@@ -100,11 +97,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::accumulate,
         terms: &[
-            term("samples", 1.0),
-            term("rays", 1.0),
-            term("rays × layers", 1.0),
-            term("samples passed", 1.0),
-            term("samples passed × layers", 1.0),
+            term("samples", 22.268),
+            term("rays", 23.518),
+            term("rays × layers", 2.069),
+            term("samples passed", 6.437),
+            term("samples passed × layers", 0.116),
         ],
     },
     Cost {
@@ -112,11 +109,10 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Planes,
         work: work::recursive_gaussian,
         terms: &[
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels × depth layers blurred", 1.0),
-            term("depth layers blurred × layers", 1.0),
-            term("depth layers looked at × layers", 1.0),
+            term("pixels × layers", 3.243),
+            term("samples to merge", 18.948),
+            term("pixels × depth layers", 21.912),
+            term("pixels matted × layers", 5.163),
         ],
     },
     Cost {
@@ -124,11 +120,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Planes,
         work: work::b_buffer,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels × levels", 1.0),
-            term("pixels × layers × levels", 1.0),
+            term("pixels", 16.097),
+            term("pixels × layers", 2.996),
+            term("samples to merge", 18.234),
+            term("pixels × levels", 3.650),
+            term("pixels × layers × levels", 1.572),
         ],
     },
     Cost {
@@ -136,12 +132,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rows,
         work: work::point_splat,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("area of visible sprites", 1.0),
-            term("area of hidden sprites", 1.0),
-            term("rows of sprites", 1.0),
+            term("pixels", 380.626),
+            term("samples to merge", 17.460),
+            term("pixels to look behind", 33.764),
+            term("area of sprites", 8.214),
+            term("rows of sprites", 33.553),
         ],
     },
     Cost {
@@ -149,14 +144,12 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::layer_rays,
         terms: &[
-            term("samples", 1.0),
-            term("samples in cones", 1.0),
-            term("pixels × depth layers", 1.0),
-            term("rays", 1.0),
-            term("rays with cones", 1.0),
-            term("depth layers passed", 1.0),
-            term("depth layers skipped", 1.0),
-            term("rays × iterations", 1.0),
+            term("samples", 35.442),
+            term("samples in cones", 12.072),
+            term("pixels × depth layers", 25.092),
+            term("rays", 87.051),
+            term("rays with cones", 24.725),
+            term("rays × iterations", 5.995),
         ],
     },
     Cost {
@@ -164,11 +157,10 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Planes,
         work: work::opaque_blur,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels × sub-images", 1.0),
-            term("area of pyramids", 1.0),
+            term("pixels", 7.764),
+            term("pixels × layers", 2.365),
+            term("samples to merge", 19.818),
+            term("pixels × sub-images", 10.943),
         ],
     },
     Cost {
@@ -176,11 +168,10 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Planes,
         work: work::pyramid_disocclusion,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels × sub-images", 1.0),
-            term("area of pyramids", 1.0),
+            term("pixels", 16.145),
+            term("pixels × layers", 3.388),
+            term("samples to merge", 21.806),
+            term("area of pyramids", 25.156),
         ],
     },
     Cost {
@@ -188,11 +179,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::peel_rays,
         terms: &[
-            term("samples", 1.0),
-            term("pixels", 1.0),
-            term("rays", 1.0),
-            term("binary steps", 1.0),
-            term("linear steps", 1.0),
+            term("samples", 21.935),
+            term("pixels", 13.108),
+            term("rays", 77.701),
+            term("binary steps", 1.901),
+            term("linear steps", 2.939),
         ],
     },
     Cost {
@@ -200,11 +191,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rows,
         work: work::gather,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("pixels × near levels", 1.0),
-            term("pixels visited", 1.0),
+            term("pixels", 30.065),
+            term("pixels × layers", 2.067),
+            term("samples to merge", 21.452),
+            term("pixels × near levels", 4.943),
+            term("pixels visited", 1.080),
         ],
     },
     Cost {
@@ -212,12 +203,12 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rows,
         work: work::scatter,
         terms: &[
-            term("pixels", 1.0),
-            term("pixels × layers", 1.0),
-            term("samples to merge", 1.0),
-            term("rows of sprites", 1.0),
-            term("rows of runs", 1.0),
-            term("pixels × slices", 1.0),
+            term("pixels", 40.954),
+            term("pixels × layers", 1.789),
+            term("samples to merge", 19.318),
+            term("rows of sprites", 2.297),
+            term("rows of runs", 68.013),
+            term("pixels × slices", 0.247),
         ],
     },
 ];

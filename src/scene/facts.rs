@@ -1,6 +1,6 @@
 //! LOOK: what a scene shows, in one parallel pass.
 //!
-//! Cost: one read of the scene; FACTS_COST. How far things spread is in [`super::spread`].
+//! Cost: one read of the scene. How far things spread is in [`super::spread`].
 
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
@@ -154,7 +154,8 @@ impl NullaryFnOnce for LookAtRow<'_> {
         if bright {
             tally.count_bright([red, green, blue], alpha, coc);
         }
-        (tally, RowSpread::of(alpha, coc, y, block_side))
+        let looked = RowSpread::looks_at(y).then(|| RowSpread::of(alpha, coc, block_side));
+        (tally, looked.unwrap_or_default())
     }
 }
 
