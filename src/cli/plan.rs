@@ -28,7 +28,7 @@ Examples:
 ///
 /// The cost is that of the blur alone, without reading and writing: of the settings asked for, and of the method's steps from
 /// rough to fine. The first call times this machine for less than a second and keeps what it finds in the user's cache
-/// folder, or in the one that THINLENS_CACHE_DIR names.
+/// folder, or in the one that `THINLENS_CACHE_DIR` names.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct PlanArgs {

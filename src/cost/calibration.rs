@@ -22,8 +22,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// The environment variable that names the folder of calibrations.
 pub const CACHE_VARIABLE: &str = "THINLENS_CACHE_DIR";
 
-/// How often each method runs in a calibration.
-const RUNS: usize = 4;
+/// Each method runs at least so often in a calibration.
+const FEWEST_RUNS: usize = 3;
+
+/// Runs are begun until so many seconds have passed: half a second tells a quick spell from a slow one on a shared machine.
+const ENOUGH_SECONDS: f64 = 0.6;
 
 /// A machine that gives its threads less than this share of a core each, in every kind of work, has something else to do.
 const IDLE_SHARE: f64 = 0.6;
@@ -177,7 +180,10 @@ pub fn timed() -> Result<[(Kind, f64, f64); KINDS.len()], Error> {
     let facts = scene.facts();
     let threads = rayon::current_num_threads() as f64;
     let mut best = KINDS.map(|kind| (kind, f64::INFINITY, 1.0_f64));
-    for _ in 0..RUNS {
+    let whole = Stopwatch::start();
+    let mut runs = 0;
+    while runs < FEWEST_RUNS || whole.seconds() < ENOUGH_SECONDS {
+        runs += 1;
         for (kind, seconds, speed_up) in &mut best {
             let plan = methods::plan(&facts, &settings(*kind))?;
             let scene = scene.clone();

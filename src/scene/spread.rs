@@ -56,7 +56,7 @@ pub struct Spread {
 /// CoC radii of step `step` of [`Spread::steps`] in picture pixels: below half a pixel, then two steps an octave.
 pub fn coc_step(step: usize) -> Range<f64> {
     let bound = |half_octaves: usize| {
-        0.5 * f64::from(1_u32 << (half_octaves / 2)) * if half_octaves % 2 == 0 { 1.0 } else { 1.5 }
+        0.5 * f64::from(1_u32 << (half_octaves / 2)) * if half_octaves.is_multiple_of(2) { 1.0 } else { 1.5 }
     };
     if step == 0 { 0.0..0.5 } else { bound(step - 1)..bound(step) }
 }
@@ -166,7 +166,7 @@ pub(super) struct RowSpread {
 impl RowSpread {
     /// Whether row `y` is looked at.
     pub(super) fn looks_at(y: usize) -> bool {
-        y % ROWS_FOR_ONE == 0
+        y.is_multiple_of(ROWS_FOR_ONE)
     }
 
     /// Of a row, in blocks of `side` samples; to be compiled for each instruction set.
