@@ -1,4 +1,7 @@
-//! DIAL: the number of lens samples that reaches a goal, found by looking at a few pixels first.
+//! DIAL: the number of lens samples that reaches a goal.
+//!
+//! *A time* is met by prediction: [`crate::cost`] says how many samples fit. *A sampling error* is found by looking at a few pixels
+//! first, as follows.
 //!
 //! A picture at twice the samples costs twice the time, so none is painted to be thrown away. The truth is found at a few hundred
 //! pixels ([`Probes`]), the method is asked for these pixels alone ([`Sampler::pixels`]) with rising or falling numbers of samples,
@@ -8,11 +11,13 @@
 //! guessed from how much single rays differ ([`Places::spread`]). Where more samples stop helping (a method that makes the
 //! picture in another way than ray by ray has an error that no number of samples takes away) the search ends and says so.
 
+use crate::cost::{self, Calibration};
 use crate::error::Error;
 use crate::image::Image;
-use crate::methods::{self, Progress};
+use crate::methods::{self, Progress, Sampler};
+use crate::output::usage::Stopwatch;
 use crate::probes::{MANY_RAYS, Places, Probes, SEED, Verdict};
-use crate::scene::{EffectKind, Goal, Plan, Scene};
+use crate::scene::{EffectKind, Facts, Goal, Plan, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -35,6 +40,9 @@ const LEAST_POWER: f64 = 0.6;
 /// With this power it falls for rays that are evenly spread.
 const POWER_OF_RAYS: f64 = 1.2;
 
+/// Predictions are off by a seventh as often as not: this much of a time budget is planned for.
+const SHARE_OF_BUDGET: f64 = 0.85;
+
 /// By how much 16 lens samples of `shear` better the PSNR of one ray, in dB, and what √2 times as many gain: means over scenes.
 const SHEAR_GAIN_DB: [f64; 2] = [21.5, 1.25];
 
@@ -50,7 +58,7 @@ pub struct Outcome {
     pub met: bool,
     /// Lens samples a pixel of the picture.
     pub views: usize,
-    /// Every number of lens samples that was looked at, in order.
+    /// Every number of lens samples that was looked at, in order; none for a time.
     pub tried: Vec<Trial>,
     /// What is to be said, in words.
     pub statement: String,
@@ -90,11 +98,28 @@ pub fn reach(
     (psnr_db, most_views): (f64, usize),
     progress: &Progress<'_>,
 ) -> Result<(Image, Outcome), Error> {
+    let (sampler, outcome) = seek(scene, plan, (psnr_db, most_views))?;
+    Ok((sampler.picture(outcome.views, progress), outcome))
+}
+
+/// What [`reach`] would find, without the picture.
+///
+/// # Errors
+/// As [`reach`].
+pub fn look(scene: Scene, plan: &Plan, goal: (f64, usize)) -> Result<Outcome, Error> {
+    seek(scene, plan, goal).map(|(_, outcome)| outcome)
+}
+
+fn seek<'p>(
+    scene: Scene,
+    plan: &'p Plan,
+    (psnr_db, most_views): (f64, usize),
+) -> Result<(Box<dyn Sampler + 'p>, Outcome), Error> {
     let sampling = methods::by_name(plan.method)?.lens_sampling().ok_or_else(|| {
         Error::settings(format!("{} cannot be asked for single pixels", plan.method))
             .help("ask for a number of lens samples with --views")
     })?;
-    let (probes, first) = probes(&scene, plan, psnr_db);
+    let (probes, first) = probes(&scene, plan, psnr_db + MARGIN_DB);
     let mut sampler = sampling.begin(scene, plan);
     let pixels = probes.pixels();
     let mut tried = Vec::new();
@@ -103,10 +128,9 @@ pub fn reach(
         tried.push(trial);
         trial.psnr_db()
     });
-    let image = sampler.picture(found.views, progress);
     let statement = statement(plan.method, psnr_db, &found, &tried, &probes);
     let goal = Goal::TargetDb { psnr_db, most_views };
-    Ok((image, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
+    Ok((sampler, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
 }
 
 /// The truth at some pixels of `scene`, and the step at which the search for `psnr_db` begins.
@@ -115,7 +139,7 @@ fn probes(scene: &Scene, plan: &Plan, psnr_db: f64) -> (Probes, u32) {
     let filled = plan.does(EffectKind::Fill).then(|| scene.clone().filled());
     let scene = filled.as_ref().unwrap_or(scene);
     let places = Places::new(scene, plan, PROBES, SEED);
-    let first = first_step(psnr_db + MARGIN_DB, places.spread(), plan.method);
+    let first = first_step(psnr_db, places.spread(), plan.method);
     // As many rays as samples are likely to do, twice: their own noise then adds little to what is measured.
     let rays_per_half = views_at(first).clamp(64, MANY_RAYS);
     (Probes::new(places, scene, plan, rays_per_half), first)
@@ -143,6 +167,37 @@ fn first_step(psnr_db: f64, spread: f64, method: &str) -> u32 {
     let [gain_of_16, gain_of_step] = if method == "shear" { SHEAR_GAIN_DB } else { RAYS_GAIN_DB };
     let wanted = psnr_db + 10.0 * spread.max(1e-12).log10();
     ((wanted - gain_of_16) / gain_of_step + STEP_OF_16).ceil().clamp(0.0, LAST) as u32
+}
+
+/// The picture of `scene`, which shows `facts`, as `plan` has it, with as many lens samples as `calibration` predicts the blur to
+/// have time for: `seconds` on the wall.
+///
+/// # Errors
+/// Those of the method.
+pub fn fit(
+    scene: Scene,
+    (facts, plan): (&Facts, &Plan),
+    seconds: f64,
+    calibration: &Calibration,
+    progress: &Progress<'_>,
+) -> Result<(Image, Outcome), Error> {
+    let views = views_for(facts, plan, seconds, calibration);
+    let plan = Plan { views: Some(views), ..plan.clone() };
+    let predicted = cost::predict(facts, &plan, calibration).seconds;
+    let watch = Stopwatch::start();
+    let image = methods::render(scene, &plan, progress)?;
+    let taken = watch.seconds();
+    let few = if predicted > seconds { "; fewer are not worth a picture" } else { "" };
+    let statement =
+        format!("{views} views took {taken:.2} s of {seconds} s, predicted were {predicted:.2} s{few}");
+    let goal = Goal::TimeBudget { seconds };
+    Ok((image, Outcome { goal, met: taken <= seconds, views, tried: Vec::new(), statement }))
+}
+
+/// The lens samples that are expected to fit into `seconds`, with some room; the fewest of all where none do.
+pub fn views_for(facts: &Facts, plan: &Plan, seconds: f64, calibration: &Calibration) -> usize {
+    let affordable = cost::views_within(facts, plan, calibration, SHARE_OF_BUDGET * seconds).unwrap_or(0);
+    views_at(step_within(affordable))
 }
 
 /// How a search ended.

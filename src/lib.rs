@@ -11,7 +11,7 @@
 //! | blur | [`methods`] | scene + plan → [`image::Image`] |
 //! | write | [`output`] | picture → EXR, PNG, report |
 //!
-//! [`render`](mod@render) runs the steps up to the picture for one job.
+//! [`render`](mod@render) runs the steps up to the picture for one job; [`cost`] says before how long the blur will take.
 
 pub mod error;
 pub mod image;
@@ -24,6 +24,7 @@ pub mod gpu;
 pub mod output;
 pub mod metrics;
 pub mod probes;
+pub mod cost;
 pub mod dial;
 pub mod render;
 pub mod compare;

@@ -3,6 +3,7 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] carries the plan
 //! out. Writing is the caller's: this module touches no output file and prints nothing.
 
+use crate::cost::{self, Calibration, Remark};
 use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice};
@@ -121,12 +122,20 @@ impl Prepared {
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { stack, summary, settings, lens, scene, plan, device, verify, mut clock, .. } = self;
+        let Self { mut stack, summary, settings, lens, scene, facts, plan, device, verify, mut clock } = self;
+        let calibration = calibration(&plan, &mut stack)?;
         let kept = verify.map(|probes| (scene.clone(), probes));
         let (image, outcome) = clock.time(Stage::Blur, || match plan.goal {
-            Some(Goal::TargetDb { psnr_db, most_views }) if plan.does(EffectKind::Blur) => {
-                let (image, outcome) = dial::reach(scene, &plan, (psnr_db, most_views), progress)?;
-                Ok((image, Some(outcome)))
+            Some(goal) if plan.does(EffectKind::Blur) => {
+                let found = match goal {
+                    Goal::TargetDb { psnr_db, most_views } => {
+                        dial::reach(scene, &plan, (psnr_db, most_views), progress)
+                    }
+                    Goal::TimeBudget { seconds } => {
+                        dial::fit(scene, (&facts, &plan), seconds, &calibration, progress)
+                    }
+                };
+                found.map(|(image, outcome)| (image, Some(outcome)))
             }
             _ => methods::render(scene, &plan, progress).map(|image| (image, None)),
         })?;
@@ -200,6 +209,16 @@ fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Fa
     let facts = scene.facts();
     let plan = methods::plan(&facts, settings)?;
     Ok((lens, scene, facts, plan))
+}
+
+/// How fast this machine is, if `plan` needs to know: measured at the first time, outside of any stage.
+fn calibration(plan: &Plan, stack: &mut Stack) -> Result<Calibration, Error> {
+    if !matches!(plan.goal, Some(Goal::TimeBudget { .. })) {
+        return Ok(Calibration::assumed());
+    }
+    let (calibration, remarks) = Calibration::of_this_machine(cost::cache_folder().as_deref(), false)?;
+    stack.findings.extend(remarks.into_iter().map(|Remark(text)| Finding::note("calibration", text)));
+    Ok(calibration)
 }
 
 /// The layers that the user gave, lowest first.

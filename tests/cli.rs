@@ -6,6 +6,7 @@ mod program;
 
 use program::{STACK, names, run, stderr, thinlens};
 use std::fs;
+use std::path::Path;
 use std::process::Output;
 use thinlens::methods::METHODS;
 use thinlens::settings::{BUILT_IN, MethodParameters, Parameter, Preset};
@@ -20,7 +21,7 @@ fn help_lists_every_subcommand() {
     let folder = tempfile::tempdir().unwrap();
     let help = stdout(&run(folder.path(), &["--help"]));
     for command in
-        ["render", "inspect", "compare", "score", "methods", "presets", "demo", "completions", "man"]
+        ["render", "inspect", "plan", "compare", "score", "methods", "presets", "demo", "completions", "man"]
     {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
     }
@@ -223,6 +224,56 @@ fn inspect_shows_what_a_render_would_do() {
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["stack"]["peels"], 4);
     assert_eq!(json["stack"]["convention"], "planar");
+}
+
+/// Runs `plan` on the sample stack, with its calibration kept in `cache`.
+fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
+    let stack = ["plan", STACK, "--preset", "portrait", "--focus", "6"];
+    thinlens(folder, &[&stack, arguments].concat()).env("THINLENS_CACHE_DIR", cache).output().unwrap()
+}
+
+#[test]
+fn plan_shows_the_effects_and_what_every_step_will_cost() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&plan(folder.path(), "cache", &["--views", "48", "--uncalibrated"]));
+    for words in
+        ["method           shear", "highlights       off", "* shear:48 ", "  shear:256 ", "not calibrated"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(!text.contains("gather"), "one method alone: {text}");
+    assert_eq!(names(folder.path()), [""; 0], "without a calibration nothing is kept");
+    let json = stdout(&plan(folder.path(), "cache", &["--json", "--all-methods", "--uncalibrated"]));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let costs = json["costs"].as_array().unwrap();
+    let steps: usize = METHODS.iter().map(|method| method.info().steps.len()).sum();
+    assert_eq!(costs.len(), steps, "the default is one of the steps");
+    assert!(costs.iter().all(|cost| cost["cpu_seconds"].as_f64().unwrap() > 0.0), "{json}");
+    let chosen: Vec<_> = costs.iter().filter(|cost| cost["chosen"] == true).collect();
+    assert!(chosen.len() == 1 && chosen[0]["name"] == "shear:64", "{chosen:?}");
+    assert_eq!((&json["calibrated"], &json["plan"]["views"]), (&false.into(), &64.into()));
+}
+
+#[test]
+fn plan_times_the_machine_once_and_says_so_when_it_has_to_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let measured_at = |arguments: &[&str]| {
+        let json = stdout(&plan(folder.path(), "cache", &[&["--json"], arguments].concat()));
+        serde_json::from_str::<serde_json::Value>(&json).unwrap()["calibration"].clone()
+    };
+    let first = measured_at(&[]);
+    assert_eq!(measured_at(&[]), first, "kept");
+    let files = names(&folder.path().join("cache"));
+    assert_eq!(files.len(), 1, "{files:?}");
+    let file = folder.path().join("cache").join(&files[0]);
+    fs::write(&file, "torn").unwrap();
+    let again = plan(folder.path(), "cache", &[]);
+    assert!(stderr(&again).contains("is no calibration"), "{}", stderr(&again));
+    assert!(stdout(&again).contains("calibrated for this machine"), "{}", stdout(&again));
+    assert!(fs::read_to_string(&file).unwrap().contains("factors"), "written anew");
+    fs::write(&file, "torn").unwrap();
+    measured_at(&["--recalibrate"]);
+    assert!(fs::read_to_string(&file).unwrap().contains("factors"), "asked to");
 }
 
 #[test]

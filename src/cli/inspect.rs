@@ -142,7 +142,8 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
 }
 
-fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
+/// What will be simulated and what not, and why.
+pub(super) fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     writeln!(text, "plan")?;
     line(text, "method", format_args!("{}: {}", plan.method, plan.method_reason))?;
     line(text, "views", sampling(plan))?;

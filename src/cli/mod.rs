@@ -11,6 +11,7 @@ mod demo;
 mod inspect;
 mod man;
 mod methods;
+mod plan;
 mod presets;
 mod render;
 mod score;
@@ -55,6 +56,7 @@ struct GlobalArgs {
 enum Command {
     Render(Box<render::RenderArgs>),
     Inspect(Box<inspect::InspectArgs>),
+    Plan(Box<plan::PlanArgs>),
     Compare(Box<compare::CompareArgs>),
     Score(score::ScoreArgs),
     Methods(methods::MethodsArgs),
@@ -130,6 +132,7 @@ impl Command {
         match self {
             Self::Render(args) => render::run(&args, console),
             Self::Inspect(args) => inspect::run(&args),
+            Self::Plan(args) => plan::run(&args, console),
             Self::Compare(args) => compare::run(&args, console),
             Self::Score(args) => score::run(&args),
             Self::Methods(args) => methods::run(&args),

@@ -1,5 +1,8 @@
 //! LOOK: what a scene shows, in one parallel pass.
+//!
+//! Cost: one read of the scene. How far things spread is in [`super::spread`].
 
+use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
 use crate::stack::StackKind;
 use pulp::{Arch, NullaryFnOnce};
@@ -42,6 +45,8 @@ pub struct Facts {
     pub bright: [BrightStep; BRIGHT_STEPS],
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
+    /// How far it spreads, and where.
+    pub spread: Spread,
 }
 
 /// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
@@ -70,10 +75,16 @@ impl Scene {
         let rows: Vec<(&Layer, usize)> =
             self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
         let arch = Arch::new();
+        let block_side = Blocks::side(self.picture_size(), self.supersample);
         // Summed in row order, so that no number depends on how the rows were shared out among threads.
-        let tallies: Vec<Tally> =
-            rows.par_iter().map(|&(layer, y)| arch.dispatch(LookAtRow { layer, y })).collect();
-        let tally = tallies.into_iter().fold(Tally::default(), Tally::add);
+        let look = |&(layer, y): &(&Layer, usize)| arch.dispatch(LookAtRow { layer, y, block_side });
+        let looks: Vec<(Tally, RowSpread)> = rows.par_iter().map(look).collect();
+        let mut spread = Spread::blank(self.picture_size(), self.coc_infinity_px);
+        for (number, (_, row)) in looks.iter().enumerate() {
+            let is_front = number < self.height();
+            spread.add(row, number % self.height(), is_front, self.supersample);
+        }
+        let tally = looks.into_iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally));
         let range = tally.coc_range_px;
         Facts {
             picture_size: self.picture_size(),
@@ -87,6 +98,7 @@ impl Scene {
             open_samples: self.open_samples(),
             bright: tally.bright,
             limited_fragments: self.limited_fragments,
+            spread,
         }
     }
 
@@ -105,14 +117,16 @@ impl Scene {
 struct LookAtRow<'a> {
     layer: &'a Layer,
     y: usize,
+    /// Side of a block of [`Spread::blocks`] in samples.
+    block_side: usize,
 }
 
 impl NullaryFnOnce for LookAtRow<'_> {
-    type Output = Tally;
+    type Output = (Tally, RowSpread);
 
     #[inline(always)]
-    fn call(self) -> Tally {
-        let Self { layer, y } = self;
+    fn call(self) -> (Tally, RowSpread) {
+        let Self { layer, y, block_side } = self;
         let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
         let [red, green, blue] = &layer.color;
         let (red, green, blue) = (red.row(y), green.row(y), blue.row(y));
@@ -140,7 +154,8 @@ impl NullaryFnOnce for LookAtRow<'_> {
         if bright {
             tally.count_bright([red, green, blue], alpha, coc);
         }
-        tally
+        let looked = RowSpread::looks_at(y).then(|| RowSpread::of(alpha, coc, block_side));
+        (tally, looked.unwrap_or_default())
     }
 }
 

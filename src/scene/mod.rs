@@ -7,9 +7,11 @@ mod facts;
 mod fill;
 mod merge;
 mod plan;
+mod spread;
 
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use plan::{Abilities, Effect, EffectKind, Goal, Plan};
+pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
 
 use crate::error::Error;
 use crate::image::{Image, Plane};

@@ -115,6 +115,9 @@ const HIGHLIGHT_SHARE: f64 = 0.05;
 const COMPLETE_LAYERS: usize = 3;
 
 impl Plan {
+    /// The most lens samples a pixel: the error of this many is below what a half float can hold.
+    pub const MAX_VIEWS: usize = 1 << 16;
+
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
@@ -196,9 +199,6 @@ impl Plan {
     }
 }
 
-/// The error of this many views is below what a half float can hold.
-const MAX_VIEWS: usize = 1 << 16;
-
 /// How the lens is to be sampled.
 struct Sampling {
     views: Option<usize>,
@@ -230,7 +230,7 @@ fn sampling(settings: &Settings, abilities: Abilities) -> Result<Sampling, Error
     };
     let goal = match effort {
         Some(Effort::Views(_)) | None => None,
-        Some(Effort::TargetDb(psnr_db)) => Some(Goal::TargetDb { psnr_db, most_views: MAX_VIEWS }),
+        Some(Effort::TargetDb(psnr_db)) => Some(Goal::TargetDb { psnr_db, most_views: Plan::MAX_VIEWS }),
         Some(Effort::TimeBudget(seconds)) => Some(Goal::TimeBudget { seconds }),
         Some(Effort::Quality(quality)) => {
             Some(Goal::TargetDb { psnr_db: quality.target_db(), most_views: quality.most_views() })
@@ -246,8 +246,8 @@ fn sampling(settings: &Settings, abilities: Abilities) -> Result<Sampling, Error
         };
     }
     let views = if let Some(Effort::Views(views)) = effort { views } else { own };
-    if views == 0 || views > MAX_VIEWS {
-        return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
+    if views == 0 || views > Plan::MAX_VIEWS {
+        return Err(Error::settings(format!("the number of views must be from 1 to {}", Plan::MAX_VIEWS))
             .with("found", views.to_string())
             .help("set it with --views, or in the preset's [method]"));
     }
@@ -402,6 +402,7 @@ mod tests {
             open_samples: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
             limited_fragments: 0,
+            spread: crate::scene::Spread::default(),
         }
     }
 

@@ -1,0 +1,208 @@
+//! `thinlens plan`.
+
+use super::Failure;
+use super::args::JobArgs;
+use super::console::{Console, print, print_json};
+use super::inspect::write_plan;
+use clap::Args;
+use serde::Serialize;
+use serde_json::json;
+use std::fmt::{self, Write};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use thinlens::compare::Contender;
+use thinlens::cost::{Calibration, Prediction, Remark, cache_folder, predict};
+use thinlens::dial;
+use thinlens::error::Error;
+use thinlens::methods::{self, METHODS};
+use thinlens::render::{Prepared, prepare};
+use thinlens::scene::{EffectKind, Facts, Goal, Plan};
+use thinlens::settings::{Origin, Settings, Sourced};
+use thinlens::stack::Carry;
+
+const EXAMPLES: &str = "\
+Examples:
+  thinlens plan stack.exr --preset portrait --focus 6
+  thinlens plan stack.exr --preset portrait --focus 6 --all-methods
+  thinlens plan stack.exr --preset portrait --method gather --views 256 --json";
+
+/// Show what will be simulated, why, and what it will cost
+///
+/// The cost is that of the blur alone, without reading and writing: of the settings asked for, and of the method's steps from
+/// rough to fine. The first call times this machine for less than a second and keeps what it finds in the user's cache
+/// folder, or in the one that `THINLENS_CACHE_DIR` names.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct PlanArgs {
+    #[command(flatten)]
+    job: JobArgs,
+    /// Show the cost of every method, not of one alone
+    #[arg(long, help_heading = "Method")]
+    all_methods: bool,
+    /// Time this machine again
+    #[arg(long, help_heading = "Method")]
+    recalibrate: bool,
+    /// Do not time this machine: take it to be the table's
+    #[arg(long, help_heading = "Method", conflicts_with = "recalibrate")]
+    uncalibrated: bool,
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+/// What one setting is expected to cost.
+#[derive(Debug, Serialize)]
+struct Row {
+    /// The setting as `compare` names it.
+    name: String,
+    method: &'static str,
+    views: Option<usize>,
+    /// Whether it is what a render with these flags would do.
+    chosen: bool,
+    #[serde(flatten)]
+    cost: Prediction,
+}
+
+pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
+    let mut prepared = prepare(&args.job.job(Carry::None)?)?;
+    console.findings(&prepared.stack.findings);
+    let (calibration, remarks) = match args.uncalibrated {
+        true => (Calibration::assumed(), Vec::new()),
+        false => Calibration::of_this_machine(cache_folder().as_deref(), args.recalibrate)?,
+    };
+    remarks.iter().for_each(|Remark(text)| console.note(format_args!("calibration: {text}")));
+    decide_views(&mut prepared, &calibration)?;
+    let rows = rows(&prepared, &calibration, args.all_methods)?;
+    if args.json {
+        print_json(&json!({
+            "plan": prepared.plan,
+            "costs": rows,
+            "calibrated": calibration.measured_at.is_some(),
+            "calibration": calibration,
+        }))?;
+    } else {
+        print(&to_text(&prepared.plan, &rows, &calibration).expect("text is always written"))?;
+    }
+    Ok(())
+}
+
+/// Finds the number of lens samples where the plan has a goal instead, as a render would.
+fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<(), Error> {
+    let Prepared { scene, facts, plan, .. } = prepared;
+    let (views, reason) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
+        None => return Ok(()),
+        Some(Goal::TargetDb { psnr_db, most_views }) => {
+            let outcome = dial::look(scene.clone(), plan, (psnr_db, most_views))?;
+            (outcome.views, outcome.statement)
+        }
+        Some(Goal::TimeBudget { seconds }) => {
+            let views = dial::views_for(facts, plan, seconds, calibration);
+            (views, format!("as many as are expected to fit into {seconds} s"))
+        }
+    };
+    *plan = Plan { views: Some(views), goal: None, views_reason: reason, ..plan.clone() };
+    Ok(())
+}
+
+/// The settings asked for, and the steps of their method or of every method.
+fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
+    let Prepared { settings, facts, plan, .. } = prepared;
+    let of_every = METHODS.iter().map(|method| method.info().name);
+    let methods = of_every.filter(|name| all_methods || *name == plan.method);
+    let mut rows = Vec::new();
+    for method in methods {
+        let mut of_method = steps(method, settings, facts)?;
+        if method == plan.method && !of_method.iter().any(|(_, step)| is_same(step, plan)) {
+            of_method.insert(0, (asked_for(plan), plan.clone()));
+        }
+        rows.extend(of_method.into_iter().map(|(name, step)| Row {
+            name,
+            method: step.method,
+            views: step.views,
+            chosen: is_same(&step, plan),
+            cost: predict(facts, &step, calibration),
+        }));
+    }
+    Ok(rows)
+}
+
+/// The steps of `method`, each with its plan.
+fn steps(method: &str, settings: &Settings, facts: &Facts) -> Result<Vec<(String, Plan)>, Error> {
+    // A step says its own number of views; the one asked for is another method's, or no step.
+    let effort = Sourced { value: None, origin: Origin::Default };
+    let settings = Settings { effort, ..settings.clone() };
+    let plan = |step: &Contender| methods::plan(facts, &step.settings(&settings)?);
+    Contender::steps_of(method)?.iter().map(|step| Ok((step.to_string(), plan(step)?))).collect()
+}
+
+/// Whether two plans have the same work done.
+fn is_same(a: &Plan, b: &Plan) -> bool {
+    a.method == b.method && a.views == b.views && a.parameters.table(a.method) == b.parameters.table(b.method)
+}
+
+/// The name of settings that are no step.
+fn asked_for(plan: &Plan) -> String {
+    match plan.views {
+        Some(views) => format!("{}:{views}", plan.method),
+        None => plan.method.to_owned(),
+    }
+}
+
+fn to_text(plan: &Plan, rows: &[Row], calibration: &Calibration) -> Result<String, fmt::Error> {
+    let mut text = String::new();
+    write_plan(&mut text, plan)?;
+    writeln!(text, "expected cost of the blur")?;
+    writeln!(text, "  {:<42}{:>9}{:>9}", "settings", "CPU s", "wall s")?;
+    for Row { name, chosen, cost, .. } in rows {
+        let star = if *chosen { '*' } else { ' ' };
+        writeln!(text, "{star} {name:<42}{:>9.3}{:>9.3}", cost.cpu_seconds, cost.seconds)?;
+    }
+    writeln!(text, "* as asked for")?;
+    writeln!(text, "{}", provenance(calibration))?;
+    Ok(text)
+}
+
+/// Whether the figures hold for this machine, and since when.
+fn provenance(calibration: &Calibration) -> String {
+    let Calibration { machine, measured_at, .. } = calibration;
+    let machine_name = format!("{}, {} threads", machine.cpu, machine.threads);
+    match measured_at {
+        None => format!(
+            "not calibrated: this machine ({machine_name}) is taken to be as fast as the one where the costs were measured"
+        ),
+        Some(at) => {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+            let ago = in_words(now.saturating_sub(Duration::from_secs(*at)));
+            format!(
+                "calibrated for this machine ({machine_name}) by timing three methods on a made scene, {ago}; \
+                 --recalibrate does it again"
+            )
+        }
+    }
+}
+
+/// How long ago something was.
+fn in_words(age: Duration) -> String {
+    let seconds = age.as_secs();
+    let units = [("day", 86_400), ("hour", 3600), ("minute", 60)];
+    let count =
+        units.into_iter().map(|(unit, length)| (unit, seconds / length)).find(|(_, count)| *count > 0);
+    match count {
+        None => "just now".to_owned(),
+        Some((unit, 1)) => format!("1 {unit} ago"),
+        Some((unit, count)) => format!("{count} {unit}s ago"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_age_is_said_in_its_largest_unit() {
+        let words = |seconds| in_words(Duration::from_secs(seconds));
+        assert_eq!(words(59), "just now");
+        assert_eq!(words(60), "1 minute ago");
+        assert_eq!(words(3 * 3600 + 5), "3 hours ago");
+        assert_eq!(words(2 * 86_400), "2 days ago");
+    }
+}

@@ -1,0 +1,72 @@
+//! Which machine this is: what a calibration holds for.
+
+use serde::{Deserialize, Serialize};
+
+/// A machine, as far as it decides how long a blur takes, and the program that was measured on it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Machine {
+    /// The processor's name; its architecture where the system does not say.
+    pub cpu: String,
+    /// Logical cores that the process may use.
+    pub cores: usize,
+    /// Threads of the pool.
+    pub threads: usize,
+    /// The instruction set that vector code is run in.
+    pub vectors: String,
+    /// The operating system.
+    pub os: String,
+    /// Version of thinlens.
+    pub version: String,
+}
+
+impl Machine {
+    /// This one, with the threads of the pool that this is called from.
+    pub fn this() -> Self {
+        // "V4(…)", "Neon(…)", "Scalar".
+        let vectors = format!("{:?}", pulp::Arch::new());
+        Self {
+            cpu: cpu_name().unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            threads: rayon::current_num_threads(),
+            vectors: vectors.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_owned(),
+            os: std::env::consts::OS.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+        }
+    }
+
+    /// Name of the file that its calibration is kept in: a folder may be shared by many machines.
+    pub(super) fn file_name(&self) -> String {
+        let Self { cpu, cores, threads, vectors, os, .. } = self;
+        let name = format!("calibration {os} {cpu} {vectors} {threads} of {cores}").to_lowercase();
+        let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        words.collect::<Vec<_>>().join("-") + ".json"
+    }
+}
+
+/// The processor's name as the system has it.
+#[cfg(target_os = "linux")]
+fn cpu_name() -> Option<String> {
+    let info = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map(|(_, name)| name.trim().to_owned()).filter(|name| !name.is_empty())
+}
+
+/// The processor's name as the system has it: a variable of every process on Windows, not asked for elsewhere.
+#[cfg(not(target_os = "linux"))]
+fn cpu_name() -> Option<String> {
+    std::env::var("PROCESSOR_IDENTIFIER").ok().filter(|name| !name.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn machines_that_differ_keep_their_calibration_in_different_files() {
+        let this = Machine { cpu: "AMD EPYC 9B14 (Zen 4)".to_owned(), ..Machine::this() };
+        let name = this.file_name();
+        assert!(name.contains("-amd-epyc-9b14-zen-4-") && name.ends_with(".json"), "{name}");
+        let other = Machine { threads: this.threads + 1, ..this };
+        assert_ne!(other.file_name(), name);
+    }
+}

@@ -1,0 +1,195 @@
+//! COST: how long a blur will take, before it is done.
+//!
+//! A method's processor time is a sum of a few terms, `Σ_k a_k · work_k`: an amount of work that follows from the scene's
+//! [`Facts`] and the [`Plan`] alone ([`work()`]), times what one unit of it takes on the machine where the table was made
+//! ([`mod@table`]; not negative, fitted by `examples/cost_model.rs`, which also says how well the fit does on scenes that it has not
+//! seen). This machine is faster or slower by a factor for each kind of work, and shares the work among its threads:
+//! [`Calibration`], from a self-timing of less than a second, kept in a file.
+//!
+//! Prediction costs about a millisecond: what lies within reach of what is judged in blocks of the picture.
+//!
+//! Limits: the blur alone, without reading, looking and writing; an idle machine; memory that does not run out. What the facts do
+//! not tell (how often things hide one another, how the hidden layers hang together) is taken to be as in the scenes of the
+//! fit.
+
+mod calibration;
+mod machine;
+mod shape;
+mod table;
+mod work;
+
+pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
+pub use machine::Machine;
+pub use table::Kind;
+pub use work::work;
+
+use crate::scene::{Facts, Plan};
+
+/// What a blur is expected to take.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Prediction {
+    /// Processor seconds, all threads together.
+    pub cpu_seconds: f64,
+    /// Wall seconds.
+    pub seconds: f64,
+}
+
+/// What carrying out `plan` on a scene that shows `facts` will take on the machine of `calibration`: the blur alone,
+/// [`crate::methods::render`].
+pub fn predict(facts: &Facts, plan: &Plan, calibration: &Calibration) -> Prediction {
+    let cost = table::cost_of(plan);
+    let amounts = work(facts, plan);
+    let terms = cost.terms.iter().zip(&amounts).map(|(term, (_, amount))| term.nanoseconds * amount);
+    let Factor { cpu, speed_up } = calibration.of(cost.kind);
+    let cpu_seconds = terms.sum::<f64>() * 1e-9 * cpu;
+    Prediction { cpu_seconds, seconds: cpu_seconds / speed_up }
+}
+
+/// The most lens samples a pixel with which `plan` is expected to take no more than `seconds` on the wall, 0 where not even
+/// one fits; `None` for a method that does not sample the lens.
+pub fn views_within(facts: &Facts, plan: &Plan, calibration: &Calibration, seconds: f64) -> Option<usize> {
+    plan.views?;
+    let fits = |views: usize| {
+        let plan = Plan { views: Some(views), ..plan.clone() };
+        predict(facts, &plan, calibration).seconds <= seconds
+    };
+    // Time grows with the views, so the largest that fits is found by halving.
+    let (mut least, mut too_many) = (0, Plan::MAX_VIEWS + 1);
+    while too_many - least > 1 {
+        let middle = least.midpoint(too_many);
+        *(if fits(middle) { &mut least } else { &mut too_many }) = middle;
+    }
+    Some(least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::methods::{self, METHODS};
+    use crate::scene::{EffectKind, Layer, Scene};
+    use crate::settings::{Effort, MethodParameters, Origin, Settings, Values};
+
+    fn plan(facts: &Facts, method: &str, views: Option<usize>) -> Plan {
+        let values =
+            Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        methods::plan(facts, &settings).unwrap()
+    }
+
+    /// A plan of every method, blur or not.
+    fn plans(facts: &Facts) -> impl Iterator<Item = Plan> {
+        METHODS.iter().map(|method| plan(facts, method.info().name, None).forced(EffectKind::Blur, true))
+    }
+
+    fn cpu_seconds(facts: &Facts, plan: &Plan) -> f64 {
+        predict(facts, plan, &Calibration::assumed()).cpu_seconds
+    }
+
+    /// `scene` twice, one above the other.
+    fn doubled(scene: &Scene) -> Scene {
+        let (width, height) = (scene.width(), scene.height());
+        let twice = |plane: &Plane| Plane::from_fn(width, 2 * height, |x, y| plane.get(x, y % height));
+        let layer = |layer: &Layer| Layer {
+            color: layer.color.each_ref().map(twice),
+            alpha: twice(&layer.alpha),
+            coc_px: twice(&layer.coc_px),
+        };
+        Scene { layers: scene.layers.iter().map(layer).collect(), ..scene.clone() }
+    }
+
+    #[test]
+    fn every_method_has_its_costs_and_an_amount_for_each_term() {
+        let facts = calibration::made((96, 64)).facts();
+        for plan in plans(&facts) {
+            let cost = table::cost_of(&plan);
+            assert_eq!(cost.method, plan.method);
+            let shape = shape::Shape { facts: &facts, plan: &plan };
+            assert_eq!((cost.work)(&shape).len(), cost.terms.len(), "{}", plan.method);
+            assert!(cost.terms.iter().all(|term| term.nanoseconds >= 0.0), "{}", plan.method);
+        }
+        assert_eq!(table::COSTS.len(), METHODS.len() + 1, "the methods, and the pinhole");
+    }
+
+    #[test]
+    fn every_prediction_is_finite_and_positive_even_where_there_is_nothing() {
+        let scene = calibration::made((64, 48));
+        let mut nothing = scene.clone();
+        nothing.layers.iter_mut().for_each(|layer| layer.alpha.values_mut().fill(0.0));
+        for facts in [scene.facts(), nothing.facts()] {
+            let pinhole = plan(&facts, "auto", None).forced(EffectKind::Blur, false);
+            for plan in plans(&facts).chain([pinhole]) {
+                let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &Calibration::assumed());
+                let can_be = |value: f64| value.is_finite() && value > 0.0;
+                assert!(can_be(cpu_seconds) && can_be(seconds), "{}: {cpu_seconds}", plan.method);
+            }
+        }
+        let blank = Scene { layers: Vec::new(), ..scene };
+        for plan in plans(&blank.facts()) {
+            assert_eq!(cpu_seconds(&blank.facts(), &plan), 0.0, "{}: no pixels", plan.method);
+        }
+    }
+
+    #[test]
+    fn twice_the_views_cost_no_less_and_no_more_than_twice() {
+        let facts = calibration::made((256, 144)).facts();
+        for method in METHODS.iter().map(|method| method.info().name) {
+            if plan(&facts, method, None).views.is_none() {
+                continue;
+            }
+            let cost = |views| cpu_seconds(&facts, &plan(&facts, method, Some(views)));
+            for views in [1, 4, 16, 32, 256, 4096] {
+                let ratio = cost(2 * views) / cost(views);
+                assert!((1.0..=2.000_001).contains(&ratio), "{method}, {views} views: {ratio}");
+            }
+            // From 128 views on shear has twice as many slices.
+            assert!((1.0..4.0).contains(&(cost(128) / cost(64))), "{method}");
+            let many = cost(4096) / cost(256);
+            let grows = if method == "gather" { 1.0..=16.0 } else { 8.0..=16.0 };
+            assert!(grows.contains(&many), "{method}: 16 times the views, {many} times the cost");
+        }
+    }
+
+    #[test]
+    fn a_picture_of_twice_the_height_costs_twice_as_much() {
+        // Of one width, so that blocks stay as they are.
+        let scene = calibration::made((512, 144));
+        let (once, twice) = (scene.facts(), doubled(&scene).facts());
+        for (a, b) in plans(&once).zip(plans(&twice)) {
+            let ratio = cpu_seconds(&twice, &b) / cpu_seconds(&once, &a);
+            assert!((ratio - 2.0).abs() < 0.1, "{}: {ratio}", a.method);
+        }
+    }
+
+    #[test]
+    fn a_slower_machine_takes_longer_and_more_threads_less() {
+        let facts = calibration::made((64, 48)).facts();
+        let plan = plan(&facts, "shear", None);
+        let mut calibration = Calibration::assumed();
+        let as_made = predict(&facts, &plan, &calibration).cpu_seconds;
+        calibration.factors[Kind::Rows as usize] = Factor { cpu: 3.0, speed_up: 1.5 };
+        let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &calibration);
+        assert!((cpu_seconds / as_made - 3.0).abs() < 1e-9, "{cpu_seconds}");
+        assert!((seconds / cpu_seconds - 1.0 / 1.5).abs() < 1e-9, "{seconds}");
+    }
+
+    #[test]
+    fn the_most_views_that_fit_fit_and_one_more_does_not() {
+        let facts = calibration::made((512, 288)).facts();
+        let calibration = Calibration::assumed();
+        for method in ["shear", "accumulate", "layer-rays", "peel-rays"] {
+            let plan = plan(&facts, method, None);
+            let seconds =
+                |views| predict(&facts, &Plan { views: Some(views), ..plan.clone() }, &calibration).seconds;
+            for budget in [0.3, 2.0] {
+                let views = views_within(&facts, &plan, &calibration, budget).unwrap();
+                assert!(views > 0 && seconds(views) <= budget, "{method}: {views}");
+                assert!(seconds(views + 1) > budget, "{method}: {views}");
+            }
+            assert_eq!(views_within(&facts, &plan, &calibration, 0.0), Some(0), "not even one");
+            assert_eq!(views_within(&facts, &plan, &calibration, 1e9), Some(Plan::MAX_VIEWS));
+        }
+        let scatter = plan(&facts, "scatter", None);
+        assert_eq!(views_within(&facts, &scatter, &calibration, 1.0), None, "it does not sample the lens");
+    }
+}
