@@ -243,7 +243,11 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     }
     assert!(!text.contains("gather"), "one method alone: {text}");
     assert_eq!(names(folder.path()), [""; 0], "without a calibration nothing is kept");
-    let json = stdout(&plan(folder.path(), "cache", &["--json", "--all-methods", "--uncalibrated"]));
+    let json = stdout(&plan(
+        folder.path(),
+        "cache",
+        &["--json", "--all-methods", "--uncalibrated", "--views", "64"],
+    ));
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     let costs = json["costs"].as_array().unwrap();
     let steps: usize = METHODS.iter().map(|method| method.info().steps.len()).sum();
@@ -252,6 +256,58 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     let chosen: Vec<_> = costs.iter().filter(|cost| cost["chosen"] == true).collect();
     assert!(chosen.len() == 1 && chosen[0]["name"] == "shear:64", "{chosen:?}");
     assert_eq!((&json["calibrated"], &json["plan"]["views"]), (&false.into(), &64.into()));
+}
+
+#[test]
+fn a_target_is_reached_or_the_report_says_what_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = |flags: &[&str]| {
+        let render = ["render", STACK, "--preset", "portrait", "--focus", "6", "-o", "a.exr", "--json"];
+        let output = run(folder.path(), &[render.as_slice(), flags].concat());
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        (json, stderr(&output))
+    };
+    let (rough, _) = report(&["--quality", "draft"]);
+    let (fine, _) = report(&["--target-db", "45"]);
+    let views = |report: &serde_json::Value| report["views"].as_u64().unwrap();
+    assert!(views(&rough) <= views(&fine), "{} and {} views", rough["dial"], fine["dial"]);
+    assert_eq!(fine["dial"]["met"], true, "{}", fine["dial"]);
+    assert!(fine["probe"]["psnr_db"].as_f64().unwrap() >= 45.0, "{}", fine["probe"]);
+    let (unmet, said) = report(&["--target-db", "80"]);
+    assert_eq!(unmet["dial"]["met"], false, "{}", unmet["dial"]);
+    assert!(said.contains("warning: views: shear cannot reach 80 dB"), "{said}");
+    assert!(said.contains("--method accumulate"), "the method that can is named: {said}");
+}
+
+#[test]
+fn a_time_budget_decides_the_number_of_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = |seconds: &str| {
+        let render = ["render", STACK, "--preset", "portrait", "--focus", "6", "-o", "a.exr", "--json"];
+        let arguments = [render.as_slice(), &["--time-budget", seconds]].concat();
+        let output = thinlens(folder.path(), &arguments).env("THINLENS_CACHE_DIR", "cache").output().unwrap();
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert!(json["dial"]["statement"].as_str().unwrap().contains("predicted"), "{}", json["dial"]);
+        json["views"].as_u64().unwrap()
+    };
+    assert_eq!(views("0.000001"), 8, "no fewer are worth a picture");
+    assert!(views("1") > 64, "a second is long for a small picture");
+}
+
+#[test]
+fn what_decides_the_views_is_given_once_and_only_to_methods_that_can_follow() {
+    let folder = tempfile::tempdir().unwrap();
+    let failed = |flags: &[&str]| {
+        let output = run(folder.path(), &[["render", STACK, "-o", "a.exr"].as_slice(), flags].concat());
+        (output.status.code(), stderr(&output))
+    };
+    assert_eq!(failed(&["--views", "8", "--quality", "draft"]).0, Some(2));
+    assert_eq!(failed(&["--target-db", "200"]).0, Some(2));
+    assert_eq!(failed(&["--time-budget", "0"]).0, Some(2));
+    let (code, message) = failed(&["--method", "gather", "--target-db", "40"]);
+    assert!(code == Some(1) && message.contains("gather cannot look for"), "{message}");
+    let (code, message) = failed(&["--method", "scatter", "--quality", "draft"]);
+    assert!(code == Some(1) && message.contains("scatter does not sample the lens"), "{message}");
 }
 
 #[test]
