@@ -43,7 +43,7 @@ const FLOOR: f32 = 0.5;
 pub const FEWEST_PROBES: usize = 2 * STRATA;
 
 /// What the probes say of a picture.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Verdict {
     /// PSNR in dB of sRGB values clipped to 0 … 1 against the stack's truth; `None` if the error is below what can be seen.
     pub psnr_db: Option<f64>,
