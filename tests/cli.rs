@@ -388,16 +388,25 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
     let measured = ["--methods", "shear:16,opaque-blur", "--reference", &reference, "-o", "out", "--json"];
     let output = run(folder.path(), &[common.as_slice(), &measured].concat());
     let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert_eq!((&json[0]["method"], &json[0]["views"]), (&"shear".into(), &16.into()));
-    assert!(json[1]["views"].is_null(), "opaque-blur does not sample the lens");
-    let db = |entry: usize| json[entry]["model"]["psnr_db"].as_f64().unwrap();
-    assert!(db(0) > db(1) + 5.0 && json[0]["on_front"] == true, "the fence hides what only peels know");
-    for file in ["shear-16.png", "shear-16-flip.png", "opaque-blur.png", "results.json", "results.csv"] {
+    let entries = &json["entries"];
+    assert_eq!((&entries[0]["method"], &entries[0]["views"]), (&"shear".into(), &16.into()));
+    assert!(entries[1]["views"].is_null(), "opaque-blur does not sample the lens");
+    let db = |entry: usize| entries[entry]["model"]["psnr_db"].as_f64().unwrap();
+    assert!(db(0) > db(1) + 5.0 && entries[0]["on_front"] == true, "the fence hides what only peels know");
+    let files = [
+        "shear-16.png",
+        "shear-16-flip.png",
+        "opaque-blur.png",
+        "results.json",
+        "results.csv",
+        "report.html",
+    ];
+    for file in files {
         assert!(folder.path().join("out").join(file).is_file(), "{file}");
     }
-    let csv = fs::read_to_string(folder.path().join("out/results.csv")).unwrap();
-    let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!(columns, [13; 3], "{csv}");
+    let read = |file: &str| fs::read_to_string(folder.path().join("out").join(file)).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&read("results.json")).unwrap(), json);
+    assert_eq!(read("results.csv").lines().count(), 3);
 
     let table = stdout(&run(folder.path(), &[common.as_slice(), &["--methods", "scatter"]].concat()));
     assert!(table.contains("* scatter"), "alone it is on the front: {table}");
@@ -407,4 +416,32 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
     assert!(stderr(&other_size).contains("the pictures differ in size"), "{}", stderr(&other_size));
     let unknown = run(folder.path(), &[common.as_slice(), &["--methods", "sheer"]].concat());
     assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
+}
+
+#[test]
+fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let preset = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/preset.toml");
+    let lens = ["--preset", preset, "--f-number", "4", "--blades", "5"];
+    let rest =
+        ["--methods", "scatter:saturation=0.5", "--repeats", "2", "--probes", "60", "-o", "my out", "--json"];
+    let output = run(folder.path(), &[["compare", STACK].as_slice(), &lens, &rest].concat());
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(json["command"].as_str().unwrap().ends_with("-o 'my out' --json"), "{}", json["command"]);
+    assert_eq!((&json["stack"]["peels"], &json["lens"]["f_number"]["value"]), (&4.into(), &4.0.into()));
+    assert!(json["machine"]["threads"].as_u64().unwrap() > 0);
+    let entry = &json["entries"][0];
+    assert_eq!(json["yardstick"]["name"], entry["name"], "the only entry is the best one");
+    assert_eq!((entry["runs"].as_array().unwrap().len(), &entry["map"]), (2, &serde_json::Value::Null));
+    let (blur, whole) = (&entry["cpu_seconds"], &entry["whole"]["cpu_seconds"]);
+    let shared = json["prepared"]["cpu_seconds"].as_f64().unwrap();
+    assert!((blur.as_f64().unwrap() + shared - whole.as_f64().unwrap()).abs() < 1e-9);
+
+    let command = entry["command"].as_str().unwrap();
+    assert!(command.ends_with("-o scatter-saturation-0.5.exr"), "{command}");
+    let words: Vec<&str> = command.split(' ').skip(1).collect();
+    let (_, words) = words.split_last().unwrap();
+    run(folder.path(), &[words, &["again.png"]].concat());
+    let picture = folder.path().join("my out").join(entry["picture"].as_str().unwrap());
+    assert_eq!(fs::read(folder.path().join("again.png")).unwrap(), fs::read(picture).unwrap());
 }

@@ -2,6 +2,7 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use std::fmt::Display;
 use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
@@ -249,10 +250,78 @@ impl InputArgs {
         }
     }
 
+    /// The words of a command line that say the same.
+    pub(super) fn words(&self) -> Vec<String> {
+        let Self {
+            inputs,
+            depth_file,
+            color_channel,
+            depth_channel,
+            depth_convention,
+            near_clip,
+            near,
+            far,
+            metres_per_unit,
+            supersample,
+        } = self;
+        let inputs = inputs.iter().map(|input| input.display().to_string());
+        let flags = [
+            flag("--depth-file", depth_file.as_ref().map(|file| file.display())),
+            flag("--color-channel", color_channel.as_ref()),
+            flag("--depth-channel", depth_channel.as_ref()),
+            flag("--depth-convention", depth_convention.and_then(value_name)),
+            flag("--near-clip", near_clip.as_ref()),
+            flag("--near", near.as_ref()),
+            flag("--far", far.as_ref()),
+            flag("--metres-per-unit", metres_per_unit.as_ref()),
+            flag("--supersample", supersample.as_ref()),
+        ];
+        inputs.chain(flags.into_iter().flatten()).collect()
+    }
+
     /// Every file that is read.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> + Clone {
         self.inputs.iter().chain(&self.depth_file)
     }
+}
+
+impl LensArgs {
+    /// The words of a command line that say the same.
+    pub(super) fn words(&self) -> Vec<String> {
+        let Self {
+            preset,
+            focal_length,
+            f_number,
+            focus,
+            focus_at,
+            sensor_width,
+            sensor_distance,
+            blades,
+            rotation,
+        } = self;
+        let flags = [
+            flag("--preset", preset.as_ref()),
+            flag("--focal-length", focal_length.as_ref()),
+            flag("--f-number", f_number.as_ref()),
+            flag("--focus", focus.as_ref()),
+            flag("--focus-at", focus_at.map(|[x, y]| format!("{x},{y}"))),
+            flag("--sensor-width", sensor_width.as_ref()),
+            flag("--sensor-distance", sensor_distance.and_then(value_name)),
+            flag("--blades", blades.as_ref()),
+            flag("--rotation", rotation.as_ref()),
+        ];
+        flags.into_iter().flatten().collect()
+    }
+}
+
+/// A flag and its value as the words of a command line; nothing for a flag that was not given.
+fn flag(name: &str, value: Option<impl Display>) -> Vec<String> {
+    value.map(|value| vec![name.to_owned(), value.to_string()]).unwrap_or_default()
+}
+
+/// How a flag's value is written.
+fn value_name(value: impl ValueEnum) -> Option<String> {
+    value.to_possible_value().map(|value| value.get_name().to_owned())
 }
 
 impl ConventionArg {
@@ -309,6 +378,33 @@ fn parse_blades(text: &str) -> Result<u32, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A stack and its lens, as any subcommand takes them.
+    #[derive(Debug, clap::Parser)]
+    struct StackAndLens {
+        #[command(flatten)]
+        input: InputArgs,
+        #[command(flatten)]
+        lens: LensArgs,
+    }
+
+    #[test]
+    fn the_words_of_flags_are_read_back_as_the_same_flags() {
+        use clap::{CommandFactory, Parser};
+        let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
+                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --preset p --focal-length 85.5 --f-number inf \
+                    --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25";
+        let all =
+            StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
+        // All flags, but for --focus-at, which has no place beside --focus.
+        assert_eq!(text.matches("--").count() + 1, all);
+        for text in [text, "x a.exr --focus-at 10.5,20"] {
+            let given = StackAndLens::parse_from(text.split_whitespace());
+            let words = [given.input.words(), given.lens.words()].concat();
+            let again = StackAndLens::parse_from(std::iter::once("x".to_owned()).chain(words));
+            assert_eq!(format!("{again:?}"), format!("{given:?}"));
+        }
+    }
 
     #[test]
     fn a_point_is_two_numbers_with_a_comma() {

@@ -4,14 +4,14 @@ use super::args::{DEFAULT_PROBES, InputArgs, LensArgs, stack_job};
 use super::console::{Console, print, print_json};
 use super::{Failure, checks};
 use clap::Args;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use thinlens::compare::{Comparison, Contender, Entry, mark_front};
+use thinlens::compare::{Comparison, Contender, Gallery, Results, folder, shell, table};
 use thinlens::error::Error;
-use thinlens::metrics::{Pair, check_size};
-use thinlens::output::{atomic, png, report};
-use thinlens::probes::FEWEST_PROBES;
-use thinlens::render::prepare;
+use thinlens::image::Image;
+use thinlens::metrics::check_size;
+use thinlens::output::png;
+use thinlens::probes::{FEWEST_PROBES, MANY_RAYS, Places, Probes, SEED};
+use thinlens::render::{Prepared, prepare};
 use thinlens::stack::{Carry, read_picture};
 
 const EXAMPLES: &str = "\
@@ -46,7 +46,7 @@ pub(super) struct CompareArgs {
     /// A true render with the lens on, for the model error
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     reference: Option<PathBuf>,
-    /// Folder for pictures, maps, results.json and .csv
+    /// Folder for report.html, pictures, maps, JSON and CSV
     #[arg(long, short, value_name = "FOLDER", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Print JSON
@@ -55,16 +55,9 @@ pub(super) struct CompareArgs {
 }
 
 pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> {
-    let contenders = match args.methods.as_slice() {
-        [] => Contender::all(),
-        [all_of_them] if all_of_them == "all" => Contender::all(),
-        named => named.iter().map(|text| text.parse()).collect::<Result<Vec<Contender>, Error>>()?,
-    };
+    let contenders = args.contenders()?;
     if let Some(folder) = &args.output {
-        checks::folder(folder)?;
-        for file in contenders.iter().flat_map(|contender| files(folder, contender)) {
-            checks::output(&file, args.input.files().chain(&args.reference))?;
-        }
+        args.check_files(folder, &contenders)?;
     }
     let reference = args.reference.as_deref().map(read_picture).transpose()?;
     let prepared = prepare(&stack_job(&args.input, &args.lens, Carry::None)?)?;
@@ -72,96 +65,91 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
     if let Some(reference) = &reference {
         check_size(prepared.scene.picture_size(), reference)?;
     }
+    let calibration = console.calibration(false)?;
+    let Prepared { scene, plan, .. } = &prepared;
+    let places = Places::new(scene, plan, args.probes as usize, SEED);
+    let probes = Probes::new(places, scene, plan, MANY_RAYS);
     let comparison = Comparison {
         prepared: &prepared,
         reference: reference.as_ref(),
         repeats: usize::from(args.repeats),
-        probes: args.probes as usize,
+        probes: &probes,
+        calibration: Some(&calibration),
+        words: &[args.input.words(), args.lens.words()].concat(),
     };
-    let mut entries = Vec::with_capacity(contenders.len());
-    for (i, contender) in contenders.iter().enumerate() {
-        console.note(format_args!("{contender} ({} of {})", i + 1, contenders.len()));
-        let (entry, image) = comparison.run(contender)?;
-        if let Some(folder) = &args.output {
-            let [picture, map] = files(folder, contender);
-            png::write(&picture, &image, 0.0)?;
-            if let Some(reference) = &reference {
-                png::write_false_color(&map, &Pair::new(&image, reference, 0)?.flip_map())?;
-            }
-        }
-        entries.push(entry);
-    }
-    mark_front(&mut entries);
-    if let Some(folder) = &args.output {
-        write_results(folder, &entries)?;
-        console.wrote(folder);
-    }
+    let results = args.compare(&comparison, &contenders, console)?;
     if args.json {
-        print_json(&entries)?;
+        print_json(&results)?;
     } else {
-        print(&table(&entries))?;
+        print(&table(&results))?;
     }
     Ok(())
 }
 
-/// The picture and the error map of a contender.
-fn files(folder: &Path, contender: &Contender) -> [PathBuf; 2] {
-    let name = contender.to_string().replace([':', '=', '+'], "-");
-    [folder.join(format!("{name}.png")), folder.join(format!("{name}-flip.png"))]
-}
-
-fn write_results(folder: &Path, entries: &[Entry]) -> Result<(), Error> {
-    report::write_json(&folder.join("results.json"), &entries)?;
-    atomic::write_text(&folder.join("results.csv"), &csv(entries))
-}
-
-/// A figure in `digits` decimals; nothing where there is none.
-fn figure(value: Option<f64>, digits: usize) -> String {
-    value.map_or(String::new(), |value| format!("{value:.digits$}"))
-}
-
-fn csv(entries: &[Entry]) -> String {
-    let mut text =
-        "name,method,views,cpu_seconds,seconds,runs,sampling_psnr_db,sampling_least_db,sampling_most_db,\
-                    model_psnr_db,model_ssim,model_flip,on_front\n"
-            .to_owned();
-    for entry in entries {
-        let Entry { name, method, cpu_seconds, seconds, runs, sampling, model, on_front, .. } = entry;
-        let views = entry.views.map_or(String::new(), |views| views.to_string());
-        let (least, most) = sampling.interval_db;
-        let [psnr, least, most] = [sampling.psnr_db, Some(least), most].map(|db| figure(db, 3));
-        let model_psnr = figure(model.map(|score| score.psnr_db), 3);
-        let ssim = figure(model.and_then(|score| score.ssim), 5);
-        let flip = figure(model.map(|score| score.flip), 5);
-        let _ = writeln!(
-            text,
-            "{name},{method},{views},{cpu_seconds:.4},{seconds:.4},{runs},{psnr},{least},{most},{model_psnr},{ssim},{flip},{on_front}"
-        );
-    }
-    text
-}
-
-/// The entries from the quickest to the slowest; a star stands before those that no other beats in both.
-fn table(entries: &[Entry]) -> String {
-    let mut sorted: Vec<&Entry> = entries.iter().collect();
-    sorted.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
-    let with_model = entries.iter().any(|entry| entry.model.is_some());
-    let mut text = format!("  {:<36}{:>9}{:>9}  {:<22}", "method", "CPU s", "wall s", "sampling error, dB");
-    text += if with_model { "model error, dB    SSIM    FLIP\n" } else { "\n" };
-    for entry in sorted {
-        let star = if entry.on_front { '*' } else { ' ' };
-        let (least, most) = entry.sampling.interval_db;
-        let most = most.map_or("any".to_owned(), |most| format!("{most:.1}"));
-        let sampling = format!("{:>5} ({least:.1} … {most})", figure(entry.sampling.psnr_db, 1));
-        let _ = write!(
-            text,
-            "{star} {:<36}{:>9.3}{:>9.3}  {sampling:<22}",
-            entry.name, entry.cpu_seconds, entry.seconds
-        );
-        if let Some(score) = &entry.model {
-            let _ = write!(text, "{:>15.2}{:>8}{:>8.4}", score.psnr_db, figure(score.ssim, 4), score.flip);
+impl CompareArgs {
+    /// Who takes part.
+    fn contenders(&self) -> Result<Vec<Contender>, Error> {
+        match self.methods.as_slice() {
+            [] => Ok(Contender::all()),
+            [all_of_them] if all_of_them == "all" => Ok(Contender::all()),
+            named => named.iter().map(|text| text.parse()).collect(),
         }
-        text.push('\n');
     }
-    text + "* no other is both quicker and nearer to the truth\n"
+
+    /// Checks every file that will be written, making the folder if need be.
+    fn check_files(&self, folder: &Path, contenders: &[Contender]) -> Result<(), Error> {
+        checks::folder(folder)?;
+        let pictures = contenders.iter().flat_map(folder::files);
+        let files = pictures.chain(folder::FILES.map(str::to_owned));
+        for file in files {
+            checks::output(&folder.join(file), self.input.files().chain(&self.reference))?;
+        }
+        Ok(())
+    }
+
+    /// Runs every contender, and writes what is asked for.
+    fn compare(
+        &self,
+        comparison: &Comparison<'_>,
+        contenders: &[Contender],
+        console: &Console,
+    ) -> Result<Results, Error> {
+        let path = |path: &PathBuf| path.display().to_string();
+        let mut results = comparison.results(
+            command_line(),
+            self.input.files().map(path).collect(),
+            self.reference.as_ref().map(path),
+        );
+        let pinhole = comparison.prepared.scene.pinhole();
+        let mut gallery = Gallery::new(&pinhole, comparison.reference);
+        for (i, contender) in contenders.iter().enumerate() {
+            console.note(format_args!("{contender} ({} of {})", i + 1, contenders.len()));
+            let (mut entry, image) = comparison.run(contender)?;
+            if let Some(folder) = &self.output {
+                let [picture, map] = keep(folder, contender, &image)?;
+                (entry.picture, entry.map) = (Some(picture), Some(map));
+                gallery.add(&image);
+            }
+            results.entries.push(entry);
+        }
+        results.mark_front();
+        if let Some(folder) = &self.output {
+            folder::write(folder, &mut results, &gallery)?;
+            console.wrote(&folder.join(folder::REPORT));
+        }
+        Ok(results)
+    }
+}
+
+/// Writes the picture of `contender` into `folder`; the names of its files.
+fn keep(folder: &Path, contender: &Contender, image: &Image) -> Result<[String; 2], Error> {
+    let files = folder::files(contender);
+    png::write(&folder.join(&files[0]), image, 0.0)?;
+    Ok(files)
+}
+
+/// This process's command line, as a shell reads it.
+fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    shell::line(std::iter::once("thinlens".to_owned()).chain(words))
 }

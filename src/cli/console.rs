@@ -6,6 +6,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
+use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::dial::Outcome;
 use thinlens::error::Error;
 use thinlens::probes::Verdict;
@@ -53,6 +54,16 @@ impl Console {
         for effect in plan.effects.iter().filter(|effect| effect.on) {
             self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
         }
+    }
+
+    /// How fast this machine is: measured the first time, or `again`, and what there is to say about that.
+    ///
+    /// # Errors
+    /// Those of measuring.
+    pub(super) fn calibration(self, again: bool) -> Result<Calibration, Error> {
+        let (calibration, remarks) = Calibration::of_this_machine(cache_folder().as_deref(), again)?;
+        remarks.iter().for_each(|Remark(text)| self.note(format_args!("calibration: {text}")));
+        Ok(calibration)
     }
 
     /// The sampling error that was found.

@@ -10,7 +10,7 @@ use serde_json::json;
 use std::fmt::{self, Write};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thinlens::compare::Contender;
-use thinlens::cost::{Calibration, Prediction, Remark, cache_folder, predict};
+use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::dial;
 use thinlens::error::Error;
 use thinlens::methods::{self, METHODS};
@@ -65,11 +65,10 @@ struct Row {
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let mut prepared = prepare(&args.job.job(Carry::None)?)?;
     console.findings(&prepared.stack.findings);
-    let (calibration, remarks) = match args.uncalibrated {
-        true => (Calibration::assumed(), Vec::new()),
-        false => Calibration::of_this_machine(cache_folder().as_deref(), args.recalibrate)?,
+    let calibration = match args.uncalibrated {
+        true => Calibration::assumed(),
+        false => console.calibration(args.recalibrate)?,
     };
-    remarks.iter().for_each(|Remark(text)| console.note(format_args!("calibration: {text}")));
     decide_views(&mut prepared, &calibration)?;
     let rows = rows(&prepared, &calibration, args.all_methods)?;
     if args.json {

@@ -71,6 +71,18 @@ impl Contender {
             .collect()
     }
 
+    /// The words of a command line that choose this method with these settings.
+    pub fn flags(&self) -> Vec<String> {
+        let views = self.views.iter().flat_map(|views| ["--views".to_owned(), views.to_string()]);
+        let parameters = self.parameters.iter().flat_map(|setting| ["--set".to_owned(), setting.clone()]);
+        ["--method".to_owned(), self.method.to_owned()].into_iter().chain(views).chain(parameters).collect()
+    }
+
+    /// The contender as the beginning of a file's name.
+    pub fn file_stem(&self) -> String {
+        self.to_string().replace([':', '=', '+'], "-")
+    }
+
     /// The contender's settings, for the rest `settings`.
     ///
     /// # Errors
@@ -105,6 +117,13 @@ mod tests {
         assert!(parse("sheer").unwrap_err().to_string().contains("did you mean 'shear'?"));
         assert!(parse("shear:many").unwrap_err().to_string().contains("number of views"));
         assert!(parse("scatter:cones=true").unwrap_err().to_string().contains("no parameter 'cones'"));
+    }
+
+    #[test]
+    fn a_contender_is_a_render_with_flags() {
+        let contender = parse("layer-rays:8+cones=false").unwrap();
+        assert_eq!(contender.flags(), ["--method", "layer-rays", "--views", "8", "--set", "cones=false"]);
+        assert_eq!(contender.file_stem(), "layer-rays-8-cones-false");
     }
 
     #[test]

@@ -5,11 +5,12 @@
 //! machine's name. A file that cannot be read, is of another machine or version, or cannot be written, costs a calibration, not
 //! the command.
 
+use super::table;
 use super::table::{KINDS, Kind, MADE_SECONDS};
-use super::{Machine, table};
 use crate::error::Error;
 use crate::image::Plane;
 use crate::methods;
+use crate::output::machine::Machine;
 use crate::output::usage::Stopwatch;
 use crate::scene::{Layer, Scene};
 use crate::settings::{Effort, MethodParameters, Origin, Settings, Values};

@@ -13,20 +13,18 @@
 //! fit.
 
 mod calibration;
-mod machine;
 mod shape;
 mod table;
 mod work;
 
 pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
-pub use machine::Machine;
 pub use table::Kind;
 pub use work::work;
 
 use crate::scene::{Facts, Plan};
 
 /// What a blur is expected to take.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Prediction {
     /// Processor seconds, all threads together.
     pub cpu_seconds: f64,

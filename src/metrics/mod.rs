@@ -29,7 +29,7 @@ const KEPT_BY_BORDER_PX: usize = 32;
 pub type Rgb = [Plane; 3];
 
 /// All figures of one comparison.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Score {
     /// [`psnr_db`] of sRGB values clipped to 0 … 1; 200 for equal pictures.
     pub psnr_db: f64,

@@ -3,7 +3,9 @@
 //! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
 
 pub mod atomic;
+pub mod data_uri;
 pub mod exr;
+pub mod machine;
 pub mod png;
 pub mod report;
 pub mod usage;

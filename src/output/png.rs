@@ -77,13 +77,18 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
 /// As [`atomic::write()`].
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
-    let mut bytes = vec![0; width * height * 3];
-    fill_rows(&mut bytes, width * 3, height, |y, row| {
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
+}
+
+/// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
+pub fn false_color(plane: &Plane) -> Vec<u8> {
+    let mut bytes = vec![0; plane.width() * plane.height() * 3];
+    fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {
         for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {
             pixel.copy_from_slice(&colorous::MAGMA.eval_continuous(f64::from(*value)).as_array());
         }
     });
-    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
+    bytes
 }
 
 /// Calls `fill` with every row in parallel. (`par_chunks` cannot cut into rows of nothing.)

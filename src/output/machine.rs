@@ -1,4 +1,4 @@
-//! Which machine this is: what a calibration holds for.
+//! Which machine this is: what timings, and a calibration, hold for.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,7 @@ impl Machine {
     }
 
     /// Name of the file that its calibration is kept in: a folder may be shared by many machines.
-    pub(super) fn file_name(&self) -> String {
+    pub fn file_name(&self) -> String {
         let Self { cpu, cores, threads, vectors, os, .. } = self;
         let name = format!("calibration {os} {cpu} {vectors} {threads} of {cores}").to_lowercase();
         let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -60,6 +60,12 @@ fn cpu_name() -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_machine_counts_the_threads_of_the_pool_that_it_is_asked_in() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        assert_eq!(pool.install(Machine::this).threads, 3);
+    }
 
     #[test]
     fn machines_that_differ_keep_their_calibration_in_different_files() {

@@ -1,0 +1,152 @@
+//! The pictures of a comparison, and what is found by looking at them beside one another.
+//!
+//! Memory: 6 bytes a pixel and picture, 12 MB at 1080p.
+
+use super::crops::places;
+use super::picture::Picture;
+use super::{Crop, Entry, Yardstick};
+use crate::error::Error;
+use crate::image::{Image, Plane};
+use crate::metrics::Pair;
+
+/// Pictures of one size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gallery {
+    /// Without a lens.
+    pub pinhole: Picture,
+    /// The true render, if there is one.
+    pub reference: Option<Picture>,
+    /// One for each entry, in their order.
+    pub entries: Vec<Picture>,
+}
+
+impl Gallery {
+    /// Holds `pinhole` and the `reference`, and no entries yet.
+    pub fn new(pinhole: &Image, reference: Option<&Image>) -> Self {
+        Self { pinhole: Picture::new(pinhole), reference: reference.map(Picture::new), entries: Vec::new() }
+    }
+
+    /// Adds the picture of the next entry.
+    pub fn add(&mut self, image: &Image) {
+        self.entries.push(Picture::new(image));
+    }
+
+    /// What error maps and crops are measured against: the reference, or without one the best of `entries`.
+    pub fn yardstick(&self, entries: &[Entry]) -> Option<Yardstick> {
+        if self.reference.is_some() {
+            return Some(Yardstick::Reference);
+        }
+        let best = entries.iter().max_by(|a, b| a.psnr_db().total_cmp(&b.psnr_db()))?;
+        Some(Yardstick::Entry(best.name.clone()))
+    }
+
+    /// The picture that `yardstick` names.
+    fn find(&self, yardstick: &Yardstick, entries: &[Entry]) -> Option<&Picture> {
+        match yardstick {
+            Yardstick::Reference => self.reference.as_ref(),
+            Yardstick::Entry(name) => self.entries.get(entries.iter().position(|entry| entry.name == *name)?),
+        }
+    }
+
+    /// Hands `each` the index of every entry but the yardstick itself, and its FLIP at each pixel.
+    ///
+    /// # Errors
+    /// Those of `each`.
+    pub fn maps(
+        &self,
+        yardstick: &Yardstick,
+        entries: &[Entry],
+        mut each: impl FnMut(usize, Plane) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let Some(truth) = self.find(yardstick, entries) else { return Ok(()) };
+        let linear = truth.linear();
+        for (i, picture) in
+            self.entries.iter().enumerate().filter(|(_, picture)| !std::ptr::eq(*picture, truth))
+        {
+            each(i, Pair::new(&picture.linear(), &linear, 0)?.flip_map())?;
+        }
+        Ok(())
+    }
+
+    /// The places where the entries differ most, and how near each comes to the yardstick there. (One entry alone is
+    /// looked at where it differs from the pinhole picture and the reference.)
+    pub fn crops(&self, yardstick: &Yardstick, entries: &[Entry]) -> Vec<Crop> {
+        let Some(truth) = self.find(yardstick, entries) else { return Vec::new() };
+        let mut pictures: Vec<&Picture> = self.entries.iter().collect();
+        if pictures.len() < 2 {
+            pictures.extend(self.reference.iter().chain([&self.pinhole]));
+        }
+        let measured = |square| {
+            let truth = truth.crop(square);
+            let psnr_db = |picture: &Picture| picture.crop(square).psnr_db(&truth);
+            Crop {
+                x: square.x,
+                y: square.y,
+                side_px: square.side,
+                pinhole_psnr_db: psnr_db(&self.pinhole),
+                psnr_db: self.entries.iter().map(psnr_db).collect(),
+            }
+        };
+        places(&pictures).into_iter().map(measured).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::entry;
+    use super::*;
+
+    fn grey(value: f32) -> Image {
+        Image::from_fn(80, 80, |x, _| [value + (x / 40) as f32 * value; 4])
+    }
+
+    fn gallery(reference: Option<&Image>) -> (Gallery, Vec<Entry>) {
+        let mut gallery = Gallery::new(&grey(0.1), reference);
+        gallery.entries = [0.2, 0.3].map(|value| Picture::new(&grey(value))).to_vec();
+        let [mut good, poor] = [entry(1.0, 40.0), entry(2.0, 30.0)];
+        good.name = "good".to_owned();
+        (gallery, vec![poor, good])
+    }
+
+    #[test]
+    fn without_a_reference_the_best_entry_is_the_yardstick_and_has_no_map() {
+        let (gallery, entries) = gallery(None);
+        let yardstick = gallery.yardstick(&entries).unwrap();
+        assert_eq!(yardstick, Yardstick::Entry("good".to_owned()));
+        let mut mapped = Vec::new();
+        gallery
+            .maps(&yardstick, &entries, |i, _| {
+                mapped.push(i);
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(mapped, [0]);
+    }
+
+    #[test]
+    fn the_map_is_flip_against_the_reference() {
+        let reference = grey(0.25);
+        let (gallery, entries) = gallery(Some(&reference));
+        let exact = Pair::new(&grey(0.3), &reference, 0).unwrap().flip_map();
+        let mut maps = Vec::new();
+        gallery
+            .maps(&Yardstick::Reference, &entries, |_, map| {
+                maps.push(map);
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(maps.len(), 2);
+        assert!(maps[1].values().iter().zip(exact.values()).all(|(a, b)| (a - b).abs() < 1e-3));
+    }
+
+    #[test]
+    fn a_crop_has_a_figure_for_each_entry_but_the_yardstick() {
+        let (gallery, entries) = gallery(None);
+        let crops = gallery.crops(&gallery.yardstick(&entries).unwrap(), &entries);
+        assert!(!crops.is_empty());
+        for crop in crops {
+            assert!(crop.psnr_db[0].is_some() && crop.psnr_db[1].is_none(), "{crop:?}");
+            assert!(crop.pinhole_psnr_db < crop.psnr_db[0], "the pinhole is darker still: {crop:?}");
+        }
+    }
+}

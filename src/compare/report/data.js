@@ -1,0 +1,136 @@
+// What the page shows: the figures, read once, and how they are written.
+
+/**
+ * @typedef {{cpu_seconds: number, seconds: number}} Cost
+ * @typedef {{psnr_db: number|null, interval_db: [number, number|null], pixels: number, rays_per_pixel: number}} Sampling
+ * @typedef {{psnr_db: number, ssim: number|null, flip: number}} Model
+ * @typedef {object} Entry
+ * @property {string} name
+ * @property {string} method
+ * @property {number|null} views
+ * @property {number} cpu_seconds
+ * @property {number} seconds
+ * @property {Cost[]} runs
+ * @property {Cost} whole
+ * @property {Cost|null} predicted
+ * @property {Sampling} sampling
+ * @property {Model|null} model
+ * @property {string} command
+ * @property {string|null} picture
+ * @typedef {{x: number, y: number, side_px: number, pinhole_psnr_db: number|null, psnr_db: (number|null)[]}} Crop
+ * @typedef {{time: "cpu"|"wall", error: "sampling"|"model", hidden: Set<string>}} View
+ */
+
+const { results, assets, methods, scale } = JSON.parse(byId("content").textContent);
+
+/** @type {Entry[]} */
+const entries = results.entries;
+
+const hasReference = assets.reference !== null;
+const hasPrediction = entries.some((entry) => entry.predicted !== null);
+
+/** The methods that take part, in the registry's order. */
+const taking = methods.filter((method) => entries.some((entry) => entry.method === method));
+
+/** Which axes the chart has, and which methods are left out. @type {View} */
+const view = { time: "cpu", error: hasReference ? "model" : "sampling", hidden: new Set() };
+
+/** @param {string} id @returns {HTMLElement} */
+function byId(id) {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page lacks #${id}`);
+  return found;
+}
+
+/**
+ * An element with attributes and children; a child that is no element becomes text.
+ * @param {string} name
+ * @param {Record<string, string|number|boolean>} [attributes]
+ * @param {...(Node|string|number)} children
+ */
+function element(name, attributes = {}, ...children) {
+  return filled(document.createElement(name), attributes, children);
+}
+
+/** As element(), in SVG. */
+function svg(name, attributes = {}, ...children) {
+  return filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
+}
+
+function filled(node, attributes, children) {
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value !== false) node.setAttribute(key, value === true ? "" : String(value));
+  }
+  node.append(...children.map((child) => (child instanceof Node ? child : String(child))));
+  return node;
+}
+
+/** The name of a setting, which may break into lines after its method and between its settings. @param {string} name */
+function broken(name) {
+  const parts = name.split(/(?<=[:+])/);
+  return parts.flatMap((part) => [element("span", {}, part), element("wbr")]);
+}
+
+/** @param {number|null|undefined} value @param {number} digits */
+function figure(value, digits) {
+  return value === null || value === undefined ? "–" : value.toFixed(digits);
+}
+
+/** Seconds in three figures that count. @param {number|null|undefined} value */
+function seconds(value) {
+  if (value === null || value === undefined) return "–";
+  if (value >= 100) return value.toFixed(0);
+  return value.toFixed(value >= 10 ? 1 : value >= 1 ? 2 : 3);
+}
+
+/** @param {Sampling} sampling */
+function interval({ interval_db: [least, most] }) {
+  return most === null ? `at least ${least.toFixed(1)}` : `${least.toFixed(1)} … ${most.toFixed(1)}`;
+}
+
+/** @param {number|null} db */
+function decibels(db) {
+  return db === null ? "the yardstick" : `${db.toFixed(1)} dB`;
+}
+
+/** Width and height of the pictures in pixels. */
+function pictureSize() {
+  const { width, height, supersample } = results.stack;
+  return { width: Math.floor(width / supersample), height: Math.floor(height / supersample) };
+}
+
+/** The time that the chart shows. @param {Entry} entry */
+function timeOf(entry) {
+  return view.time === "cpu" ? entry.cpu_seconds : entry.seconds;
+}
+
+/** The decibels that the chart shows; where the error may be nothing, what it has at least. @param {Entry} entry */
+function decibelsOf(entry) {
+  if (view.error === "model" && entry.model) return entry.model.psnr_db;
+  return entry.sampling.psnr_db ?? entry.sampling.interval_db[0];
+}
+
+/** All of an entry's figures in one sentence. @param {Entry} entry */
+function inWords(entry) {
+  const model = entry.model ? ` Model error ${entry.model.psnr_db.toFixed(2)} dB, FLIP ${entry.model.flip.toFixed(4)}.` : "";
+  const predicted = entry.predicted ? ` Predicted: CPU ${seconds(entry.predicted.cpu_seconds)} s, wall ${seconds(entry.predicted.seconds)} s.` : "";
+  const sampling = entry.sampling.psnr_db === null ? "" : `${entry.sampling.psnr_db.toFixed(1)} dB `;
+  return `${entry.name}: CPU ${seconds(entry.cpu_seconds)} s, wall ${seconds(entry.seconds)} s.`
+    + ` Sampling error ${sampling}(95 %: ${interval(entry.sampling)} dB).${model}${predicted}`;
+}
+
+/** The entries of the methods that are not left out. */
+function shown() {
+  return entries.filter((entry) => !view.hidden.has(entry.method));
+}
+
+/** Those of `some` that no other beats in time and error at once, from the quickest to the slowest. @param {Entry[]} some */
+function front(some) {
+  const sorted = [...some].sort((a, b) => timeOf(a) - timeOf(b) || decibelsOf(b) - decibelsOf(a));
+  let best = -Infinity;
+  return sorted.filter((entry) => {
+    const better = decibelsOf(entry) > best;
+    best = Math.max(best, decibelsOf(entry));
+    return better;
+  });
+}
