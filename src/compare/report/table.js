@@ -74,6 +74,7 @@ function drawTable() {
   const head = element("thead", {}, element("tr", {}, ...COLUMNS.map(headerCell)));
   byId("table").replaceChildren(head, element("tbody", {}, ...rows.map((entry) => row(entry, best.has(entry)))));
   const { cpu_seconds: cpu, seconds: wall } = results.prepared;
+  const runs = results.repeats > 1 ? `, the median of ${results.repeats} runs` : ", a single run";
   byId("table-note").textContent = `★ no other shown is both quicker and nearer to the truth, by the time and the error that the chart shows.`
-    + ` Times are of the blur, the median of ${results.repeats}; whole adds reading and planning, which all share: CPU ${seconds(cpu)} s, wall ${seconds(wall)} s.`;
+    + ` Times are of the blur${runs}; whole adds reading and planning, which all share: CPU ${seconds(cpu)} s, wall ${seconds(wall)} s.`;
 }
