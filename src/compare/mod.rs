@@ -370,6 +370,6 @@ mod tests {
         let read: Machine = serde_json::from_value(json["machine"].clone()).unwrap();
         assert_eq!(read, results.machine);
         let (kind, stop) = (&json["stack"]["kind"], json["lens"]["f_number"]["value"].as_f64());
-        assert_eq!((kind, stop), (&"point-sampled".into(), Some(f64::from(2.8_f32))));
+        assert_eq!((kind, stop.map(|stop| stop as f32)), (&"point-sampled".into(), Some(2.8)));
     }
 }
