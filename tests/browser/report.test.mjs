@@ -234,7 +234,7 @@ describe("a report with a reference", () => {
     await open("with", { colorScheme: "dark" });
     await page.emulateMedia({ media: "print" });
     assert.equal(await color("body"), "rgb(255, 255, 255)");
-    for (const hidden of [".controls", "#theme", "#slider", ".copy", "#legend input"]) {
+    for (const hidden of [".controls", ".hint", "#theme", "#slider", ".copy", "#legend input"]) {
       assert.equal(await page.locator(hidden).first().isVisible(), false, hidden);
     }
     for (const visible of ["#chart svg", "#table", "#crops img", "#command code"]) {

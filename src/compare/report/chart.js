@@ -222,6 +222,8 @@ function explainChart() {
     sampling: `Sampling error, against the stack's own truth at ${entries[0]?.sampling.pixels ?? 0} pixels; whiskers are 95 % intervals.`,
     model: "Model error, against the true render, over the whole picture.",
   };
-  byId("chart-note").textContent = `${errors[view.error]} Up and to the left is better. The stepped line is the front: the best to be had for so much time.`
-    + " A point says its figures when pointed at or focused, and shows its picture below when pressed.";
+  byId("chart-note").replaceChildren(
+    `${errors[view.error]} Up and to the left is better. The stepped line is the front: the best to be had for so much time.`,
+    hint("A point says its figures when pointed at or focused, and shows its picture below when pressed."),
+  );
 }

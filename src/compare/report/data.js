@@ -57,6 +57,11 @@ function svg(name, attributes = {}, ...children) {
   return filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
 }
 
+/** How to use something, which is of no use on paper. @param {string} text */
+function hint(text) {
+  return element("span", { class: "hint" }, ` ${text}`);
+}
+
 function filled(node, attributes, children) {
   for (const [key, value] of Object.entries(attributes)) {
     if (value !== false) node.setAttribute(key, value === true ? "" : String(value));

@@ -49,8 +49,10 @@ function drawPair() {
   show(byId("over"), left[2], `Left: ${left[1]}`);
   show(byId("under"), right[2], `Right: ${right[1]}`);
   cut(Number(byId("slider").value));
-  byId("strip-note").textContent = `Left ${left[1]}, right ${right[1]}. Drag across the picture, or move the slider with the arrow keys.`
-    + ` Shown at most ${MOST_WIDTH_PX} pixels wide, as JPEG; the folder has the pictures whole.`;
+  byId("strip-note").replaceChildren(
+    `Left ${left[1]}, right ${right[1]}. Shown at most ${MOST_WIDTH_PX} pixels wide, as JPEG; the folder has the pictures whole.`,
+    hint("Drag across the picture, or move the slider with the arrow keys."),
+  );
 }
 
 function drawMap() {
