@@ -31,7 +31,7 @@ pub(super) fn calibrated_by(kind: Kind) -> (&'static str, Option<usize>) {
 }
 
 /// Processor seconds of a calibration's runs on the machine of the table.
-pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [0.0318, 0.0225, 0.0140];
+pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [0.0318, 0.0171, 0.0140];
 
 /// One term of a method's cost.
 #[derive(Debug)]
@@ -97,11 +97,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::accumulate,
         terms: &[
-            term("samples", 22.268),
-            term("rays", 23.518),
-            term("rays × layers", 2.069),
-            term("samples passed", 6.437),
-            term("samples passed × layers", 0.116),
+            term("samples", 0.0),
+            term("rays", 37.3),
+            term("rays × layers", 0.457),
+            term("samples passed", 7.12),
+            term("samples passed × layers", 0.0906),
         ],
     },
     Cost {
