@@ -128,6 +128,9 @@ fn seek<'p>(
         tried.push(trial);
         trial.psnr_db()
     });
+    // What a search ends with may miss the margin alone.
+    let reached = tried.iter().any(|trial| trial.views == found.views && trial.psnr_db() >= psnr_db);
+    let found = if reached { Found { end: End::Met, ..found } } else { found };
     let statement = statement(plan.method, psnr_db, &found, &tried, &probes);
     let goal = Goal::TargetDb { psnr_db, most_views };
     Ok((sampler, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
