@@ -16,8 +16,9 @@ use crate::error::Error;
 use crate::image::Image;
 use crate::methods::{self, Progress, Sampler};
 use crate::output::usage::Stopwatch;
-use crate::probes::{MANY_RAYS, Places, Probes, SEED, Verdict};
-use crate::scene::{EffectKind, Facts, Goal, Plan, Scene};
+use crate::probes::{self, MANY_RAYS, Places, Probes, SEED, Verdict};
+use crate::scene::{Facts, Goal, Plan, Scene};
+use crate::stack::Finding;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -37,17 +38,14 @@ const LEAST_DB_PER_STEP: f64 = 0.6;
 /// Squared error falls with this power of the number of lens samples at least, where nothing but the samples is at fault.
 const LEAST_POWER: f64 = 0.6;
 
+/// Where doubling the number of lens samples gains less than this, more of them will not help.
+const LEAST_DB_PER_DOUBLING: f64 = 0.3;
+
 /// With this power it falls for rays that are evenly spread.
 const POWER_OF_RAYS: f64 = 1.2;
 
 /// Predictions are off by a seventh as often as not: this much of a time budget is planned for.
 const SHARE_OF_BUDGET: f64 = 0.85;
-
-/// By how much 16 lens samples of `shear` better the PSNR of one ray, in dB, and what √2 times as many gain: means over scenes.
-const SHEAR_GAIN_DB: [f64; 2] = [21.5, 1.25];
-
-/// The same of methods that follow rays.
-const RAYS_GAIN_DB: [f64; 2] = [15.0, 1.8];
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -65,6 +63,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// What there is to say, a warning if the goal was not reached.
+    pub fn finding(&self) -> Finding {
+        let say = if self.met { Finding::note } else { Finding::warning };
+        say("views", self.statement.clone())
+    }
+
     /// What the probes said of the number of lens samples that was chosen.
     pub fn verdict(&self) -> Option<Verdict> {
         self.tried.iter().find(|trial| trial.views == self.views).map(|trial| trial.verdict)
@@ -119,7 +123,7 @@ fn seek<'p>(
         Error::settings(format!("{} cannot be asked for single pixels", plan.method))
             .help("ask for a number of lens samples with --views")
     })?;
-    let (probes, first) = probes(&scene, plan, psnr_db + MARGIN_DB);
+    let (probes, first) = probes(&scene, plan, psnr_db + MARGIN_DB, sampling.gain_db());
     let mut sampler = sampling.begin(scene, plan);
     let pixels = probes.pixels();
     let mut tried = Vec::new();
@@ -137,12 +141,10 @@ fn seek<'p>(
 }
 
 /// The truth at some pixels of `scene`, and the step at which the search for `psnr_db` begins.
-fn probes(scene: &Scene, plan: &Plan, psnr_db: f64) -> (Probes, u32) {
-    // What a plan guesses is no error of its samples.
-    let filled = plan.does(EffectKind::Fill).then(|| scene.clone().filled());
-    let scene = filled.as_ref().unwrap_or(scene);
+fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probes, u32) {
+    let scene = &*probes::with_guesses(scene, plan);
     let places = Places::new(scene, plan, PROBES, SEED);
-    let first = first_step(psnr_db, places.spread(), plan.method);
+    let first = first_step(psnr_db, places.spread(), gain_db);
     // As many rays as samples are likely to do, twice: their own noise then adds little to what is measured.
     let rays_per_half = views_at(first).clamp(64, MANY_RAYS);
     (Probes::new(places, scene, plan, rays_per_half), first)
@@ -163,11 +165,11 @@ fn step_within(views: usize) -> u32 {
     step
 }
 
-/// The step that is likely to reach `psnr_db` where the squared error of one ray is `spread`.
-fn first_step(psnr_db: f64, spread: f64, method: &str) -> u32 {
+/// The step that is likely to reach `psnr_db` where the squared error of one ray is `spread`, see
+/// [`methods::LensSampling::gain_db`].
+fn first_step(psnr_db: f64, spread: f64, [gain_of_16, gain_of_step]: [f64; 2]) -> u32 {
     const STEP_OF_16: f64 = 2.0;
     const LAST: f64 = 16.0;
-    let [gain_of_16, gain_of_step] = if method == "shear" { SHEAR_GAIN_DB } else { RAYS_GAIN_DB };
     let wanted = psnr_db + 10.0 * spread.max(1e-12).log10();
     ((wanted - gain_of_16) / gain_of_step + STEP_OF_16).ceil().clamp(0.0, LAST) as u32
 }
@@ -293,13 +295,18 @@ fn between((short, short_db): (u32, f64), (enough, surplus_db): (u32, f64)) -> S
 
 /// The PSNR in dB that more and more lens samples approach, if it misses the target.
 fn floor_db(known: &Known, target_db: f64) -> Option<f64> {
-    // Only numbers far enough apart tell a floor from chance: four times as many.
-    const APART: u32 = 4;
     let (&last, &last_db) = known.last_key_value()?;
-    let (&before, &before_db) = known.iter().rfind(|(step, _)| **step + APART <= last)?;
+    let before = |steps: u32| known.iter().rfind(|(step, _)| **step + steps <= last);
+    if let Some((step, db)) = before(2)
+        && 2.0 * (last_db - db) / f64::from(last - step) < LEAST_DB_PER_DOUBLING
+    {
+        return Some(last_db);
+    }
+    // Only numbers far enough apart tell a floor ahead from chance: four times as many.
+    let (&step, &db) = before(4)?;
     let error = |db: f64| 10f64.powf(-0.1 * db);
-    let falls_to = (views_at(last) as f64 / views_at(before) as f64).powf(-LEAST_POWER);
-    let floor = (error(last_db) - error(before_db) * falls_to) / (1.0 - falls_to);
+    let falls_to = (views_at(last) as f64 / views_at(step) as f64).powf(-LEAST_POWER);
+    let floor = (error(last_db) - error(db) * falls_to) / (1.0 - falls_to);
     (floor >= error(target_db)).then(|| -10.0 * floor.log10())
 }
 
@@ -378,6 +385,13 @@ mod tests {
     }
 
     #[test]
+    fn a_search_does_not_climb_for_nothing() {
+        // 48 dB are asked for and all but reached: 47.96 is the floor.
+        let (found, tried) = searched(48.0, [1.6e-5, 3e-4, 1.1], 1 << 16);
+        assert!(matches!(found.end, End::Floor(_)) && tried.len() <= 6, "{found:?} after {tried:?}");
+    }
+
+    #[test]
     fn a_search_stops_at_the_most_samples_it_may_take() {
         let (found, tried) = searched(60.0, [0.0, 1e-2, 1.0], 100);
         assert_eq!((found.end, found.views), (End::Most, 96), "after {tried:?}");
@@ -393,12 +407,12 @@ mod tests {
 
     #[test]
     fn the_first_guess_follows_the_target_and_the_spread() {
-        let first = |db, spread| views_at(first_step(db, spread, "shear"));
+        let first = |db, spread| views_at(first_step(db, spread, [21.5, 1.25]));
         assert!(first(45.0, 1e-2) > first(40.0, 1e-2), "a higher target");
         assert!(first(45.0, 1e-2) > first(45.0, 1e-3), "a busier scene");
         assert_eq!(first(45.0, 0.0), 8, "nothing differs");
         assert!(
-            views_at(first_step(45.0, 1e-2, "accumulate")) > first(45.0, 1e-2),
+            views_at(first_step(45.0, 1e-2, [15.0, 1.25])) > first(45.0, 1e-2),
             "single rays are noisier"
         );
     }

@@ -139,6 +139,7 @@ impl Prepared {
             }
             _ => methods::render(scene, &plan, progress).map(|image| (image, None)),
         })?;
+        stack.findings.extend(outcome.as_ref().map(Outcome::finding));
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
         let plan = Plan { views, ..plan };
         let probe = kept.map(|(scene, probes)| {
@@ -231,7 +232,7 @@ fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
     let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
     let mut settings = Settings::resolve(&layers, parameters);
-    let method = methods::by_name(&settings.method.value)?.info().name;
+    let method = methods::chosen(&settings)?.info().name;
     job.parameters.iter().try_for_each(|setting| settings.parameters.set(method, setting))?;
     Ok(settings)
 }

@@ -30,9 +30,10 @@ pub(super) struct CompareArgs {
     lens: LensArgs,
     /// NAME, NAME:VIEWS or NAME:KEY=VALUE each; all by default
     ///
-    /// A name alone is the method as the job would run it; several settings are joined by +. "all" runs every method at its
-    /// steps from rough to fine. It leaves out the reference, accumulate, which is the truth that the sampling error is measured by; name it to have
-    /// it measured too.
+    /// A name alone is the method with its own settings; several settings are joined by +. "all" runs every method at its steps
+    /// from rough to fine. It leaves out the reference, accumulate, which is the truth that the sampling error is measured by;
+    /// name it to have it measured too. That truth is the stack's alone: what a method guesses where the stack has one or two
+    /// peels counts as its error.
     #[arg(long, value_name = "A,B:64,C:KEY=VALUE,…", value_delimiter = ',', help_heading = "Method")]
     methods: Vec<String>,
     /// How often each runs; its time is the median

@@ -7,7 +7,6 @@ use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
-use thinlens::dial::Outcome;
 use thinlens::error::Error;
 use thinlens::probes::Verdict;
 use thinlens::scene::{Goal, Plan};
@@ -70,15 +69,6 @@ impl Console {
     pub(super) fn verdict(self, verdict: &Verdict) {
         let Verdict { pixels, rays_per_pixel, .. } = verdict;
         self.note(format_args!("sampling error: {verdict}, {pixels} pixels of {rays_per_pixel} rays each"));
-    }
-
-    /// What the search for a number of lens samples found.
-    pub(super) fn outcome(self, outcome: &Outcome) {
-        if outcome.met {
-            self.note(format_args!("views: {}", outcome.statement));
-        } else {
-            line(format_args!("warning: views: {}", outcome.statement));
-        }
     }
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.

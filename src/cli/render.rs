@@ -108,12 +108,11 @@ pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     let prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);
     console.plan(&prepared.plan);
+    let said = prepared.stack.findings.len();
     let bar = console.progress("blurring");
     let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
-    if let Some(outcome) = &rendered.outcome {
-        console.outcome(outcome);
-    }
+    console.findings(&rendered.stack.findings[said..]);
     if let Some(verdict) = &rendered.probe {
         console.verdict(verdict);
     }

@@ -294,4 +294,30 @@ mod tests {
             assert_eq!(found, wanted, "{stay:?}");
         }
     }
+
+    #[test]
+    fn layers_in_any_order_show_the_nearest() {
+        let layer = |value: f32, coc: f32| Layer {
+            color: std::array::from_fn(|_| Plane::filled(3, 3, value)),
+            alpha: Plane::filled(3, 3, 1.0),
+            coc_px: Plane::filled(3, 3, coc),
+        };
+        for (order, layers) in [
+            ("nearest first", vec![layer(0.2, -1.0), layer(0.7, 2.0)]),
+            ("farthest first", vec![layer(0.7, 2.0), layer(0.2, -1.0)]),
+        ] {
+            assert_eq!(nearest_first(&layers), order == "nearest first");
+            let volume = Volume {
+                nearest_first: nearest_first(&layers),
+                layers,
+                size: [3, 3],
+                supersample: 1.0,
+                coc_range_px: [-1.0, 2.0],
+                jitter: 0.0,
+                open_background: false,
+            };
+            let seen = volume.pixel(1, 1, &[View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO }]);
+            assert_eq!(seen, [0.2, 0.2, 0.2, 1.0], "{order}");
+        }
+    }
 }

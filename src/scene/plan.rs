@@ -1,9 +1,10 @@
 //! DECIDE: what will be simulated, what will not, and why.
 
+use super::sampling::{Goal, Sampling};
 use super::{Facts, bright_step_floor};
 use crate::error::Error;
 use crate::lens::Aperture;
-use crate::settings::{Effort, MethodParameters, Origin, Quality, Settings};
+use crate::settings::{MethodParameters, Settings};
 use crate::stack::StackKind;
 
 /// An effect that a plan switches on or off.
@@ -50,24 +51,6 @@ pub struct Abilities {
     pub lens_samples: Option<usize>,
     /// Whether it can look for the number of lens samples that reaches a [`Goal`].
     pub seeks: bool,
-}
-
-/// What the number of lens samples is to reach.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Goal {
-    /// A sampling error.
-    TargetDb {
-        /// PSNR in dB against the stack's own truth.
-        psnr_db: f64,
-        /// Lens samples past which it is given up.
-        most_views: usize,
-    },
-    /// A time.
-    TimeBudget {
-        /// Wall seconds of the blur.
-        seconds: f64,
-    },
 }
 
 /// What a method is to do: a pure function of facts and settings, and the only thing it reads beside the scene.
@@ -122,11 +105,11 @@ impl Plan {
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, and a
-    /// number of views that is out of range or was asked of a method that does not sample the lens.
+    /// number of views out of range.
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;
-        let Sampling { views, goal, reason: views_reason } = sampling(settings, abilities)?;
+        let Sampling { views, goal, reason: views_reason } = Sampling::decide(settings, abilities)?;
         let method_reason = match settings.method.value.as_str() {
             "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
             _ => format!("asked for by {}", settings.method.origin),
@@ -197,61 +180,6 @@ impl Plan {
         }
         self
     }
-}
-
-/// How the lens is to be sampled.
-struct Sampling {
-    views: Option<usize>,
-    goal: Option<Goal>,
-    reason: String,
-}
-
-fn sampling(settings: &Settings, abilities: Abilities) -> Result<Sampling, Error> {
-    let Abilities { method, lens_samples, seeks, .. } = abilities;
-    let (effort, origin) = (settings.effort.value, &settings.effort.origin);
-    let auto = settings.method.value == "auto";
-    let (effort, reason) = match effort {
-        Some(effort) => (Some(effort), format!("{effort}, asked for by {origin}")),
-        None if auto => (Some(Effort::Quality(Quality::Final)), "auto is of final quality".to_owned()),
-        None => (None, format!("{method}'s own number")),
-    };
-    let Some(own) = lens_samples else {
-        return match effort {
-            Some(effort) if *origin == Origin::Flag => {
-                Err(Error::settings(format!("{method} does not sample the lens"))
-                    .with("found", effort.to_string())
-                    .help(format!("leave it out; `thinlens methods {method}` shows what the method has")))
-            }
-            // A preset's effort is for whichever method samples the lens.
-            _ => {
-                Ok(Sampling { views: None, goal: None, reason: format!("{method} does not sample the lens") })
-            }
-        };
-    };
-    let goal = match effort {
-        Some(Effort::Views(_)) | None => None,
-        Some(Effort::TargetDb(psnr_db)) => Some(Goal::TargetDb { psnr_db, most_views: Plan::MAX_VIEWS }),
-        Some(Effort::TimeBudget(seconds)) => Some(Goal::TimeBudget { seconds }),
-        Some(Effort::Quality(quality)) => {
-            Some(Goal::TargetDb { psnr_db: quality.target_db(), most_views: quality.most_views() })
-        }
-    };
-    if goal.is_some() && !seeks {
-        return match effort {
-            Some(effort) if *origin == Origin::Flag => {
-                Err(Error::settings(format!("{method} cannot look for the number of samples that {effort} takes"))
-                    .help("ask for a number with --views, or for another method: shear, accumulate, layer-rays, peel-rays"))
-            }
-            _ => Ok(Sampling { views: Some(own), goal: None, reason: format!("{method}'s own number") }),
-        };
-    }
-    let views = if let Some(Effort::Views(views)) = effort { views } else { own };
-    if views == 0 || views > Plan::MAX_VIEWS {
-        return Err(Error::settings(format!("the number of views must be from 1 to {}", Plan::MAX_VIEWS))
-            .with("found", views.to_string())
-            .help("set it with --views, or in the preset's [method]"));
-    }
-    Ok(Sampling { views: Some(views), goal, reason })
 }
 
 fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
@@ -373,7 +301,7 @@ fn resolve(facts: &Facts, parameters: &MethodParameters) -> Effect {
 mod tests {
     use super::*;
     use crate::scene::{BRIGHT_STEPS, BrightStep};
-    use crate::settings::{Origin, Values};
+    use crate::settings::{Effort, Origin, Values};
 
     /// A method that has every step.
     const ABLE: Abilities = Abilities {
@@ -489,15 +417,11 @@ mod tests {
     #[test]
     fn a_method_is_not_said_to_do_what_it_has_no_step_for() {
         let blind = Abilities { method: "scatter", effects: &[], lens_samples: None, seeks: false };
-        let settings = |origin| {
-            let values = Values { effort: Some(Effort::Views(32)), ..Values::default() };
-            Settings::resolve(&[(origin, &values)], MethodParameters::default())
-        };
-        let plan = Plan::decide(&lights(100), &settings(Origin::Header), blind).unwrap();
+        let values = Values { effort: Some(Effort::Views(32)), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Header, &values)], MethodParameters::default());
+        let plan = Plan::decide(&lights(100), &settings, blind).unwrap();
         assert!(!plan.does(EffectKind::Highlights), "no discs");
         assert_eq!(plan.views, None, "a preset's views are not meant for it");
-        let error = Plan::decide(&lights(100), &settings(Origin::Flag), blind).unwrap_err().to_string();
-        assert!(error.contains("scatter does not sample the lens"), "{error}");
     }
 
     #[test]

@@ -7,10 +7,13 @@ use std::process::{Command, Output, Stdio};
 /// A small stack that the program can render, and its lens.
 pub(crate) const STACK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/stack.exr");
 
+/// Where the program keeps its calibration in tests, and not in the user's own folder.
+const CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/calibration");
+
 /// The program, about to run in `folder`.
 pub(crate) fn thinlens(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_thinlens"));
-    command.current_dir(folder).args(arguments).stdin(Stdio::null());
+    command.current_dir(folder).args(arguments).stdin(Stdio::null()).env("THINLENS_CACHE_DIR", CACHE);
     command
 }
 

@@ -83,6 +83,11 @@ impl LensSampling for Shear {
         let (layers, highlights) = load(scene, plan);
         Box::new(ShearSampler { plan, size, layers, highlights, ready: None })
     }
+
+    /// More than rays gain: the prefilter.
+    fn gain_db(&self) -> [f64; 2] {
+        [21.5, 1.25]
+    }
 }
 
 /// The layers to paint, at picture resolution, and the highlights taken out of them.
