@@ -147,7 +147,7 @@ fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probe
     let first = first_step(psnr_db, places.spread(), gain_db);
     // As many rays as samples are likely to do, twice: their own noise then adds little to what is measured.
     let rays_per_half = views_at(first).clamp(64, MANY_RAYS);
-    (Probes::new(places, scene, plan, rays_per_half), first)
+    (Probes::new(places, rays_per_half), first)
 }
 
 /// Lens samples of step `step` of the grid: 8, 12, 16, 24 …

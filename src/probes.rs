@@ -84,21 +84,22 @@ impl fmt::Display for Verdict {
 }
 
 /// Where to look at the pictures of a scene.
-#[derive(Debug, Clone)]
-pub struct Places {
+#[derive(Debug)]
+pub struct Places<'a> {
+    look: Look<'a>,
     /// Of each stratum, how many pixels it has and those that are looked at.
     strata: Vec<(f64, Vec<usize>)>,
     spread: f64,
     rng: Rng,
 }
 
-impl Places {
+impl<'a> Places<'a> {
     /// About `count` pixels of `scene` as `plan` has it. The same `seed` chooses the same pixels.
-    pub fn new(scene: &Scene, plan: &Plan, count: usize, seed: u64) -> Self {
+    pub fn new(scene: &'a Scene, plan: &'a Plan, count: usize, seed: u64) -> Self {
         let mut rng = Rng::with_seed(seed);
         let count = count.max(FEWEST_PROBES);
-        let volume = Volume::new(scene, plan);
-        let candidates = Look { scene, volume: &volume, plan }.candidates(count * CANDIDATES, &mut rng);
+        let look = Look { scene, volume: Volume::new(scene, plan), plan };
+        let candidates = look.candidates(count * CANDIDATES, &mut rng);
         let sum: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
         let spread = sum / (3 * candidates.len().max(1)) as f64;
         let mut strata = strata(candidates, scene);
@@ -107,7 +108,7 @@ impl Places {
             rng.shuffle(pixels);
             pixels.truncate(each);
         }
-        Self { strata, spread, rng }
+        Self { look, strata, spread, rng }
     }
 
     /// How much single rays of a pixel differ: the variance of what they show, the mean over the picture and its channels. It is
@@ -136,11 +137,9 @@ struct Stratum {
 }
 
 impl Probes {
-    /// Looks at the pixels `places` of `scene` as `plan` has it, with two times `rays_per_half` rays each.
-    pub fn new(places: Places, scene: &Scene, plan: &Plan, rays_per_half: usize) -> Self {
-        let Places { strata, mut rng, .. } = places;
-        let volume = Volume::new(scene, plan);
-        let look = Look { scene, volume: &volume, plan };
+    /// Looks at the pixels `places`, with two times `rays_per_half` rays each.
+    pub fn new(places: Places<'_>, rays_per_half: usize) -> Self {
+        let Places { look, strata, mut rng, .. } = places;
         let stratum = |(size, pixels): (f64, Vec<usize>)| {
             let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
             let truth = |(pixel, seed)| look.truth(pixel, rays_per_half, seed);
@@ -201,7 +200,7 @@ pub fn with_guesses<'a>(scene: &'a Scene, plan: &Plan) -> Cow<'a, Scene> {
 /// at the same pixels.
 pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> Verdict {
     let scene = &*with_guesses(scene, plan);
-    Probes::new(Places::new(scene, plan, probes, seed), scene, plan, MANY_RAYS).judge_image(image)
+    Probes::new(Places::new(scene, plan, probes, seed), MANY_RAYS).judge_image(image)
 }
 
 /// `color` as a display shows it.
@@ -210,9 +209,10 @@ fn shown([r, g, b, _]: [f32; 4]) -> [f32; 3] {
 }
 
 /// What it takes to look at a pixel.
+#[derive(Debug)]
 struct Look<'a> {
     scene: &'a Scene,
-    volume: &'a Volume<&'a Layer>,
+    volume: Volume<&'a Layer>,
     plan: &'a Plan,
 }
 

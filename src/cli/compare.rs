@@ -69,7 +69,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
     let calibration = console.calibration(false)?;
     let Prepared { scene, plan, .. } = &prepared;
     let places = Places::new(scene, plan, args.probes as usize, SEED);
-    let probes = Probes::new(places, scene, plan, MANY_RAYS);
+    let probes = Probes::new(places, MANY_RAYS);
     let comparison = Comparison {
         prepared: &prepared,
         reference: reference.as_ref(),

@@ -28,6 +28,7 @@ mod prefilter;
 mod resolve;
 mod runs;
 mod sampler;
+mod saved;
 
 use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
@@ -80,8 +81,7 @@ impl Method for Shear {
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
         let size = scene.picture_size();
-        let (layers, highlights) = load(scene, plan);
-        Box::new(ShearSampler { plan, size, layers, highlights, ready: None })
+        Box::new(ShearSampler::new(plan, size, load(scene, plan)))
     }
 
     /// More than rays gain: the prefilter.

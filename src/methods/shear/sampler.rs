@@ -6,6 +6,7 @@ use super::paint::{Canvas, RowSums, Shear};
 use super::prefilter;
 use super::resolve;
 use super::runs::{self, Runs};
+use super::saved::SavedColors;
 use crate::image::{Image, Plane};
 use crate::lens::{View, views};
 use crate::methods::{Progress, Sampler, planes_from_rows};
@@ -23,19 +24,25 @@ const MANY_VIEWS: usize = 128;
 /// What the stack has to paint, and what was made of it for the last number of views that was asked for.
 #[derive(Debug)]
 pub(super) struct ShearSampler<'p> {
-    pub(super) plan: &'p Plan,
+    plan: &'p Plan,
     /// Width and height of the picture.
-    pub(super) size: (usize, usize),
-    /// The layers to paint, at picture resolution.
-    pub(super) layers: Vec<Layer>,
-    /// What was taken out of them, to be drawn as discs.
-    pub(super) highlights: Vec<Highlight>,
-    pub(super) ready: Option<Ready>,
+    size: (usize, usize),
+    /// What was taken out of the layers, to be drawn as discs.
+    highlights: Vec<Highlight>,
+    work: Work,
+}
+
+/// The layers to paint, at picture resolution.
+#[derive(Debug)]
+enum Work {
+    Loaded(Vec<Layer>),
+    /// With what they were before, so that they can be made ready for another number of views.
+    Ready(Ready, SavedColors),
 }
 
 /// Everything that painting a number of views reads.
 #[derive(Debug)]
-pub(super) struct Ready {
+struct Ready {
     views: usize,
     bins: Bins,
     runs: Runs,
@@ -52,18 +59,17 @@ impl Ready {
         Self::with_runs(layers, (bins, runs), plan, views)
     }
 
-    /// What was ready for some number of views made ready for `views`, from the `layers` as they were.
-    fn again(self, layers: &[Layer], plan: &Plan, views: usize) -> Self {
-        let Self { layers: mut own, bins, runs, .. } = self;
-        // Smoothing has changed nothing but the colours.
-        for (own, layer) in own.iter_mut().zip(layers) {
-            let planes = own.color.iter_mut().zip(&layer.color);
-            planes.for_each(|(own, plane)| own.values_mut().copy_from_slice(plane.values()));
+    /// Ready for `views` views what was ready for some number of them, before which its colours were those `saved`.
+    fn again(self, saved: &SavedColors, plan: &Plan, views: usize) -> Self {
+        if self.views == views {
+            return self;
         }
-        if (self.views >= MANY_VIEWS) == (views >= MANY_VIEWS) {
-            Self::with_runs(own, (bins, runs), plan, views)
+        let Self { views: before, mut layers, bins, runs, .. } = self;
+        saved.restore(&mut layers);
+        if (before >= MANY_VIEWS) == (views >= MANY_VIEWS) {
+            Self::with_runs(layers, (bins, runs), plan, views)
         } else {
-            Self::new(own, plan, views)
+            Self::new(layers, plan, views)
         }
     }
 
@@ -132,10 +138,12 @@ type Painted = HashMap<usize, ([f32; 4], f32)>;
 
 impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
-        let ready = match self.ready.take() {
-            Some(ready) if ready.views == views => ready,
-            Some(ready) => ready.again(&self.layers, self.plan, views),
-            None => Ready::new(self.layers.clone(), self.plan, views),
+        let (ready, saved) = match std::mem::replace(&mut self.work, Work::Loaded(Vec::new())) {
+            Work::Loaded(layers) => {
+                let saved = SavedColors::of(&layers);
+                (Ready::new(layers, self.plan, views), saved)
+            }
+            Work::Ready(ready, saved) => (ready.again(&saved, self.plan, views), saved),
         };
         let (width, height) = self.size;
         let open = self.plan.does(EffectKind::OpenBackground);
@@ -161,16 +169,15 @@ impl Sampler for ShearSampler<'_> {
             std::array::from_fn(|k| resolve::softened(value[k], beside.map(|near| near[k]), weight * share))
         };
         let values = pixels.iter().map(value).collect();
-        self.ready = Some(ready);
+        self.work = Work::Ready(ready, saved);
         values
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, layers, highlights, ready } = *self;
-        let ready = match ready {
-            Some(ready) if ready.views == views => ready,
-            Some(ready) => ready.again(&layers, plan, views),
-            None => Ready::new(layers, plan, views),
+        let Self { plan, size, highlights, work } = *self;
+        let ready = match work {
+            Work::Loaded(layers) => Ready::new(layers, plan, views),
+            Work::Ready(ready, saved) => ready.again(&saved, plan, views),
         };
         let (mut image, focused_share) = ready.paint(size, plan.does(EffectKind::OpenBackground), progress);
         ready.draw(&mut image, &highlights, plan);
@@ -181,7 +188,16 @@ impl Sampler for ShearSampler<'_> {
     }
 }
 
-impl ShearSampler<'_> {
+impl<'p> ShearSampler<'p> {
+    /// At work on `layers`, which `highlights` were taken out of.
+    pub(super) fn new(
+        plan: &'p Plan,
+        size: (usize, usize),
+        (layers, highlights): (Vec<Layer>, Vec<Highlight>),
+    ) -> Self {
+        Self { plan, size, highlights, work: Work::Loaded(layers) }
+    }
+
     /// The discs of the highlights over nothing, if there are any.
     fn discs(&self, ready: &Ready) -> Option<Image> {
         if self.highlights.is_empty() {
