@@ -12,7 +12,7 @@
 //! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer: only where a tile of samples has
 //! nothing at all at a ray's CoC depth does the ray pass it as a whole. Memory: none but the picture. Limits: knows only what the peels know.
 
-mod occupancy;
+mod tiles;
 mod volume;
 
 pub use volume::Volume;

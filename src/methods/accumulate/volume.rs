@@ -1,11 +1,10 @@
 //! The stack as a set of boxes in `(x, y, c)`, and the way of a ray through them.
 
-use super::occupancy::{Occupancy, TILE};
+use super::tiles::{Passage, TILE, Tiles};
 use crate::lens::View;
 use crate::methods::RaySum;
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use glam::{IVec2, Vec2};
-use rayon::prelude::*;
 use std::borrow::Borrow;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
@@ -15,9 +14,7 @@ pub(super) const JOIN_PX: f32 = 0.5;
 #[derive(Debug)]
 pub struct Volume<L> {
     layers: Vec<L>,
-    /// Whether every sample has its fragments nearest first: past one behind a ray's stay there is then none before it.
-    nearest_first: bool,
-    occupancy: Occupancy,
+    tiles: Tiles,
     size: [i32; 2],
     supersample: f32,
     coc_range_px: [f32; 2],
@@ -74,22 +71,6 @@ fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
     if met { Meeting::Met } else { Meeting::Before }
 }
 
-/// Whether all layers have their fragments at every sample in the order of their CoC radii.
-fn nearest_first<L: Borrow<Layer> + Sync>(layers: &[L]) -> bool {
-    let Some(first) = layers.first() else { return true };
-    (0..first.borrow().height()).into_par_iter().all(|y| {
-        let mut nearest = vec![f32::NEG_INFINITY; first.borrow().width()];
-        layers.iter().all(|layer| {
-            let (alpha, coc) = (layer.borrow().alpha.row(y), layer.borrow().coc_px.row(y));
-            nearest.iter_mut().zip(alpha.iter().zip(coc)).fold(true, |ordered, (nearest, (&alpha, &coc))| {
-                let (before, present) = (*nearest, alpha > 0.0);
-                *nearest = if present { coc } else { before };
-                ordered & (*nearest >= before)
-            })
-        })
-    })
-}
-
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
     pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
@@ -104,14 +85,14 @@ impl Volume<Layer> {
     }
 }
 
-impl<L: Borrow<Layer> + Sync> Volume<L> {
+impl<L: Borrow<Layer>> Volume<L> {
     fn of(layers: Vec<L>, supersample: usize, plan: &Plan) -> Self {
         let first = layers.first().map(Borrow::borrow);
+        let size = first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]);
         Self {
-            size: first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]),
-            nearest_first: nearest_first(&layers),
-            occupancy: Occupancy::new(&layers, plan.coc_range_px),
             layers,
+            tiles: Tiles::new(size, plan.coc_range_px),
+            size,
             supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
             jitter: if supersample > 1 { 1.0 } else { plan.jitter },
@@ -138,8 +119,8 @@ impl<L: Borrow<Layer> + Sync> Volume<L> {
         let mut transmitted = 1.0;
         loop {
             let (exit, side) = ray.leaves(tile * TILE, TILE);
-            if let Some(stay) = self.occupancy.within(tile, [enter, exit.min(farthest)]) {
-                transmitted = self.cross(&ray, tile, stay, transmitted, sum);
+            if let Some(passage) = self.tiles.passage(&self.layers, tile, [enter, exit.min(farthest)]) {
+                transmitted = self.cross(&ray, tile, passage, transmitted, sum);
             }
             if transmitted <= 0.0 || exit >= farthest {
                 break;
@@ -150,12 +131,12 @@ impl<L: Borrow<Layer> + Sync> Volume<L> {
         sum.missed += f64::from(transmitted);
     }
 
-    /// Follows `ray` over the samples of `tile` from CoC depth `enter` to `end` and returns what passes them.
+    /// Follows `ray` over the samples of `tile` and returns what passes them.
     fn cross(
         &self,
         ray: &Ray,
         tile: IVec2,
-        [mut enter, end]: [f32; 2],
+        Passage { stay: [mut enter, end], nearest_first }: Passage,
         mut transmitted: f32,
         sum: &mut RaySum,
     ) -> f32 {
@@ -163,7 +144,8 @@ impl<L: Borrow<Layer> + Sync> Volume<L> {
         let mut cell = ray.cell(enter).clamp(first, first + (TILE - 1));
         loop {
             let (exit, side) = ray.leaves(cell, 1);
-            transmitted = self.meet(cell.x, cell.y, [enter, exit.min(end)], transmitted, sum);
+            let stay = Passage { stay: [enter, exit.min(end)], nearest_first };
+            transmitted = self.meet(cell, stay, transmitted, sum);
             if transmitted <= 0.0 || exit >= end {
                 return transmitted;
             }
@@ -172,10 +154,11 @@ impl<L: Borrow<Layer> + Sync> Volume<L> {
         }
     }
 
-    /// Adds the fragments of one sample that overlap `stay`, nearest first, and returns what passes them.
-    fn meet(&self, x: i32, y: i32, stay: [f32; 2], mut transmitted: f32, sum: &mut RaySum) -> f32 {
-        let x = x.clamp(0, self.size[0] - 1) as usize;
-        let y = y.clamp(0, self.size[1] - 1) as usize;
+    /// Adds the fragments of one sample that overlap its stay there, nearest first, and returns what passes them.
+    fn meet(&self, cell: IVec2, passage: Passage, mut transmitted: f32, sum: &mut RaySum) -> f32 {
+        let Passage { stay, nearest_first } = passage;
+        let x = cell.x.clamp(0, self.size[0] - 1) as usize;
+        let y = cell.y.clamp(0, self.size[1] - 1) as usize;
         for layer in &self.layers {
             let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);
@@ -183,7 +166,7 @@ impl<L: Borrow<Layer> + Sync> Volume<L> {
                 continue;
             }
             match meeting(layer, x, y, stay) {
-                Meeting::Behind if self.nearest_first => break,
+                Meeting::Behind if nearest_first => break,
                 Meeting::Before | Meeting::Behind => continue,
                 Meeting::Met => (),
             }
@@ -297,11 +280,9 @@ mod tests {
             ("nearest first", vec![layer(0.2, -1.0), layer(0.7, 2.0)]),
             ("farthest first", vec![layer(0.7, 2.0), layer(0.2, -1.0)]),
         ] {
-            assert_eq!(nearest_first(&layers), order == "nearest first");
             let volume = Volume {
-                nearest_first: nearest_first(&layers),
-                occupancy: Occupancy::new(&layers, [-1.0, 2.0]),
                 layers,
+                tiles: Tiles::new([3, 3], [-1.0, 2.0]),
                 size: [3, 3],
                 supersample: 1.0,
                 coc_range_px: [-1.0, 2.0],

@@ -25,6 +25,7 @@ mod bins;
 mod highlights;
 mod paint;
 mod prefilter;
+mod reach;
 mod resolve;
 mod runs;
 mod sampler;

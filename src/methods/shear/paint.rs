@@ -49,7 +49,7 @@ pub(super) struct Canvas<'a> {
 
 impl Canvas<'_> {
     /// The bins that any view can bring to output row `y`, nearest first.
-    fn bins_in_reach(&self, y: usize) -> Vec<u16> {
+    pub(super) fn bins_in_reach(&self, y: usize) -> Vec<u16> {
         let in_reach = |(bin, coc): (usize, &f32)| {
             let reach = coc.abs().ceil() as i32 + 1;
             self.runs.occurs(bin, y as i32 - reach..=y as i32 + reach).then_some(bin as u16)
@@ -196,13 +196,19 @@ impl RowSums {
         self.settled.clear();
     }
 
-    /// Adds the views `shears` of output row `y`, with the instructions of `arch`.
-    pub(super) fn add(&mut self, canvas: &Canvas<'_>, y: usize, shears: &[Shear], arch: Arch) {
+    /// Adds the views `shears` of output row `y`, to which they bring `bins` at most, with the instructions of `arch`.
+    pub(super) fn add(
+        &mut self,
+        canvas: &Canvas<'_>,
+        (y, bins): (usize, &[u16]),
+        shears: &[Shear],
+        arch: Arch,
+    ) {
         let mut rest = shears;
         while !rest.is_empty() {
             let room = VIEWS_IN_A_GO - self.views % VIEWS_IN_A_GO;
             let (go, others) = rest.split_at(room.min(rest.len()));
-            arch.dispatch(AddViews { row: self, canvas, y, shears: go });
+            arch.dispatch(AddViews { row: self, canvas, y, bins, shears: go });
             self.views += go.len();
             rest = others;
             if self.views.is_multiple_of(VIEWS_IN_A_GO) {
@@ -269,6 +275,7 @@ struct AddViews<'a> {
     row: &'a mut RowSums,
     canvas: &'a Canvas<'a>,
     y: usize,
+    bins: &'a [u16],
     shears: &'a [Shear],
 }
 
@@ -277,11 +284,10 @@ impl WithSimd for AddViews<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let bins = self.canvas.bins_in_reach(self.y);
         for shear in self.shears {
             let words_left = self.row.start_view();
             let mut brush = Brush { simd, words_left, row: self.row };
-            brush.paint_view(self.canvas, self.y, &shear.shifts, &bins);
+            brush.paint_view(self.canvas, self.y, &shear.shifts, self.bins);
             self.row.count_missed();
         }
     }
@@ -509,7 +515,8 @@ mod tests {
     fn rows(canvas: &Canvas<'_>, goes: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {
         let row = |y| {
             let mut sums = RowSums::new(WIDTH);
-            goes.iter().for_each(|shears| sums.add(canvas, y, shears, arch));
+            let bins = canvas.bins_in_reach(y);
+            goes.iter().for_each(|shears| sums.add(canvas, (y, &bins), shears, arch));
             (0..WIDTH)
                 .map(|x| {
                     let [r, g, b, a] = sums.pixel(x, false);

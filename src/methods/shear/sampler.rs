@@ -4,6 +4,7 @@ use super::bins::Bins;
 use super::highlights::{self, Bokeh, Highlight, Occluders};
 use super::paint::{Canvas, RowSums, Shear};
 use super::prefilter;
+use super::reach::Reach;
 use super::resolve;
 use super::runs::{self, Runs};
 use super::saved::SavedColors;
@@ -95,7 +96,7 @@ impl Ready {
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
                 sums.clear();
-                sums.add(&canvas, y, &self.shears, arch);
+                sums.add(&canvas, (y, &canvas.bins_in_reach(y)), &self.shears, arch);
                 for x in 0..size.0 {
                     let [r, g, b, a] = sums.pixel(x, open);
                     for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
@@ -107,7 +108,12 @@ impl Ready {
     }
 
     /// Paints all views of `pixels` alone, `y · width + x` each: what [`Ready::paint`] has there.
-    fn paint_pixels(&self, width: usize, open: bool, pixels: impl Iterator<Item = usize>) -> Painted {
+    fn paint_pixels(
+        &self,
+        (reach, width): (&Reach, usize),
+        open: bool,
+        pixels: impl Iterator<Item = usize>,
+    ) -> Painted {
         let (canvas, arch) = (self.canvas(), Arch::new());
         let mut rows: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
         for pixel in pixels {
@@ -118,7 +124,7 @@ impl Ready {
         rows.into_par_iter()
             .flat_map_iter(|(y, columns)| {
                 let mut sums = RowSums::only(width, &columns);
-                sums.add(&canvas, y, &self.shears, arch);
+                sums.add(&canvas, (y, &reach.bins(&self.bins, y, &columns)), &self.shears, arch);
                 let painted = move |x| (y * width + x, (sums.pixel(x, open), sums.focused_share(x)));
                 columns.into_iter().map(painted)
             })
@@ -148,11 +154,15 @@ impl Sampler for ShearSampler<'_> {
         let (width, height) = self.size;
         let open = self.plan.does(EffectKind::OpenBackground);
         let weight = self.plan.parameters.shear.resolve;
-        let own = ready.paint_pixels(width, open, pixels.iter().copied());
+        let reach = Reach::of(&ready.runs, &ready.bins, self.size);
+        let own = ready.paint_pixels((&reach, width), open, pixels.iter().copied());
         let softens = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
         let softened = pixels.iter().copied().filter(|&pixel| softens(pixel));
-        let beside =
-            ready.paint_pixels(width, open, softened.flat_map(|pixel| neighbours(pixel, width, height)));
+        let beside = ready.paint_pixels(
+            (&reach, width),
+            open,
+            softened.flat_map(|pixel| neighbours(pixel, width, height)),
+        );
         let discs = self.discs(&ready);
         let lit = |painted: &Painted, pixel: usize| {
             let ([r, g, b, a], _) = painted[&pixel];

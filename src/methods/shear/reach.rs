@@ -1,0 +1,89 @@
+//! Which bins the views can bring to single pixels: most lie elsewhere in the picture, and for a few pixels looking for their runs
+//! in vain would be most of the work.
+
+use super::bins::Bins;
+use super::runs::Runs;
+
+/// Rows of the picture that are looked at together.
+const ROWS: usize = 8;
+
+/// Where each bin has runs: in blocks of [`ROWS`] rows and a 64th of the picture's width.
+#[derive(Debug)]
+pub(super) struct Reach {
+    /// A bit for each 64th of the width, by bin and, within a bin, by block of rows.
+    columns: Vec<u64>,
+    /// Blocks of rows of a bin.
+    blocks: usize,
+    /// Width and height of the picture.
+    size: (usize, usize),
+}
+
+impl Reach {
+    /// That of `runs` in `bins`, in a picture of `size`.
+    pub(super) fn of(runs: &Runs, bins: &Bins, size: (usize, usize)) -> Self {
+        let blocks = size.1.div_ceil(ROWS);
+        let mut reach = Self { columns: vec![0; bins.count() * blocks], blocks, size };
+        for (y, row) in runs.rows.iter().enumerate() {
+            for bin in 0..bins.count() {
+                let bits = row
+                    .of_bin(bin)
+                    .iter()
+                    .fold(0, |bits, run| bits | reach.bits(run.start as usize, run.end as usize - 1));
+                reach.columns[bin * blocks + y / ROWS] |= bits;
+            }
+        }
+        reach
+    }
+
+    /// The bins of `bins` that any view can bring to one of `columns` of output row `y`, nearest first.
+    pub(super) fn bins(&self, bins: &Bins, y: usize, columns: &[usize]) -> Vec<u16> {
+        let in_reach = |(bin, coc): (usize, &f32)| {
+            let reach = coc.abs().ceil() as usize + 1;
+            let around = |at: usize, length: usize| [at.saturating_sub(reach), (at + reach).min(length - 1)];
+            let [top, bottom] = around(y, self.size.1);
+            let blocks = &self.columns[bin * self.blocks..][top / ROWS..=bottom / ROWS];
+            let occurs = blocks.iter().fold(0, |bits, block| bits | block);
+            let within = |&x: &usize| {
+                let [left, right] = around(x, self.size.0);
+                occurs & self.bits(left, right) != 0
+            };
+            (occurs != 0 && columns.iter().any(within)).then_some(bin as u16)
+        };
+        bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
+    }
+
+    /// The bits of columns `first ..= last`.
+    fn bits(&self, first: usize, last: usize) -> u64 {
+        let bit = |x: usize| x * 64 / self.size.0;
+        (u64::MAX << bit(first)) & (u64::MAX >> (63 - bit(last)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::methods::shear::runs;
+    use crate::scene::Layer;
+
+    #[test]
+    fn a_bin_is_in_reach_as_far_as_its_radius() {
+        let (width, height) = (100, 50);
+        // A ground in focus, and one fragment of radius 10 at 60, 20.
+        let there = |x, y| (x, y) == (60, 20);
+        let layer = |coc: f32, alpha: &dyn Fn(usize, usize) -> bool| Layer {
+            color: std::array::from_fn(|_| Plane::zeros(width, height)),
+            alpha: Plane::from_fn(width, height, |x, y| f32::from(u8::from(alpha(x, y)))),
+            coc_px: Plane::filled(width, height, coc),
+        };
+        let layers = [layer(0.0, &|_, _| true), layer(10.0, &there)];
+        let bins = Bins::new([0.0, 10.0], 0.5);
+        let reach = Reach::of(&runs::find(&layers, &bins), &bins, (width, height));
+        let (sharp, blurred) = (bins.index(0.0), bins.index(10.0));
+        assert_eq!(reach.bins(&bins, 20, &[52]), [sharp, blurred], "within its radius");
+        assert_eq!(reach.bins(&bins, 29, &[60]), [sharp, blurred], "and below it");
+        assert_eq!(reach.bins(&bins, 20, &[5, 66]), [sharp, blurred], "for one column of several");
+        assert_eq!(reach.bins(&bins, 20, &[30]), [sharp], "not far beside it");
+        assert_eq!(reach.bins(&bins, 45, &[60]), [sharp], "nor far below");
+    }
+}
