@@ -25,6 +25,9 @@ use std::collections::BTreeMap;
 /// Pixels at which numbers of samples are tried.
 const PROBES: usize = 200;
 
+/// Rays of each half of a truth at least.
+const FEWEST_RAYS: usize = 32;
+
 /// How much more than the target a number of samples has to reach at the probes: what they say is off by about 0.8 dB, and
 /// the number that looks best is more often too good than not.
 const MARGIN_DB: f64 = 0.5;
@@ -32,8 +35,12 @@ const MARGIN_DB: f64 = 0.5;
 /// What one step up, to √2 times the lens samples, gains where nothing better is known.
 const DB_PER_STEP: f64 = 1.25;
 
-/// And what it gains at least.
-const LEAST_DB_PER_STEP: f64 = 0.6;
+/// What a step down is taken to lose: twice that. A trial that then misses the target was for nothing, and the picture at two
+/// steps more costs no more than two trials.
+const DB_PER_STEP_DOWN: f64 = 2.5;
+
+/// Where this many steps at most lie between too few samples and enough, trying another number costs as much as it may save.
+const NEAR_STEPS: u32 = 3;
 
 /// Squared error falls with this power of the number of lens samples at least, where nothing but the samples is at fault.
 const LEAST_POWER: f64 = 0.6;
@@ -145,8 +152,8 @@ fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probe
     let scene = &*probes::with_guesses(scene, plan);
     let places = Places::new(scene, plan, PROBES, SEED);
     let first = first_step(psnr_db, places.spread(), gain_db);
-    // As many rays as samples are likely to do, twice: their own noise then adds little to what is measured.
-    let rays_per_half = views_at(first).clamp(64, MANY_RAYS);
+    // As many rays as samples, twice: their own noise then adds little to what is measured.
+    let rays_per_half = views_at(first).clamp(FEWEST_RAYS, MANY_RAYS);
     (Probes::new(places, rays_per_half), first)
 }
 
@@ -276,7 +283,7 @@ fn more(known: &Known, target_db: f64, last: u32) -> Step {
 
 /// Everything known reaches the target, step `step`, the lowest, by `surplus_db`.
 fn fewer(step: u32, surplus_db: f64) -> Step {
-    let steps = (surplus_db / DB_PER_STEP).floor().clamp(0.0, 6.0) as u32;
+    let steps = (surplus_db / DB_PER_STEP_DOWN).floor().clamp(0.0, 6.0) as u32;
     match steps.min(step) {
         0 => Step::End(step, End::Met),
         steps => Step::Try(step - steps),
@@ -285,12 +292,14 @@ fn fewer(step: u32, surplus_db: f64) -> Step {
 
 /// Step `short` misses the target, by `short_db` below nothing, step `enough` reaches it, by `surplus_db`.
 fn between((short, short_db): (u32, f64), (enough, surplus_db): (u32, f64)) -> Step {
-    let steps = f64::from(enough - short);
-    let needed = (-short_db / (surplus_db - short_db).max(1e-3) * steps).ceil().max(1.0) as u32;
-    if short + needed >= enough || surplus_db < LEAST_DB_PER_STEP {
-        return Step::End(enough, End::Met);
+    let steps = enough - short;
+    let share = -short_db / (surplus_db - short_db).max(1e-3);
+    let needed = (share * f64::from(steps)).ceil().max(1.0) as u32;
+    if steps <= NEAR_STEPS || needed >= steps {
+        Step::End(enough, End::Met)
+    } else {
+        Step::Try(short + needed)
     }
-    Step::Try(short + needed)
 }
 
 /// The PSNR in dB that more and more lens samples approach, if it misses the target.
@@ -369,7 +378,7 @@ mod tests {
                     assert_eq!(found.end, End::Met, "{case}");
                     assert!(db(found.views) >= target_db, "too few: {case}");
                     let surplus_db = db(found.views) - target_db;
-                    assert!(found.views == 8 || surplus_db < 2.5, "{surplus_db} dB too many: {case}");
+                    assert!(found.views == 8 || surplus_db < 5.0, "{surplus_db} dB too many: {case}");
                     assert!(tried.len() <= 9, "{case}");
                 }
             }

@@ -23,9 +23,10 @@
 //!
 //! Cost: the rays. Memory: next to none.
 
+use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, moved_views};
-use crate::methods::Volume;
+use crate::methods::{self, Volume};
 use crate::metrics::displayed;
 use crate::scene::{EffectKind, Layer, Plan, Scene};
 use fastrand::Rng;
@@ -45,13 +46,14 @@ const STRATA: usize = 10;
 const IN_FOCUS_PX: f32 = 1.0;
 
 /// Pixels among which each probe is chosen: enough that what share of the picture each stratum is, is as good as known.
-const CANDIDATES: usize = 10;
+const CANDIDATES: usize = 8;
 
 /// Rays that tell how much the rays of a pixel differ.
 const SPREAD_RAYS: usize = 8;
 
-/// Share of the mean spread that every pixel has at least, so that no place is left out.
-const FLOOR: f32 = 0.5;
+/// This share of the mean spread is added to every pixel's: errors follow the spread only roughly, and places that seem even must not be
+/// left out.
+const FLOOR: f32 = 1.0;
 
 /// Fewest probes: two a stratum, below which there is no variance.
 pub const FEWEST_PROBES: usize = 2 * STRATA;
@@ -72,14 +74,25 @@ pub struct Verdict {
     pub rays_per_pixel: usize,
 }
 
+impl Verdict {
+    /// For tables: `44.1 dB (43.2 … 45.0)`.
+    pub fn in_short(&self) -> String {
+        let (found, interval) = self.in_words();
+        format!("{} ({interval})", found.unwrap_or_else(|| "none seen".to_owned()))
+    }
+
+    fn in_words(&self) -> (Option<String>, String) {
+        let (least, most) = self.interval_db;
+        let most = most.map_or("any".to_owned(), |db| format!("{db:.1}"));
+        (self.psnr_db.map(|db| format!("{db:.1} dB")), format!("{least:.1} … {most}"))
+    }
+}
+
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (least, most) = self.interval_db;
-        let found = self
-            .psnr_db
-            .map_or("an error not to be told from nothing".to_owned(), |db| format!("{db:.1} dB"));
-        let most = most.map_or("any".to_owned(), |db| format!("{db:.1}"));
-        write!(f, "{found} (with 95 % certainty {least:.1} … {most})")
+        let (found, interval) = self.in_words();
+        let found = found.unwrap_or_else(|| "an error not to be told from nothing".to_owned());
+        write!(f, "{found} (with 95 % certainty {interval})")
     }
 }
 
@@ -163,6 +176,17 @@ impl Probes {
         });
         let (psnr_db, interval_db) = interval(&errors.collect::<Vec<_>>());
         Verdict { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
+    }
+
+    /// What is to be said of the picture that `plan` would make of `scene`, without making it; `None` where its method cannot be asked
+    /// for single pixels.
+    ///
+    /// # Errors
+    /// An unknown method.
+    pub fn foresee(&self, scene: &Scene, plan: &Plan) -> Result<Option<Verdict>, Error> {
+        let Some(sampling) = methods::by_name(plan.method)?.lens_sampling() else { return Ok(None) };
+        let values = sampling.begin(scene.clone(), plan).pixels(plan.lens_samples(), &self.pixels());
+        Ok(Some(self.judge(&values)))
     }
 
     /// About how many rays a pixel bring the truth itself to `target_db`, if its squared error falls with the power `power` of their

@@ -14,6 +14,7 @@ use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::dial;
 use thinlens::error::Error;
 use thinlens::methods::{self, METHODS};
+use thinlens::probes::{MANY_RAYS, Places, Probes, SEED, Verdict, with_guesses};
 use thinlens::render::{Prepared, prepare};
 use thinlens::scene::{EffectKind, Facts, Goal, Plan};
 use thinlens::settings::{Origin, Settings, Sourced};
@@ -28,7 +29,8 @@ Examples:
 /// Show what will be simulated, why, and what it will cost
 ///
 /// The cost is that of the blur alone, without reading and writing: of the settings asked for, and of the method's steps from
-/// rough to fine. The first call times this machine for less than a second and keeps what it finds in the user's cache
+/// rough to fine. Beside it stands how far each is from the stack's truth, where the method can be asked for single pixels, from 400
+/// of them. The first call times this machine for less than a second and keeps what it finds in the user's cache
 /// folder, or in the one that `THINLENS_CACHE_DIR` names.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -49,7 +51,10 @@ pub(super) struct PlanArgs {
     json: bool,
 }
 
-/// What one setting is expected to cost.
+/// Pixels at which errors are looked for.
+const PROBES: usize = 400;
+
+/// What is expected of one setting.
 #[derive(Debug, Serialize)]
 struct Row {
     /// The setting as `compare` names it.
@@ -60,6 +65,8 @@ struct Row {
     chosen: bool,
     #[serde(flatten)]
     cost: Prediction,
+    /// How far it is from the stack's truth; none for a method that cannot be asked for single pixels.
+    sampling_error: Option<Verdict>,
 }
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
@@ -104,7 +111,10 @@ fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<()
 
 /// The settings asked for, and the steps of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
-    let Prepared { settings, facts, plan, .. } = prepared;
+    let Prepared { settings, scene, facts, plan, .. } = prepared;
+    let filled = with_guesses(scene, plan);
+    let probes =
+        plan.does(EffectKind::Blur).then(|| Probes::new(Places::new(&filled, plan, PROBES, SEED), MANY_RAYS));
     let of_every = METHODS.iter().map(|method| method.info().name);
     let methods = of_every.filter(|name| all_methods || *name == plan.method);
     let mut rows = Vec::new();
@@ -113,13 +123,17 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
         if method == plan.method && !of_method.iter().any(|(_, step)| is_same(step, plan)) {
             of_method.insert(0, (asked_for(plan), plan.clone()));
         }
-        rows.extend(of_method.into_iter().map(|(name, step)| Row {
-            name,
-            method: step.method,
-            views: step.views,
-            chosen: is_same(&step, plan),
-            cost: predict(facts, &step, calibration),
-        }));
+        for (name, step) in of_method {
+            let foreseen = probes.as_ref().map(|probes| probes.foresee(scene, &step)).transpose()?;
+            rows.push(Row {
+                name,
+                method: step.method,
+                views: step.views,
+                chosen: is_same(&step, plan),
+                cost: predict(facts, &step, calibration),
+                sampling_error: foreseen.flatten(),
+            });
+        }
     }
     Ok(rows)
 }
@@ -149,13 +163,17 @@ fn asked_for(plan: &Plan) -> String {
 fn to_text(plan: &Plan, rows: &[Row], calibration: &Calibration) -> Result<String, fmt::Error> {
     let mut text = String::new();
     write_plan(&mut text, plan)?;
-    writeln!(text, "expected cost of the blur")?;
-    writeln!(text, "  {:<42}{:>9}{:>9}", "settings", "CPU s", "wall s")?;
-    for Row { name, chosen, cost, .. } in rows {
+    writeln!(text, "expected of the blur")?;
+    writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % certainty", "settings", "CPU s", "wall s")?;
+    for Row { name, chosen, cost, sampling_error, .. } in rows {
         let star = if *chosen { '*' } else { ' ' };
-        writeln!(text, "{star} {name:<42}{:>9.3}{:>9.3}", cost.cpu_seconds, cost.seconds)?;
+        let error = sampling_error.map_or_else(|| "-".to_owned(), |error| error.in_short());
+        writeln!(text, "{star} {name:<42}{:>9.3}{:>9.3}  {error}", cost.cpu_seconds, cost.seconds)?;
     }
     writeln!(text, "* as asked for")?;
+    if rows.iter().any(|row| row.sampling_error.is_none()) {
+        writeln!(text, "- paints its picture as a whole: `thinlens compare` measures its error")?;
+    }
     writeln!(text, "{}", provenance(calibration))?;
     Ok(text)
 }
