@@ -1,4 +1,5 @@
-//! What a render may cost: CPU seconds of the blur, how they grow with the blur's size, and memory.
+//! What a render may cost: CPU seconds of the blur, how they grow with the blur's size, what it adds to look for the number of
+//! views that reaches a target, and memory.
 //!
 //! `cargo bench --bench budget` makes a 1080p stack of four peels; with the environment variable `THINLENS_STACK` it takes
 //! that file, with its lens from `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
@@ -11,15 +12,17 @@ mod scene;
 use scene::{made, scaled};
 use std::path::PathBuf;
 use std::process::Command;
+use thinlens::dial;
 use thinlens::methods;
 use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::scene::{Plan, Scene};
+use thinlens::scene::{Goal, Plan, Scene};
 use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
 use thinlens::stack::Source;
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";
+const TARGET_FLAG: &str = "--for-a-target";
 
 fn main() {
     if std::env::args().any(|argument| argument == MEMORY_FLAG) {
@@ -42,18 +45,48 @@ fn main() {
         let cpu = blur(&scaled(&scene, coc), 64).0;
         println!("{coc:5}   {cpu:6.3}   {:.2} times that of 16 px", cpu / smallest);
     }
+    println!("target   CPU s   found in");
+    for target_db in [35.0, 40.0, 45.0] {
+        print_search(&scene, target_db);
+    }
     drop(scene);
     memory();
 }
 
+/// What it costs to look for the views that reach `target_db`, and to paint with them.
+fn print_search(scene: &Scene, target_db: f64) {
+    let plan = plan(scene, Effort::TargetDb(target_db));
+    let Some(Goal::TargetDb { psnr_db, most_views }) = plan.goal else { return println!("nothing to blur") };
+    let outcome = dial::look(scene.clone(), &plan, (psnr_db, most_views)).expect("shear samples the lens");
+    let found = timed(scene, |scene| {
+        dial::reach(scene, &plan, (psnr_db, most_views), &|_| {}).expect("the CPU does not fail");
+    });
+    let known = blur(scene, outcome.views).0;
+    let tried: Vec<String> = outcome.tried.iter().map(|trial| trial.views.to_string()).collect();
+    println!(
+        "{target_db:3} dB   {:6.3}   {} views: {:.2} times the blur with {}",
+        found.0,
+        tried.join(", "),
+        found.0 / known,
+        outcome.views
+    );
+}
+
 /// Median CPU and wall seconds of blurring `scene`.
 fn blur(scene: &Scene, views: usize) -> (f64, f64) {
-    let plan = plan(scene, views);
+    let plan = plan(scene, Effort::Views(views));
+    timed(scene, |scene| {
+        methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
+    })
+}
+
+/// Median CPU and wall seconds of `work` on a copy of `scene`.
+fn timed(scene: &Scene, work: impl Fn(Scene)) -> (f64, f64) {
     let runs: Vec<(f64, f64)> = (0..RUNS)
         .map(|_| {
             let scene = scene.clone();
             let watch = Stopwatch::start();
-            methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
+            work(scene);
             (watch.cpu_seconds(), watch.seconds())
         })
         .collect();
@@ -64,8 +97,8 @@ fn blur(scene: &Scene, views: usize) -> (f64, f64) {
     (median(runs.iter().map(|run| run.0).collect()), median(runs.iter().map(|run| run.1).collect()))
 }
 
-fn plan(scene: &Scene, views: usize) -> Plan {
-    let values = Values { effort: Some(Effort::Views(views)), ..Values::default() };
+fn plan(scene: &Scene, effort: Effort) -> Plan {
+    let values = Values { effort: Some(effort), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
     methods::plan(&scene.facts(), &settings).expect("defaults make a plan")
 }
@@ -86,16 +119,24 @@ fn wanted_scene() -> (Scene, Option<f64>) {
 /// Runs this program again for memory alone, so that nothing measured before counts.
 fn memory() {
     let program = std::env::current_exe().expect("this program's path");
-    let status = Command::new(program).arg(MEMORY_FLAG).status().expect("this program runs");
-    assert!(status.success(), "the memory run failed: {status}");
+    for (what, flags) in [("64 views", &[MEMORY_FLAG] as &[&str]), ("45 dB", &[MEMORY_FLAG, TARGET_FLAG])] {
+        println!("for {what}:");
+        let status = Command::new(&program).args(flags).status().expect("this program runs");
+        assert!(status.success(), "the memory run failed: {status}");
+    }
 }
 
-/// Blurs once and compares the process's peak memory with the decoded stack.
+/// Blurs once, with a given number of views or for a target, and compares the process's peak memory with the decoded stack.
 fn measure_memory() {
     let (scene, _) = wanted_scene();
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
-    let plan = plan(&scene, 64);
-    methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
+    if std::env::args().any(|argument| argument == TARGET_FLAG) {
+        let plan = plan(&scene, Effort::TargetDb(45.0));
+        dial::reach(scene, &plan, (45.0, 256), &|_| {}).expect("the CPU does not fail");
+    } else {
+        let plan = plan(&scene, Effort::Views(64));
+        methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");
+    }
     let Some(peak) = peak_memory_bytes() else { return println!("peak memory: not known on this system") };
     let ratio = peak as f64 / stack_bytes as f64;
     println!(

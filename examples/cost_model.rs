@@ -33,16 +33,16 @@ const INPUTS: [(&str, Option<usize>); 4] =
 const WIDER: [f32; 2] = [1.0, 0.4];
 
 /// Settings that are measured beside each method's own steps; rays are slow, so theirs are few.
-const CONTENDERS: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 recursive-gaussian:layers=4 \
+const CONTENDERS: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 accumulate:32 recursive-gaussian:layers=4 \
     recursive-gaussian:layers=16 recursive-gaussian b-buffer point-splat point-splat:accelerated=false point-splat:hidden=false \
-    layer-rays:2 layer-rays:4 layer-rays:4+cones=false layer-rays:4+iterations=6 layer-rays:4+delta_px=1 \
+    layer-rays:2 layer-rays:4 layer-rays:32 layer-rays:4+cones=false layer-rays:4+iterations=6 layer-rays:4+delta_px=1 \
     opaque-blur opaque-blur:first_radius_px=0.85 opaque-blur:first_radius_px=3.4 \
-    peel-rays:2 peel-rays:4 peel-rays:3+binary_steps=1+linear_steps=20 \
+    peel-rays:2 peel-rays:4 peel-rays:32 peel-rays:3+binary_steps=1+linear_steps=20 \
     pyramid-disocclusion pyramid-disocclusion:first_radius_px=0.85 pyramid-disocclusion:first_radius_px=3.4 \
     gather:64 gather:256 gather:1024 scatter";
 
 /// Rays, and pixels of sprites, past which a case is left out.
-const MOST_RAYS: f64 = 1e6;
+const MOST_RAYS: f64 = 9e6;
 const MOST_SPRITES: f64 = 6e7;
 
 /// One scene through one lens.

@@ -253,6 +253,14 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     let steps: usize = METHODS.iter().map(|method| method.info().steps.len()).sum();
     assert_eq!(costs.len(), steps, "the default is one of the steps");
     assert!(costs.iter().all(|cost| cost["cpu_seconds"].as_f64().unwrap() > 0.0), "{json}");
+    let error_db = |name: &str| {
+        let row = costs.iter().find(|cost| cost["name"] == name).unwrap();
+        row["sampling_error"]["psnr_db"].as_f64()
+    };
+    assert!(error_db("shear:256") > error_db("shear:16"), "{json}");
+    assert!(error_db("accumulate:16").is_some_and(|db| (25.0..50.0).contains(&db)), "{json}");
+    assert_eq!(error_db("gather:64"), None, "it cannot be asked for single pixels");
+    assert!(text.contains(" dB (") && !text.contains("- paints its picture as a whole"), "{text}");
     let chosen: Vec<_> = costs.iter().filter(|cost| cost["chosen"] == true).collect();
     assert!(chosen.len() == 1 && chosen[0]["name"] == "shear:64", "{chosen:?}");
     assert_eq!((&json["calibrated"], &json["plan"]["views"]), (&false.into(), &64.into()));

@@ -31,7 +31,7 @@ pub(super) fn calibrated_by(kind: Kind) -> (&'static str, Option<usize>) {
 }
 
 /// Processor seconds of a calibration's runs on the machine of the table.
-pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [0.0318, 0.0171, 0.0140];
+pub(super) const MADE_SECONDS: [f64; KINDS.len()] = [0.0318, 0.0190, 0.0140];
 
 /// One term of a method's cost.
 #[derive(Debug)]
@@ -97,11 +97,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::accumulate,
         terms: &[
-            term("samples", 0.0),
-            term("rays", 37.3),
-            term("rays × layers", 0.457),
-            term("samples passed", 7.12),
-            term("samples passed × layers", 0.0906),
+            term("samples", 4.212),
+            term("rays", 56.017),
+            term("rays × layers", 1.716),
+            term("samples passed", 1.684),
+            term("samples passed × layers", 0.063),
         ],
     },
     Cost {
@@ -144,12 +144,12 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::layer_rays,
         terms: &[
-            term("samples", 35.442),
-            term("samples in cones", 12.072),
-            term("pixels × depth layers", 25.092),
-            term("rays", 87.051),
-            term("rays with cones", 24.725),
-            term("rays × iterations", 5.995),
+            term("samples", 47.692),
+            term("samples in cones", 8.059),
+            term("pixels × depth layers", 30.370),
+            term("rays", 81.775),
+            term("rays with cones", 28.264),
+            term("rays × iterations", 5.978),
         ],
     },
     Cost {
@@ -179,11 +179,11 @@ pub(super) static COSTS: [Cost; 12] = [
         kind: Kind::Rays,
         work: work::peel_rays,
         terms: &[
-            term("samples", 21.935),
-            term("pixels", 13.108),
-            term("rays", 77.701),
-            term("binary steps", 1.901),
-            term("linear steps", 2.939),
+            term("samples", 26.684),
+            term("pixels", 37.500),
+            term("rays", 62.218),
+            term("binary steps", 2.588),
+            term("linear steps", 3.861),
         ],
     },
     Cost {

@@ -1,0 +1,250 @@
+//! The entries of a preset, each with its place in the text, so that an error shows the line.
+
+use super::super::{Effort, Focus, MethodParameters, Values, nearest};
+use super::schema::{SCHEMA, known_keys, table_names};
+use crate::error::Error;
+use serde_json::Value as Json;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The text of a preset and its name.
+#[derive(Clone, Copy)]
+pub(super) struct Document<'a> {
+    pub(super) text: &'a str,
+    pub(super) source: &'a str,
+}
+
+impl<'a> Document<'a> {
+    /// The entries of a table in the order of the file, so that its first mistake is the one reported.
+    pub(super) fn entries(self, table: &'a str, content: &'a DeTable<'a>) -> Vec<Entry<'a>> {
+        let mut entries: Vec<_> = content
+            .iter()
+            .map(|(key, value)| Entry {
+                document: self,
+                table,
+                key: key.get_ref(),
+                key_span: key.span(),
+                value,
+            })
+            .collect();
+        entries.sort_by_key(|entry| entry.key_span.start);
+        entries
+    }
+
+    /// An error about the bytes `span`: file, line and column, the line itself, and carets under the place.
+    pub(super) fn error(self, what: impl Into<String>, span: Range<usize>) -> Error {
+        let start = char_boundary(self.text, span.start);
+        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let line_end = self.text[start..].find('\n').map_or(self.text.len(), |newline| start + newline);
+        let line = self.text[..line_start].matches('\n').count() + 1;
+        let before = &self.text[line_start..start];
+        let end = char_boundary(self.text, span.end).clamp(start, line_end);
+        // A tab stays a tab, so that the carets stand where the line does.
+        let padding: String = before.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+        let carets = "^".repeat(self.text[start..end].chars().count().max(1));
+        let number = line.to_string();
+        let margin = " ".repeat(number.len());
+        Error::settings(what).with(
+            "in",
+            format!(
+                "{}:{line}:{}\n  {number} | {}\n  {margin} | {padding}{carets}",
+                self.source,
+                before.chars().count() + 1,
+                self.text[line_start..line_end].trim_end(),
+            ),
+        )
+    }
+}
+
+/// The last place of `text` up to `index` where a character starts.
+fn char_boundary(text: &str, index: usize) -> usize {
+    (0..=index.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0)
+}
+
+/// One `key = value` of a preset with its place in the text.
+pub(super) struct Entry<'a> {
+    document: Document<'a>,
+    table: &'a str,
+    pub(super) key: &'a str,
+    key_span: Range<usize>,
+    value: &'a Spanned<DeValue<'a>>,
+}
+
+impl<'a> Entry<'a> {
+    /// Checks the entry and keeps its value where it belongs.
+    pub(super) fn read(&self, values: &mut Values, parameters: &mut Json) -> Result<(), Error> {
+        if let Some(key) = SCHEMA.iter().find(|key| key.table == self.table && key.name == self.key) {
+            return (key.set)(values, self);
+        }
+        match parameters.get_mut(self.key) {
+            Some(method) if self.table == "method" => {
+                let path = format!("method.{}", self.key);
+                self.document
+                    .entries(&path, self.table()?)
+                    .iter()
+                    .try_for_each(|entry| entry.read_parameter(self.key, method))
+            }
+            _ => Err(self.unknown()),
+        }
+    }
+
+    /// Checks one parameter of `method`, and keeps its value among that method's `parameters`.
+    fn read_parameter(&self, method: &str, parameters: &mut Json) -> Result<(), Error> {
+        let known = MethodParameters::of(method);
+        let parameter = known.iter().find(|known| known.name == self.key).ok_or_else(|| self.unknown())?;
+        let value = json(self.value.get_ref()).filter(|value| parameter.kind.allows(value));
+        parameters[self.key] = value.ok_or_else(|| self.unsuitable(&parameter.wanted()))?;
+        Ok(())
+    }
+
+    pub(super) fn unknown(&self) -> Error {
+        let place = if self.table.is_empty() { String::new() } else { format!(" in [{}]", self.table) };
+        let known = known_keys(self.table);
+        let help = if let Some(key) = SCHEMA.iter().find(|key| key.name == self.key) {
+            format!("'{}' belongs in [{}]", self.key, key.table)
+        } else if let Some(near) = nearest(self.key, &known) {
+            format!("did you mean '{near}'?")
+        } else if self.table.is_empty() {
+            format!("the tables are [{}]", known.join("], ["))
+        } else {
+            format!("the keys of [{}] are {}", self.table, known.join(", "))
+        };
+        self.document.error(format!("unknown key '{}'{place}", self.key), self.key_span.clone()).help(help)
+    }
+
+    /// The error for a value that is not `wanted`.
+    fn unsuitable(&self, wanted: &str) -> Error {
+        self.document.error(format!("'{}' must be {wanted}", self.key), self.value.span())
+    }
+
+    pub(super) fn table(&self) -> Result<&'a DeTable<'a>, Error> {
+        let name =
+            if self.table.is_empty() { self.key.to_owned() } else { format!("{}.{}", self.table, self.key) };
+        let table = self.value.get_ref().as_table();
+        table.ok_or_else(|| {
+            // A key of a table, written above all tables, is the likelier mistake.
+            let misplaced = self.table.is_empty() && !table_names().contains(&self.key);
+            if misplaced { self.unknown() } else { self.unsuitable(&format!("a table, [{name}]")) }
+        })
+    }
+
+    pub(super) fn text(&self) -> Result<&'a str, Error> {
+        self.value.get_ref().as_str().ok_or_else(|| self.unsuitable("a text in quotes"))
+    }
+
+    /// A whole number of at least `least`.
+    fn whole(&self, least: u32, wanted: &str) -> Result<u32, Error> {
+        let number = match self.value.get_ref() {
+            DeValue::Integer(digits) => u32::from_str_radix(digits.as_str(), digits.radix()).ok(),
+            _ => None,
+        };
+        let wanted = || self.unsuitable(&format!("a whole number, {wanted}"));
+        number.filter(|&number| number >= least).ok_or_else(wanted)
+    }
+
+    pub(super) fn count(&self) -> Result<usize, Error> {
+        self.whole(1, "1 or more").map(|count| count as usize)
+    }
+
+    pub(super) fn blades(&self) -> Result<u32, Error> {
+        let wanted = "0 for a disc or at least 3";
+        let blades = self.whole(0, wanted)?;
+        if matches!(blades, 1 | 2) {
+            Err(self.unsuitable(&format!("a whole number, {wanted}")))
+        } else {
+            Ok(blades)
+        }
+    }
+
+    pub(super) fn positive(&self) -> Result<f32, Error> {
+        self.number_where("a positive number", |x| x > 0.0 && x.is_finite())
+    }
+
+    pub(super) fn positive_or_inf(&self) -> Result<f32, Error> {
+        self.number_where("a positive number, or inf", |x| x > 0.0)
+    }
+
+    pub(super) fn not_negative(&self) -> Result<f32, Error> {
+        self.number_where("a number, 0 or more", |x| x >= 0.0 && x.is_finite())
+    }
+
+    pub(super) fn finite(&self) -> Result<f32, Error> {
+        self.number_where("a number", f32::is_finite)
+    }
+
+    /// A number, whole or not, that satisfies `suits`.
+    fn number_where(&self, wanted: &str, suits: impl Fn(f32) -> bool) -> Result<f32, Error> {
+        number(self.value.get_ref()).filter(|&x| suits(x)).ok_or_else(|| self.unsuitable(wanted))
+    }
+
+    pub(super) fn point(&self) -> Result<[f32; 2], Error> {
+        let wanted = || self.unsuitable("a pixel, [x, y]");
+        let items = self.value.get_ref().as_array().ok_or_else(wanted)?;
+        let numbers: Vec<f32> =
+            items.iter().filter_map(|item| number(item.get_ref())).filter(|x| x.is_finite()).collect();
+        let point = numbers.try_into().map_err(|_| wanted())?;
+        if items.len() == 2 { Ok(point) } else { Err(wanted()) }
+    }
+
+    /// Keeps `focus`, unless another key has set one.
+    pub(super) fn focus(&self, values: &mut Values, focus: Focus) -> Result<(), Error> {
+        if values.focus.is_some() {
+            let what = "'focus_distance' and 'focus_point' exclude each other";
+            return Err(self.document.error(what, self.key_span.clone()).help("keep one of the two"));
+        }
+        values.focus = Some(focus);
+        Ok(())
+    }
+
+    /// Keeps `effort`, unless another key has set one.
+    pub(super) fn effort(&self, values: &mut Values, effort: Effort) -> Result<(), Error> {
+        if values.effort.is_some() {
+            let what = "'views', 'target_db', 'time_budget_s' and 'quality' exclude one another";
+            return Err(self.document.error(what, self.key_span.clone()).help("keep one of them"));
+        }
+        values.effort = Some(effort);
+        Ok(())
+    }
+
+    pub(super) fn decibels(&self) -> Result<f64, Error> {
+        let [least, most] = Effort::TARGETS_DB;
+        let wanted = format!("a number of decibels from {least} to {most}");
+        self.number_where(&wanted, |x| (least..=most).contains(&f64::from(x))).map(f64::from)
+    }
+
+    pub(super) fn one_of<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, Error> {
+        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+        let text = self.text()?;
+        let found = choices.iter().find(|(name, _)| *name == text);
+        found.map(|(_, choice)| *choice).ok_or_else(|| {
+            let error = self.unsuitable(&format!("one of {}", names.join(", ")));
+            match nearest(text, &names) {
+                Some(near) => error.help(format!("did you mean '{near}'?")),
+                None => error,
+            }
+        })
+    }
+}
+
+/// A parameter's value: a flag, a number, a list of numbers; `null` for the text "auto".
+fn json(value: &DeValue<'_>) -> Option<Json> {
+    match value {
+        DeValue::Boolean(flag) => Some(Json::from(*flag)),
+        DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix()).ok().map(Json::from),
+        DeValue::Float(digits) => digits.as_str().parse::<f64>().ok().map(Json::from),
+        DeValue::String(text) => (text == "auto").then_some(Json::Null),
+        DeValue::Array(items) => items.iter().map(|item| json(item.get_ref())).collect(),
+        DeValue::Table(_) | DeValue::Datetime(_) => None,
+    }
+}
+
+fn number(value: &DeValue<'_>) -> Option<f32> {
+    match value {
+        DeValue::Integer(digits) => {
+            i64::from_str_radix(digits.as_str(), digits.radix()).ok().map(|x| x as f32)
+        }
+        DeValue::Float(digits) => digits.as_str().parse().ok(),
+        _ => None,
+    }
+}

@@ -1,0 +1,309 @@
+//! Presets: a TOML file becomes a layer of [`Values`].
+//!
+//! [`schema`] has the one list of keys, [`entry`] reads what is written and says where it is wrong.
+
+mod entry;
+mod schema;
+
+use super::{MethodParameters, Values, nearest};
+use crate::error::Error;
+use entry::Document;
+use std::path::Path;
+use toml::de::DeTable;
+
+/// A preset as read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Preset {
+    /// What it sets.
+    pub values: Values,
+    /// The `[method.NAME]` tables.
+    pub parameters: MethodParameters,
+}
+
+/// A preset that ships inside the program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BuiltIn {
+    /// The name of `--preset`.
+    pub name: &'static str,
+    /// The TOML text.
+    pub text: &'static str,
+}
+
+/// Every preset that ships inside the program.
+pub static BUILT_IN: [BuiltIn; 6] = [
+    BuiltIn { name: "portrait", text: include_str!("../../../presets/portrait.toml") },
+    BuiltIn { name: "landscape", text: include_str!("../../../presets/landscape.toml") },
+    BuiltIn { name: "macro", text: include_str!("../../../presets/macro.toml") },
+    BuiltIn { name: "cine", text: include_str!("../../../presets/cine.toml") },
+    BuiltIn { name: "phone-like", text: include_str!("../../../presets/phone-like.toml") },
+    BuiltIn { name: "pinhole", text: include_str!("../../../presets/pinhole.toml") },
+];
+
+impl BuiltIn {
+    /// The preset called `name`.
+    ///
+    /// # Errors
+    /// An unknown name, with the nearest known one.
+    pub fn by_name(name: &str) -> Result<Self, Error> {
+        let found = BUILT_IN.into_iter().find(|preset| preset.name == name);
+        found.ok_or_else(|| {
+            let names = BUILT_IN.map(|preset| preset.name);
+            let known = match nearest(name, &names) {
+                Some(near) => format!("did you mean '{near}'? "),
+                None => format!("the presets are {}; ", names.join(", ")),
+            };
+            Error::settings(format!("there is no preset called '{name}'")).help(format!(
+                "{known}`thinlens presets` lists them, and a preset of your own is given by its path"
+            ))
+        })
+    }
+
+    /// What the preset is for: the first line of its head comment.
+    pub fn summary(&self) -> &'static str {
+        self.text.lines().next().unwrap_or_default().trim_start_matches('#').trim()
+    }
+}
+
+impl Preset {
+    /// Loads the preset that ships as `name`, else the file at the path `name`.
+    ///
+    /// # Errors
+    /// A name that is neither, and all errors of [`Preset::parse`].
+    pub fn load(name: &str) -> Result<Self, Error> {
+        if let Some(built_in) = BUILT_IN.iter().find(|preset| preset.name == name) {
+            return Self::parse(built_in.text, name);
+        }
+        let path = Path::new(name);
+        let means_a_file = path.extension().is_some() || path.components().count() > 1 || path.exists();
+        if !means_a_file {
+            BuiltIn::by_name(name)?;
+        }
+        let text = std::fs::read_to_string(path).map_err(|cause| {
+            Error::settings("the preset file cannot be read")
+                .in_file(path)
+                .caused_by(cause)
+                .help("give the path of a TOML file, or a name that `thinlens presets` lists")
+        })?;
+        Self::parse(&text, name)
+    }
+
+    /// Reads a preset from TOML; `source` names it in errors.
+    ///
+    /// # Errors
+    /// A syntax error, an unknown key (with the nearest known one) or a value of the wrong type, each with its line.
+    pub fn parse(text: &str, source: &str) -> Result<Self, Error> {
+        let document = Document { text, source };
+        let root = DeTable::parse(text).map_err(|error| {
+            document.error(format!("not valid TOML: {}", error.message()), error.span().unwrap_or(0..0))
+        })?;
+        let mut values = Values::default();
+        let mut parameters = schema::default_parameters();
+        for table in document.entries("", root.get_ref()) {
+            if !schema::table_names().contains(&table.key) {
+                return Err(table.unknown());
+            }
+            for entry in document.entries(table.key, table.table()?) {
+                entry.read(&mut values, &mut parameters)?;
+            }
+        }
+        let parameters = serde_json::from_value(parameters).map_err(|cause| {
+            Error::settings("a method's parameters cannot be read").with("in", source).caused_by(cause)
+        })?;
+        Ok(Self { values, parameters })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{DepthConvention, Effort, Focus, SensorDistance};
+    use super::*;
+
+    fn parse(text: &str) -> Result<Preset, Error> {
+        Preset::parse(text, "my.toml")
+    }
+
+    fn message(text: &str) -> String {
+        parse(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_key_of_the_schema_is_read() {
+        let text = "
+            [lens]
+            focal_length_mm = 85.0
+            f_number = 1.4
+            focus_point = [10, 20.5]
+            sensor_width_mm = 36.0
+            sensor_distance = 'thin_lens'
+            [aperture]
+            blades = 6
+            rotation_deg = -15.5
+            [depth]
+            convention = 'ray'
+            metres_per_unit = 0.01
+            near_clip = 0.1
+            near = 1
+            far = 100
+            supersample = 2
+            [method]
+            name = 'shear'
+            views = 32";
+        let expected = Values {
+            focal_length_mm: Some(85.0),
+            f_number: Some(1.4),
+            focus: Some(Focus::Point([10.0, 20.5])),
+            sensor_width_mm: Some(36.0),
+            sensor_distance: Some(SensorDistance::ThinLens),
+            blades: Some(6),
+            rotation_deg: Some(-15.5),
+            convention: Some(DepthConvention::Ray),
+            metres_per_unit: Some(0.01),
+            near_clip: Some(0.1),
+            near: Some(1.0),
+            far: Some(100.0),
+            supersample: Some(2),
+            method: Some("shear".to_owned()),
+            effort: Some(Effort::Views(32)),
+        };
+        assert_eq!(parse(text).unwrap().values, expected);
+    }
+
+    #[test]
+    fn a_whole_number_serves_where_a_number_is_wanted() {
+        assert_eq!(parse("[lens]\nfocal_length_mm = 85").unwrap().values.focal_length_mm, Some(85.0));
+    }
+
+    #[test]
+    fn the_convention_auto_leaves_the_convention_open() {
+        assert_eq!(parse("[depth]\nconvention = 'auto'").unwrap().values.convention, None);
+    }
+
+    #[test]
+    fn an_infinite_f_number_is_a_pinhole() {
+        assert_eq!(parse("[lens]\nf_number = inf").unwrap().values.f_number, Some(f32::INFINITY));
+    }
+
+    #[test]
+    fn the_parameters_of_a_method_keep_their_defaults_where_the_preset_is_silent() {
+        let text = "[method.shear]\nviews = 32\nfill = false
+            [method.recursive-gaussian]\nlayers = 9\n[method.point-splat]\nintensity = [1, 0.5]";
+        let parameters = parse(text).unwrap().parameters;
+        let mut expected = MethodParameters::default();
+        expected.recursive_gaussian.layers = Some(9);
+        expected.point_splat.intensity = vec![1.0, 0.5];
+        expected.shear.views = 32;
+        expected.shear.fill = false;
+        assert_eq!(parameters, expected);
+    }
+
+    #[test]
+    fn an_unknown_key_is_shown_with_its_place_and_the_nearest_key() {
+        assert_eq!(
+            message("[lens]\nfnumber = 1.4"),
+            "unknown key 'fnumber' in [lens]\n  in: my.toml:2:1\n  2 | fnumber = 1.4\n    | ^^^^^^^\n  help: did you mean \
+             'f_number'?"
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_near_to_none_lists_the_keys_of_its_table() {
+        let message = message("[aperture]\nvignette = 1");
+        assert!(message.contains("the keys of [aperture] are blades, rotation_deg"), "{message}");
+    }
+
+    #[test]
+    fn an_unknown_key_of_a_method_has_its_nearest_key_too() {
+        let message = message("[method.shear]\nprefiltre = 1.0");
+        assert!(message.contains("unknown key 'prefiltre' in [method.shear]"), "{message}");
+        assert!(message.contains("did you mean 'prefilter'?"), "{message}");
+    }
+
+    #[test]
+    fn a_key_in_the_wrong_table_is_sent_to_its_own() {
+        assert!(message("[aperture]\nf_number = 2").contains("'f_number' belongs in [lens]"));
+        assert!(message("f_number = 2").contains("'f_number' belongs in [lens]"));
+    }
+
+    #[test]
+    fn an_unknown_table_has_its_nearest_table() {
+        assert!(message("[lense]\nf_number = 2").contains("did you mean 'lens'?"));
+        assert!(message("[method.shaer]\nviews = 2").contains("did you mean 'shear'?"));
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_refused_with_carets_under_the_value() {
+        for (line, wanted) in [
+            ("[lens]\nf_number = 'wide'", "must be a positive number, or inf"),
+            ("[lens]\nfocal_length_mm = -85", "must be a positive number"),
+            ("[lens]\nfocal_length_mm = nan", "must be a positive number"),
+            ("[lens]\nfocus_point = [1]", "must be a pixel, [x, y]"),
+            ("[lens]\nsensor_distance = 'far'", "must be one of focal_length, thin_lens"),
+            ("[aperture]\nblades = 2", "must be a whole number, 0 for a disc or at least 3"),
+            ("[aperture]\nblades = 5.5", "must be a whole number"),
+            ("[method]\nviews = 0", "must be a whole number, 1 or more"),
+            ("[method.shear]\nfill = 1", "must be true or false"),
+            ("[method.shear]\nprefilter = -1", "must be a number from 0 to 16 (the default is 1.4)"),
+            (
+                "[method.layer-rays]\ndelta_px = 0",
+                "'delta_px' must be a number from 0.1 to 1000 (the default is 3.0)",
+            ),
+            ("[method.layer-rays]\nrays = 0", "must be a whole number from 1 to 65536 (the default is 32)"),
+            (
+                "[method.recursive-gaussian]\nlayers = 513",
+                "must be \"auto\", or a whole number from 1 to 512 (the default is \"auto\")",
+            ),
+            (
+                "[method.point-splat]\nintensity = [0, 0]",
+                "must be a list of numbers from 0 to 1000, not all 0",
+            ),
+            ("lens = 3", "must be a table, [lens]"),
+        ] {
+            let message = message(line);
+            assert!(message.contains(wanted) && message.contains('^'), "{line}: {message}");
+        }
+    }
+
+    #[test]
+    fn two_ways_to_focus_exclude_each_other() {
+        let message = message("[lens]\nfocus_distance = 2\nfocus_point = [1, 2]");
+        assert!(message.contains("exclude each other") && message.contains("my.toml:3:1"), "{message}");
+    }
+
+    #[test]
+    fn broken_toml_is_shown_with_its_place() {
+        let message = message("[lens]\nf_number = \n");
+        assert!(message.contains("not valid TOML") && message.contains("my.toml:2:"), "{message}");
+    }
+
+    #[test]
+    fn the_preset_in_the_readme_is_valid() {
+        let readme = include_str!("../../../README.md");
+        let (_, rest) = readme.split_once("    [lens]").unwrap();
+        let (block, _) = rest.split_once("\nThe flags").unwrap();
+        let preset = Preset::parse(&format!("[lens]{block}"), "README.md").unwrap();
+        assert_eq!(preset.values.effort, Some(Effort::Views(64)));
+    }
+
+    #[test]
+    fn every_preset_on_board_is_valid_says_where_it_comes_from_and_leaves_the_focus_open() {
+        for built_in in BUILT_IN {
+            let preset = Preset::load(built_in.name).unwrap();
+            assert_eq!(preset.values.focus, None, "{}", built_in.name);
+            assert!(built_in.text.starts_with("# "), "{}", built_in.name);
+            assert!(!built_in.summary().is_empty(), "{}", built_in.name);
+        }
+    }
+
+    #[test]
+    fn an_unknown_preset_has_its_nearest_name() {
+        let message = Preset::load("potrait").unwrap_err().to_string();
+        assert!(message.contains("did you mean 'portrait'?"), "{message}");
+        assert!(message.contains("thinlens presets"), "{message}");
+    }
+
+    #[test]
+    fn a_missing_preset_file_is_named() {
+        let message = Preset::load("no/such.toml").unwrap_err().to_string();
+        assert!(message.contains("in: no/such.toml"), "{message}");
+    }
+}
