@@ -35,9 +35,9 @@ const MARGIN_DB: f64 = 0.5;
 /// What one step up, to √2 times the lens samples, gains where nothing better is known.
 const DB_PER_STEP: f64 = 1.25;
 
-/// What a step down is taken to lose: twice that. A trial that then misses the target was for nothing, and the picture at two
-/// steps more costs no more than two trials.
-const DB_PER_STEP_DOWN: f64 = 2.5;
+/// Steps that there must be to spare for fewer samples to be tried: a trial that then misses the target was for nothing, and one
+/// costs as much as a step.
+const STEPS_WORTH_A_TRIAL: u32 = 2;
 
 /// Where this many steps at most lie between too few samples and enough, trying another number costs as much as it may save.
 const NEAR_STEPS: u32 = 3;
@@ -152,8 +152,8 @@ fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probe
     let scene = &*probes::with_guesses(scene, plan);
     let places = Places::new(scene, plan, PROBES, SEED);
     let first = first_step(psnr_db, places.spread(), gain_db);
-    // As many rays as samples, twice: their own noise then adds little to what is measured.
-    let rays_per_half = views_at(first).clamp(FEWEST_RAYS, MANY_RAYS);
+    // Two halves of twice as many rays as samples: their own noise then adds little to what is measured.
+    let rays_per_half = (2 * views_at(first)).clamp(FEWEST_RAYS, MANY_RAYS);
     (Probes::new(places, rays_per_half), first)
 }
 
@@ -283,10 +283,11 @@ fn more(known: &Known, target_db: f64, last: u32) -> Step {
 
 /// Everything known reaches the target, step `step`, the lowest, by `surplus_db`.
 fn fewer(step: u32, surplus_db: f64) -> Step {
-    let steps = (surplus_db / DB_PER_STEP_DOWN).floor().clamp(0.0, 6.0) as u32;
-    match steps.min(step) {
-        0 => Step::End(step, End::Met),
-        steps => Step::Try(step - steps),
+    let steps = (surplus_db / DB_PER_STEP).floor().clamp(0.0, 6.0) as u32;
+    if step == 0 || steps < STEPS_WORTH_A_TRIAL {
+        Step::End(step, End::Met)
+    } else {
+        Step::Try(step - steps.min(step))
     }
 }
 
