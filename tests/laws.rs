@@ -7,7 +7,7 @@
 #![expect(clippy::unwrap_used, reason = "a law whose scene cannot be made has failed")]
 
 use thinlens::image::{Image, Plane};
-use thinlens::lens::{LensSpec, ThinLens};
+use thinlens::lens::{Aperture, LensSpec, ThinLens};
 use thinlens::methods::{self, Law, METHODS, Method};
 use thinlens::scene::{EffectKind, Layer, Plan, Scene};
 use thinlens::settings::{Effort, MethodParameters, Origin, SensorDistance, Settings, Values};
@@ -82,11 +82,15 @@ fn grey(value: f32) -> Pixel {
 /// The plan for `scene` with `views` lens samples where the method samples the lens, without the anti-aliasing that mixes
 /// neighbours in focus.
 fn plan(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Plan {
+    plan_through(method, scene, views, Values { blades: Some(blades), ..Values::default() })
+}
+
+/// The same through the lens that `values` describe.
+fn plan_through(method: &dyn Method, scene: &Scene, views: usize, values: Values) -> Plan {
     let values = Values {
         method: Some(method.info().name.to_owned()),
         effort: samples_the_lens(method).then_some(Effort::Views(views)),
-        blades: Some(blades),
-        ..Values::default()
+        ..values
     };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
     methods::plan(&scene.facts(), &settings).unwrap().forced(EffectKind::Resolve, false)
@@ -256,6 +260,72 @@ fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
             }
         }
         [energy, centroid, spread].iter().for_each(Trial::judge);
+    }
+}
+
+/// Methods that have `effect`, which must be some.
+fn methods_with(effect: EffectKind) -> Vec<&'static dyn Method> {
+    let found: Vec<_> =
+        METHODS.into_iter().filter(|method| method.info().effects.contains(&effect)).collect();
+    assert!(found.len() >= 2, "{effect:?}");
+    found
+}
+
+/// Bulging blades, squeezed: nothing about it is the same in x and y, or when turned by 180°.
+fn oval() -> Values {
+    Values {
+        blades: Some(5),
+        rotation_deg: Some(20.0),
+        blade_curvature: Some(0.5),
+        squeeze: Some(2.0),
+        ..Values::default()
+    }
+}
+
+#[test]
+fn a_point_seen_through_curved_and_squeezed_blades_spreads_as_they_do() {
+    let aperture = Aperture::new(5, 20.0).unwrap().curved(0.5).unwrap().squeezed(2.0).unwrap();
+    for method in methods_with(EffectKind::Squeeze) {
+        let [mut energy, mut centroid, mut spread] =
+            [Law::Energy, Law::Place, Law::Spread].map(|law| Trial::new(method, law));
+        for (coc, brightness) in [(-9.5, 0.8), (-9.5, 400.0), (7.0, 0.8), (7.0, 400.0)] {
+            let emitter = |x, y| (if (x, y) == (24, 24) { grey(brightness) } else { grey(0.0) }, coc);
+            let scene = scene(vec![layer(49, 49, emitter)]);
+            let plan = plan_through(method, &scene, 4096, oval());
+            assert_eq!(plan.aperture, aperture, "{}", method.info().name);
+            let image = methods::render(scene, &plan, &|_| {}).unwrap();
+            let turned = Image::from_fn(49, 49, |x, y| image.pixel(y, x));
+            let second = aperture.second_moments();
+            for (axis, image, moment) in [("x", &image, second.x), ("y", &turned, second.y)] {
+                let [sum, place, variance] = moments(image, 24.0);
+                let case = format!("along {axis}, c = {coc}, brightness {brightness}");
+                energy.add((sum / f64::from(brightness)) as f32, [0.995, 1.005], case.clone());
+                centroid.add(place.abs() as f32, [0.0, 0.05], case.clone());
+                let disc = coc.powi(2) * moment;
+                let pixel = 1.0 / 3.0 / disc;
+                spread.add(variance as f32 / disc, [1.0 - 1.0 / 32.0, 1.0 + 1.0 / 32.0 + pixel], case);
+            }
+        }
+        [energy, centroid, spread].iter().for_each(Trial::judge);
+    }
+}
+
+#[test]
+fn curved_and_squeezed_blades_look_to_every_method_as_to_rays() {
+    let world = world(56, 40);
+    let rays = methods::by_name("accumulate").unwrap();
+    let picture = |method: &dyn Method, views, lens: &dyn Fn() -> Values| {
+        let plan = plan_through(method, &world, views, lens()).forced(EffectKind::Prefilter, false);
+        methods::render(world.clone(), &plan, &|_| {}).unwrap()
+    };
+    let truth = picture(rays, 4096, &oval);
+    let disc = picture(rays, 4096, &Values::default);
+    assert!(psnr_db(&disc, &truth) < 40.0, "the shape shows: {} dB", psnr_db(&disc, &truth));
+    for method in methods_with(EffectKind::Squeeze) {
+        let mut trial = Trial::new(method, Law::Convergence);
+        let db = psnr_db(&picture(method, 1024, &oval), &truth);
+        trial.add(db as f32, [45.0, f32::INFINITY], "an oval");
+        trial.judge();
     }
 }
 

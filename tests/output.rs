@@ -317,7 +317,7 @@ mod the_report {
             views_reason: String::new(),
             jitter: 1.0,
             fragment_px: 1.0,
-            aperture: Aperture::Disc,
+            aperture: Aperture::DISC,
             coc_range_px: [-3.0, 12.5],
             highlight_threshold: f32::INFINITY,
             effects: vec![Effect {

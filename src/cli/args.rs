@@ -95,6 +95,15 @@ pub(super) struct LensArgs {
     /// Rotation of the aperture, anticlockwise
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     rotation: Option<f32>,
+    /// Curvature of the blades, 0 (straight) to 1 (round)
+    #[arg(long, value_name = "CURVATURE", allow_negative_numbers = true)]
+    blade_curvature: Option<f32>,
+    /// Height of the aperture over its width (anamorphic)
+    ///
+    /// What a blurred point looks like through an anamorphic lens: 2 makes it twice as high as wide. Its height is that of the disc
+    /// of the f-number. From 1 to 4.
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    squeeze: Option<f32>,
 }
 
 /// How to compute.
@@ -229,6 +238,8 @@ fn values(input: &InputArgs, lens: &LensArgs) -> Values {
         }),
         blades: lens.blades,
         rotation_deg: lens.rotation,
+        blade_curvature: lens.blade_curvature,
+        squeeze: lens.squeeze,
         convention: input.depth_convention.and_then(ConventionArg::convention),
         metres_per_unit: input.metres_per_unit,
         near_clip: input.near_clip,
@@ -298,6 +309,8 @@ impl LensArgs {
             sensor_distance,
             blades,
             rotation,
+            blade_curvature,
+            squeeze,
         } = self;
         let flags = [
             flag("--preset", preset.as_ref()),
@@ -309,6 +322,8 @@ impl LensArgs {
             flag("--sensor-distance", sensor_distance.and_then(value_name)),
             flag("--blades", blades.as_ref()),
             flag("--rotation", rotation.as_ref()),
+            flag("--blade-curvature", blade_curvature.as_ref()),
+            flag("--squeeze", squeeze.as_ref()),
         ];
         flags.into_iter().flatten().collect()
     }
@@ -393,7 +408,8 @@ mod tests {
         use clap::{CommandFactory, Parser};
         let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
                     --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --preset p --focal-length 85.5 --f-number inf \
-                    --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25";
+                    --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
+                    --blade-curvature 0.5 --squeeze 1.33";
         let all =
             StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
         // All flags, but for --focus-at, which has no place beside --focus.

@@ -118,6 +118,8 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     sourced(text, "sensor distance", kebab(&set.sensor_distance.value), &set.sensor_distance)?;
     sourced(text, "blades", blades, &set.blades)?;
     sourced(text, "rotation", format_args!("{}°", set.rotation_deg.value), &set.rotation_deg)?;
+    sourced(text, "blade curvature", set.blade_curvature.value, &set.blade_curvature)?;
+    sourced(text, "squeeze", set.squeeze.value, &set.squeeze)?;
     sourced(text, "depth unit", format_args!("{} m", set.metres_per_unit.value), &set.metres_per_unit)?;
     sourced(text, "near clip", format_args!("{} depth units", set.near_clip.value), &set.near_clip)?;
     sourced(text, "depth 0 is at", format_args!("{} depth units", set.near.value), &set.near)?;

@@ -4,28 +4,116 @@
 //! the shape of `u` turned by 180°, in front of focus it is the shape itself. In the picture (y downwards) the lens as
 //! the camera sees it, x to the right and y up, is `u = (−x, y)`, so a blurred point behind focus shows the aperture
 //! upright. As in Cycles, an aperture of rotation 0 has a side, not a corner, to the right.
+//!
+//! The outline is a disc, or a regular polygon whose corners lie on the unit circle. Its sides may bulge, as curved blades do: arcs
+//! of one curvature from corner to corner, up to that of the circle itself. An anamorphic lens shows all of it narrower
+//! than it is high: `x` divided by the squeeze.
 
 use crate::error::Error;
+use crate::settings::SQUEEZES;
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
-/// The shape of the aperture, inscribed in the unit circle.
+/// The shape of the aperture, within the unit circle.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Aperture {
-    /// A disc.
-    Disc,
-    /// A regular polygon whose corners lie on the unit circle.
-    Polygon {
-        /// Number of sides, at least 3.
-        blades: u32,
-        /// Turn of the polygon in radians, anticlockwise as seen in a blurred point behind focus.
-        rotation: f32,
-    },
+pub struct Aperture {
+    /// Number of sides, at least 3; 0 for a disc.
+    blades: u32,
+    /// Turn of the polygon in radians, anticlockwise as seen in a blurred point behind focus.
+    rotation: f32,
+    /// Curvature of the sides in units of the circle's: 0 for straight ones, 1 for a disc.
+    curvature: f32,
+    /// Height over width.
+    squeeze: f32,
+}
+
+/// One side of a polygon with its middle to the right: what `x ≤ apothem` bounds, or the circle about `(centre, 0)`.
+#[derive(Debug, Clone, Copy)]
+struct Side {
+    /// Half of the angle that it is seen under from the aperture's centre.
+    half_angle: f32,
+    /// Radius of its arc; infinite for a straight side.
+    radius: f32,
+    /// Where the centre of its arc lies; 0 for a straight side.
+    centre: f32,
+    /// Distance of its middle from the aperture's centre.
+    apothem: f32,
+}
+
+impl Side {
+    fn new(blades: u32, curvature: f32) -> Self {
+        let half_angle = PI / blades as f32;
+        let (half_length, straight) = half_angle.sin_cos();
+        if curvature <= 0.0 {
+            return Self { half_angle, radius: f32::INFINITY, centre: 0.0, apothem: straight };
+        }
+        let radius = 1.0 / curvature;
+        let centre = straight - (radius * radius - half_length * half_length).max(0.0).sqrt();
+        Self { half_angle, radius, centre, apothem: centre + radius }
+    }
+
+    fn is_straight(&self) -> bool {
+        self.radius.is_infinite()
+    }
+
+    /// Half of the angle that an arc is seen under from its own centre.
+    fn half_arc(&self) -> f32 {
+        (self.half_angle.sin() / self.radius).clamp(-1.0, 1.0).asin()
+    }
+
+    /// Area between the aperture's centre and the part of an arc from its middle to the angle `arc`, seen from the arc's centre.
+    fn area_to(&self, arc: f32) -> f32 {
+        0.5 * self.radius * (self.radius * arc + self.centre * arc.sin())
+    }
+
+    /// Area of the triangle from the aperture's centre to the side.
+    fn area(&self) -> f32 {
+        if self.is_straight() {
+            self.half_angle.sin() * self.apothem
+        } else {
+            2.0 * self.area_to(self.half_arc())
+        }
+    }
+
+    /// The point of the side before which the share `share`, −1 … 1, of half its area lies.
+    fn point(&self, share: f32) -> Vec2 {
+        if self.is_straight() {
+            return Vec2::new(self.apothem, share * self.half_angle.sin());
+        }
+        let half_arc = self.half_arc();
+        let wanted = share * self.area_to(half_arc);
+        // Newton's method; the area is all but proportional to the arc.
+        let arc = (0..4).fold(share * half_arc, |arc, _| {
+            let slope = 0.5 * self.radius * (self.radius + self.centre * arc.cos());
+            arc - (self.area_to(arc) - wanted) / slope
+        });
+        Vec2::new(self.centre + self.radius * arc.cos(), self.radius * arc.sin())
+    }
+
+    /// Distance of the side from the aperture's centre at `angle` from its middle.
+    fn distance(&self, angle: f32) -> f32 {
+        if self.is_straight() {
+            return self.apothem / angle.cos();
+        }
+        let across = self.centre * angle.sin();
+        self.centre * angle.cos() + (self.radius * self.radius - across * across).sqrt()
+    }
+
+    /// How deep `point` lies inside the side scaled by `scale`, and the unit normal there.
+    fn depth(&self, point: Vec2, scale: f32) -> (f32, Vec2) {
+        if self.is_straight() {
+            return (scale * self.apothem - point.x, Vec2::X);
+        }
+        let from_centre = point - Vec2::new(scale * self.centre, 0.0);
+        (scale * self.radius - from_centre.length(), from_centre.normalize_or(Vec2::X))
+    }
 }
 
 impl Aperture {
-    /// The aperture of `blades` blades, 0 for a disc.
+    /// A disc.
+    pub const DISC: Self = Self { blades: 0, rotation: 0.0, curvature: 0.0, squeeze: 1.0 };
+
+    /// The aperture of `blades` straight blades, 0 for a disc.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for one or two blades, more than 100, or a rotation that is not finite.
@@ -35,71 +123,132 @@ impl Aperture {
                 .with("found", rotation_deg.to_string()));
         }
         match blades {
-            0 => Ok(Self::Disc),
-            3..=100 => Ok(Self::Polygon { blades, rotation: rotation_deg.to_radians() }),
+            0 => Ok(Self::DISC),
+            3..=100 => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
             _ => Err(Error::settings("an aperture has 3 to 100 blades, or 0 for a disc")
                 .with("found", format!("{blades} blades"))
                 .help("set it with --blades, or blades in the preset's [aperture]")),
         }
     }
 
-    /// Area in units of the squared aperture radius: π, or `n/2 · sin(2π/n)`.
-    pub fn area(&self) -> f32 {
-        match *self {
-            Self::Disc => PI,
-            Self::Polygon { blades, .. } => 0.5 * blades as f32 * (TAU / blades as f32).sin(),
+    /// The same with sides of `curvature`, 0 (straight) … 1 (the circle's own). A disc stays one.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for a curvature out of range.
+    pub fn curved(self, curvature: f32) -> Result<Self, Error> {
+        if !(0.0..=1.0).contains(&curvature) {
+            return Err(Error::settings("blades are curved from 0, straight, to 1, round")
+                .with("found", curvature.to_string())
+                .help("set it with --blade-curvature, or blade_curvature in the preset's [aperture]"));
         }
+        Ok(Self { curvature: if self.blades == 0 { 0.0 } else { curvature }, ..self })
     }
 
-    /// Mean of `x²` (and of `y²`) over the shape: 1/4, or `(2 + cos(2π/n)) / 12`.
-    pub fn second_moment(&self) -> f32 {
-        match *self {
-            Self::Disc => 0.25,
-            Self::Polygon { blades, .. } => (2.0 + (TAU / blades as f32).cos()) / 12.0,
+    /// The same, `squeeze` times as high as wide, its height unchanged.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for a squeeze out of range.
+    pub fn squeezed(self, squeeze: f32) -> Result<Self, Error> {
+        let [least, most] = SQUEEZES;
+        if !(least..=most).contains(&squeeze) {
+            return Err(Error::settings(format!("a squeeze is a number from {least} to {most}, 1 for none"))
+                .with("found", squeeze.to_string())
+                .help("set it with --squeeze, or squeeze in the preset's [aperture]"));
         }
+        Ok(Self { squeeze, ..self })
+    }
+
+    /// One side; none of a disc.
+    fn side(&self) -> Option<Side> {
+        (self.blades > 0).then(|| Side::new(self.blades, self.curvature))
+    }
+
+    /// Area in units of the squared aperture radius: π, or `n/2 · sin(2π/n)` and what bulges.
+    pub fn area(&self) -> f32 {
+        self.side().map_or(PI, |side| self.blades as f32 * side.area()) / self.squeeze
+    }
+
+    /// Mean of `x²` and of `y²` over the shape: 1/4 each, or `(2 + cos(2π/n)) / 12` for straight blades.
+    pub fn second_moments(&self) -> Vec2 {
+        let moment = self.side().map_or(0.25, |side| {
+            // ∫ r⁴/4 over the angle is the integral of r² over the triangle, half of it that of x².
+            let intervals = 64;
+            let step = 2.0 * side.half_angle / intervals as f32;
+            let weight = |i: u32| match i {
+                0 => 1.0,
+                i if i == intervals => 1.0,
+                i if i % 2 == 1 => 4.0,
+                _ => 2.0,
+            };
+            let fourth = |i: u32| side.distance(i as f32 * step - side.half_angle).powi(4);
+            let simpson: f32 = (0..=intervals).map(|i| weight(i) * fourth(i)).sum::<f32>() * step / 3.0;
+            simpson / 8.0 / side.area()
+        });
+        Vec2::new(moment / (self.squeeze * self.squeeze), moment)
     }
 
     /// Carries a point of the unit disc into the shape so that equal areas stay equal: a uniform disc becomes a uniform
     /// polygon.
     ///
-    /// Each wedge of the disc becomes the triangle over one side: radius to height above the centre, angle to position
+    /// Each wedge of the disc becomes the triangle over one side: radius to share of the way to the side, angle to position
     /// along the side.
     pub fn from_disc(&self, point: Vec2) -> Vec2 {
-        let Self::Polygon { blades, .. } = *self else { return point };
-        let wedge = TAU / blades as f32;
-        let side = (self.angle_from_side(point) / wedge).round();
-        let along = self.angle_from_side(point) / wedge - side; // −½ … ½ of the side
-        let (half_side, apothem) = (0.5 * wedge).sin_cos();
-        let upright = Vec2::new(apothem, 2.0 * half_side * along) * point.length();
-        Vec2::from_angle(self.side_angle(side)).rotate(upright)
+        let unsqueezed = match self.side() {
+            None => point,
+            Some(side) => {
+                let along = self.angle_from_side(point) / side.half_angle;
+                let number = (0.5 * along).round();
+                let upright = side.point(along - 2.0 * number) * point.length();
+                Vec2::from_angle(self.side_angle(number)).rotate(upright)
+            }
+        };
+        unsqueezed / Vec2::new(self.squeeze, 1.0)
     }
 
-    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point`; negative outside.
+    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point`; negative outside. Exact where there is
+    /// no squeeze, else near the outline.
     ///
     /// A negative scale turns the shape by 180°.
     pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
-        let Self::Polygon { blades, .. } = *self else { return scale.abs() - point.length() };
-        let point = if scale < 0.0 { -point } else { point };
-        let side = (self.angle_from_side(point) / (TAU / blades as f32)).round();
-        scale.abs() * self.apothem() - Vec2::from_angle(self.side_angle(side)).dot(point)
-    }
-
-    /// Distance of a side from the centre; a disc's is its radius.
-    pub fn apothem(&self) -> f32 {
-        match *self {
-            Self::Disc => 1.0,
-            Self::Polygon { blades, .. } => (PI / blades as f32).cos(),
-        }
-    }
-
-    /// Outward unit normals of the sides; none for a disc.
-    pub fn side_normals(&self) -> Vec<Vec2> {
-        match *self {
-            Self::Disc => Vec::new(),
-            Self::Polygon { blades, .. } => {
-                (0..blades).map(|side| Vec2::from_angle(self.side_angle(side as f32))).collect()
+        let turned = if scale < 0.0 { -point } else { point } * Vec2::new(self.squeeze, 1.0);
+        let (depth, normal) = match self.side() {
+            None => (scale.abs() - turned.length(), turned.normalize_or(Vec2::Y)),
+            Some(side) => {
+                let number = (0.5 * self.angle_from_side(turned) / side.half_angle).round();
+                let angle = self.side_angle(number);
+                let (depth, normal) = side.depth(Vec2::from_angle(-angle).rotate(turned), scale.abs());
+                (depth, Vec2::from_angle(angle).rotate(normal))
             }
-        }
+        };
+        // What is measured where the shape is as wide as high counts less across it.
+        depth / (normal * Vec2::new(self.squeeze, 1.0)).length()
+    }
+
+    /// Least distance of the outline from the centre; a disc's is its radius.
+    pub fn apothem(&self) -> f32 {
+        self.side().map_or(1.0, |side| side.apothem) / self.squeeze.max(1.0)
+    }
+
+    /// Outward unit normals of straight sides that are not squeezed; none for a disc.
+    pub fn side_normals(&self) -> Vec<Vec2> {
+        (0..self.blades).map(|side| Vec2::from_angle(self.side_angle(side as f32))).collect()
+    }
+
+    /// What bounds the shape, made ready for many rows.
+    pub fn outline(&self) -> Outline {
+        let side = self.side();
+        let bounds = side.iter().flat_map(|side| {
+            self.side_normals().into_iter().map(|normal| {
+                if side.is_straight() {
+                    Bound::Line { normal, distance: side.apothem }
+                } else {
+                    Bound::Circle { centre: normal * side.centre, radius: side.radius }
+                }
+            })
+        });
+        let disc = Bound::Circle { centre: Vec2::ZERO, radius: 1.0 };
+        let bounds = if side.is_some() { bounds.collect() } else { vec![disc] };
+        Outline { bounds, squeeze: self.squeeze }
     }
 
     /// Angle of `point` from the normal of side 0, in `u` coordinates.
@@ -109,8 +258,56 @@ impl Aperture {
 
     /// Direction of the outward normal of side `side`, in `u` coordinates (x mirrored: see the module's head).
     fn side_angle(&self, side: f32) -> f32 {
-        let Self::Polygon { blades, rotation } = *self else { return 0.0 };
-        PI - rotation + side * TAU / blades as f32
+        PI - self.rotation + side * TAU / self.blades as f32
+    }
+}
+
+/// What a point of the shape lies on the inner side of.
+#[derive(Debug, Clone, Copy)]
+enum Bound {
+    Line { normal: Vec2, distance: f32 },
+    Circle { centre: Vec2, radius: f32 },
+}
+
+/// The outline of an aperture: all that lies within its bounds.
+#[derive(Debug, Clone)]
+pub struct Outline {
+    bounds: Vec<Bound>,
+    squeeze: f32,
+}
+
+impl Outline {
+    /// From where to where the shape scaled by `scale` reaches in row `y` from its centre. A negative scale turns it by 180°.
+    pub fn row(&self, y: f32, scale: f32) -> Option<[f32; 2]> {
+        let (turned_y, size) = (y * scale.signum(), scale.abs());
+        let [mut left, mut right] = [f32::NEG_INFINITY, f32::INFINITY];
+        for bound in &self.bounds {
+            match *bound {
+                Bound::Circle { centre, radius } => {
+                    let (centre, radius) = (size * centre, size * radius);
+                    let square = radius * radius - (turned_y - centre.y).powi(2);
+                    if square <= 0.0 {
+                        return None;
+                    }
+                    (left, right) = (left.max(centre.x - square.sqrt()), right.min(centre.x + square.sqrt()));
+                }
+                Bound::Line { normal, distance } => {
+                    // normal · (x, y) ≤ distance
+                    let room = size * distance - normal.y * turned_y;
+                    if normal.x.abs() < 1e-6 {
+                        if room < 0.0 {
+                            return None;
+                        }
+                    } else if normal.x > 0.0 {
+                        right = right.min(room / normal.x);
+                    } else {
+                        left = left.max(room / normal.x);
+                    }
+                }
+            }
+        }
+        let extent = if scale < 0.0 { [-right, -left] } else { [left, right] };
+        (left < right).then(|| extent.map(|x| x / self.squeeze))
     }
 }
 
@@ -120,9 +317,12 @@ mod tests {
     use crate::lens::views;
 
     fn shapes() -> impl Iterator<Item = Aperture> {
-        [(0, 0.0), (3, 0.0), (5, 17.0), (6, 0.0), (8, -40.0)]
-            .into_iter()
-            .map(|(n, deg)| Aperture::new(n, deg).unwrap())
+        let outlines = [(0, 0.0), (3, 0.0), (5, 17.0), (6, 0.0), (8, -40.0)];
+        outlines.into_iter().flat_map(|(blades, rotation_deg)| {
+            let straight = Aperture::new(blades, rotation_deg).unwrap();
+            let curved = straight.curved(0.6).unwrap();
+            [straight, curved, straight.squeezed(2.0).unwrap(), curved.squeezed(1.4).unwrap()]
+        })
     }
 
     #[test]
@@ -149,8 +349,8 @@ mod tests {
             let mean = samples.iter().map(|v| v.lens).sum::<Vec2>() / 1024.0;
             let square = samples.iter().map(|v| v.lens * v.lens).sum::<Vec2>() / 1024.0;
             assert!(mean.length() < 2e-3, "{shape:?}: centroid {mean}");
-            let moment = shape.second_moment();
-            assert!((square - Vec2::splat(moment)).length() < 3e-3, "{shape:?}: {square}, expected {moment}");
+            let moments = shape.second_moments();
+            assert!((square - moments).length() < 4e-3, "{shape:?}: {square}, expected {moments}");
             let outside = samples.iter().filter(|v| shape.depth_inside(v.lens, 1.0) < -1e-4).count();
             assert_eq!(outside, 0, "{shape:?}: samples outside the aperture");
         }
@@ -174,5 +374,69 @@ mod tests {
         // The corner that pointed left now points down: in the picture (y down) at (0, 1), in u at (0, −1).
         assert!(shape.depth_inside(Vec2::new(0.0, -0.99), 1.0) > 0.0, "corner downwards");
         assert!(shape.depth_inside(Vec2::new(0.0, 0.99), 1.0) < 0.0, "side upwards");
+    }
+
+    #[test]
+    fn straight_blades_have_the_moments_and_area_of_a_polygon_and_round_ones_those_of_the_disc() {
+        for blades in 3..=9 {
+            let n = blades as f32;
+            let straight = Aperture::new(blades, 30.0).unwrap();
+            assert!((straight.area() - 0.5 * n * (TAU / n).sin()).abs() < 1e-5, "{blades} blades");
+            let moment = (2.0 + (TAU / n).cos()) / 12.0;
+            assert!((straight.second_moments() - Vec2::splat(moment)).length() < 1e-4, "{blades} blades");
+            let round = straight.curved(1.0).unwrap();
+            assert!((round.area() - PI).abs() < 1e-4, "{blades} blades: {}", round.area());
+            assert!((round.second_moments() - Vec2::splat(0.25)).length() < 1e-4, "{blades} blades");
+            for point in [Vec2::new(0.3, -0.4), Vec2::new(-0.9, 0.1), Vec2::new(1.2, 0.8)] {
+                assert!((round.from_disc(point) - point).length() < 1e-4, "{blades} blades: {point}");
+                assert!((round.depth_inside(point, 1.0) - (1.0 - point.length())).abs() < 1e-4, "{point}");
+            }
+        }
+    }
+
+    #[test]
+    fn curved_blades_lie_between_the_polygon_and_the_disc_and_share_its_corners() {
+        let straight = Aperture::new(6, 10.0).unwrap();
+        let [half, most] = [0.5, 0.9].map(|curvature| straight.curved(curvature).unwrap());
+        assert!(straight.area() < half.area() && half.area() < most.area() && most.area() < PI);
+        let corner = Vec2::from_angle(straight.side_angle(0.5));
+        for shape in [straight, half, most] {
+            assert!(shape.depth_inside(corner, 1.0).abs() < 1e-5, "{shape:?}");
+        }
+    }
+
+    #[test]
+    fn a_row_of_the_outline_is_what_lies_inside() {
+        for (shape, scale) in shapes().flat_map(|shape| [(shape, 9.0), (shape, -9.0)]) {
+            let outline = shape.outline();
+            for y in [-8.2, -3.0, 0.1, 4.4, 7.9] {
+                let Some(ends) = outline.row(y, scale) else {
+                    let outside =
+                        (-40..=40).all(|x| shape.depth_inside(Vec2::new(0.4 * x as f32, y), scale) < 0.01);
+                    assert!(outside, "{shape:?}, row {y}");
+                    continue;
+                };
+                for x in ends {
+                    let depth = shape.depth_inside(Vec2::new(x, y), scale);
+                    assert!(depth.abs() < 1e-3, "{shape:?}, scale {scale}: {depth} deep at {x}, {y}");
+                }
+                let middle = Vec2::new(0.5 * (ends[0] + ends[1]), y);
+                assert!(shape.depth_inside(middle, scale) > 0.0, "{shape:?}: between the ends");
+            }
+        }
+    }
+
+    #[test]
+    fn a_squeezed_aperture_is_narrower_and_as_high() {
+        let oval = Aperture::DISC.squeezed(2.0).unwrap();
+        assert!(oval.depth_inside(Vec2::new(0.0, 0.99), 1.0) > 0.0, "as high as the disc");
+        assert!((oval.depth_inside(Vec2::new(0.5, 0.0), 1.0)).abs() < 1e-6, "half as wide");
+        assert!((oval.depth_inside(Vec2::new(0.51, 0.0), 1.0) + 0.01).abs() < 1e-3, "in its own units");
+    }
+
+    #[test]
+    fn what_no_aperture_can_be_is_refused() {
+        assert!(Aperture::DISC.curved(1.1).is_err() && Aperture::DISC.curved(f32::NAN).is_err());
+        assert!(Aperture::DISC.squeezed(0.0).is_err() && Aperture::DISC.squeezed(f32::INFINITY).is_err());
     }
 }

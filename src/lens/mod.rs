@@ -4,7 +4,7 @@
 mod aperture;
 mod views;
 
-pub use aperture::Aperture;
+pub use aperture::{Aperture, Outline};
 pub use views::{View, moved_views, views};
 
 use crate::error::Error;

@@ -71,7 +71,7 @@ fn moved(view: View, angle: f32, shift: Vec2) -> View {
 /// `count` views, all turned by `angle` and moved by `shift` within the pixel: for random `angle` and `shift` a sample of its
 /// own, as evenly spread as the table.
 pub fn moved_views(count: usize, aperture: Aperture, angle: f32, shift: Vec2) -> Vec<View> {
-    let all = views(count, Aperture::Disc).into_iter();
+    let all = views(count, Aperture::DISC).into_iter();
     all.map(|view| moved(view, angle, shift))
         .map(|v| View { lens: aperture.from_disc(v.lens), ..v })
         .collect()
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn every_count_gives_that_many_views_within_lens_and_pixel() {
         for count in [1, 2, 7, 8, 9, 64, 96, 100, 768, 1024, 1500, 4096] {
-            let samples = views(count, Aperture::Disc);
+            let samples = views(count, Aperture::DISC);
             assert_eq!(samples.len(), count, "asked for {count}");
             for view in samples {
                 assert!(view.lens.length() <= 1.0 + 1e-5, "{view:?} leaves the lens");
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn more_views_begin_with_the_same_table_only_past_the_largest() {
-        let (once, twice) = (views(1024, Aperture::Disc), views(2048, Aperture::Disc));
+        let (once, twice) = (views(1024, Aperture::DISC), views(2048, Aperture::DISC));
         assert_eq!(once, twice[..1024], "the second thousand comes after the first");
     }
 
@@ -109,7 +109,7 @@ mod tests {
         // For several CoC radii, the share of points in a half plane through the centre is one half.
         for count in [48, 64, 96, 192, 256, 768, 1024] {
             for coc in [0.0f32, 1.0, 4.0] {
-                let positive = views(count, Aperture::Disc)
+                let positive = views(count, Aperture::DISC)
                     .iter()
                     .filter(|v| (v.jitter + coc * v.lens).dot(Vec2::new(0.8, 0.6)) > 0.0)
                     .count();

@@ -43,7 +43,7 @@ impl Method for PeelRays {
             source: "Lee, Eisemann & Seidel 2010, as Schedl & Wimmer 2012 describe it",
             role: "baseline",
             summary: "lens rays marched through the peels' height fields",
-            effects: &[],
+            effects: &[EffectKind::BladeCurvature, EffectKind::Squeeze],
             steps: &["16", "64", "256"],
             deviations: &[Deviation {
                 law: Law::NoCracksAcrossCorners,

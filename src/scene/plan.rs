@@ -27,6 +27,10 @@ pub enum EffectKind {
     Prefilter,
     /// Anti-aliasing of point-sampled, in-focus pixels.
     Resolve,
+    /// Sides of the aperture that bulge.
+    BladeCurvature,
+    /// An aperture that is narrower than high.
+    Squeeze,
 }
 
 /// One decision, with its reason in words and numbers.
@@ -138,7 +142,10 @@ impl Plan {
             open_background(facts),
             of_method(prefilter(&parameters)),
             of_method(resolve(facts, &parameters)),
+            of_method(blade_curvature(facts, settings)?),
+            of_method(squeeze(facts, settings)?),
         ];
+        let does = |kind| effects.iter().any(|effect| effect.name == kind && effect.on);
         Ok(Self {
             method: abilities.method,
             method_reason,
@@ -150,7 +157,7 @@ impl Plan {
                 StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
                 StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
             },
-            aperture: Aperture::new(settings.lens.blades.value, settings.lens.rotation_deg.value)?,
+            aperture: aperture(settings, [EffectKind::BladeCurvature, EffectKind::Squeeze].map(does))?,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
             effects,
@@ -189,6 +196,39 @@ fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
 /// The larger of the two ends of the CoC range.
 fn largest_coc(facts: &Facts) -> f32 {
     facts.coc_range_px[1].abs().max(facts.coc_range_px[0].abs())
+}
+
+/// Changes of the aperture's outline by less than this show nowhere: in pixels, at the largest CoC.
+const LEAST_CHANGE_PX: f32 = 0.05;
+
+/// The aperture, with curved blades and squeezed as asked for.
+fn aperture(settings: &Settings, [curved, squeezed]: [bool; 2]) -> Result<Aperture, Error> {
+    let lens = &settings.lens;
+    let aperture = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
+    let aperture = if curved { aperture.curved(lens.blade_curvature.value)? } else { aperture };
+    if squeezed { aperture.squeezed(lens.squeeze.value) } else { Ok(aperture) }
+}
+
+fn blade_curvature(facts: &Facts, settings: &Settings) -> Result<Effect, Error> {
+    let (straight, curved) = (aperture(settings, [false, false])?, aperture(settings, [true, false])?);
+    let bulge_px = (curved.apothem() - straight.apothem()) * largest_coc(facts);
+    let (on, reason) = match (settings.lens.blades.value, settings.lens.blade_curvature.value) {
+        (0, _) => (false, "a disc has no blades".to_owned()),
+        (_, 0.0) => (false, "the blades are straight".to_owned()),
+        _ => (bulge_px > LEAST_CHANGE_PX, format!("at the largest CoC the sides bulge by {bulge_px:.2} px")),
+    };
+    Ok(effect(EffectKind::BladeCurvature, on, reason))
+}
+
+fn squeeze(facts: &Facts, settings: &Settings) -> Result<Effect, Error> {
+    let ratio = settings.lens.squeeze.value;
+    aperture(settings, [false, true])?;
+    let narrower_px = (1.0 - 1.0 / ratio) * largest_coc(facts);
+    let reason = match ratio {
+        1.0 => "the aperture is as wide as high".to_owned(),
+        _ => format!("at the largest CoC the aperture is {narrower_px:.2} px narrower on either side"),
+    };
+    Ok(effect(EffectKind::Squeeze, narrower_px > LEAST_CHANGE_PX, reason))
 }
 
 fn blur(facts: &Facts) -> Effect {

@@ -74,6 +74,9 @@ pub enum SensorDistance {
     ThinLens,
 }
 
+/// The least and the most squeeze: see [`Values::squeeze`].
+pub const SQUEEZES: [f32; 2] = [1.0, 4.0];
+
 /// How depth is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -105,6 +108,10 @@ pub struct Values {
     pub blades: Option<u32>,
     /// Rotation of the aperture in degrees, anticlockwise as seen in the picture behind focus.
     pub rotation_deg: Option<f32>,
+    /// Curvature of the aperture's blades, 0 (straight) to 1 (the circle's own).
+    pub blade_curvature: Option<f32>,
+    /// Height of the aperture over its width, as an anamorphic lens shows it.
+    pub squeeze: Option<f32>,
     /// How depth is written; `None` also when the preset says `auto`.
     pub convention: Option<DepthConvention>,
     /// Length of one depth unit in metres.
@@ -140,6 +147,10 @@ pub struct LensSettings {
     pub blades: Sourced<u32>,
     /// See [`Values::rotation_deg`].
     pub rotation_deg: Sourced<f32>,
+    /// See [`Values::blade_curvature`].
+    pub blade_curvature: Sourced<f32>,
+    /// See [`Values::squeeze`].
+    pub squeeze: Sourced<f32>,
     /// See [`Values::metres_per_unit`].
     pub metres_per_unit: Sourced<f32>,
     /// See [`Values::near_clip`].
@@ -198,6 +209,8 @@ impl Settings {
                 sensor_distance: pick(layers, SensorDistance::FocalLength, |v| v.sensor_distance),
                 blades: pick(layers, 0, |v| v.blades),
                 rotation_deg: pick(layers, 0.0, |v| v.rotation_deg),
+                blade_curvature: pick(layers, 0.0, |v| v.blade_curvature),
+                squeeze: pick(layers, 1.0, |v| v.squeeze),
                 metres_per_unit: pick(layers, 1.0, |v| v.metres_per_unit),
                 near_clip: pick(layers, 0.0, |v| v.near_clip),
                 near: pick(layers, 0.0, |v| v.near),

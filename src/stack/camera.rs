@@ -47,6 +47,8 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
         ),
         blades: from.whole("thinlens.blades").map(|blades| blades as u32),
         rotation_deg: from.number("thinlens.rotation_deg", Range::Any),
+        blade_curvature: from.number("thinlens.blade_curvature", Range::NotNegative),
+        squeeze: from.number("thinlens.squeeze", Range::Positive),
         convention: from.word(
             "thinlens.depth_convention",
             &[

@@ -22,7 +22,7 @@ use super::{LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, views};
-use crate::scene::{Layer, Plan, Scene};
+use crate::scene::{EffectKind, Layer, Plan, Scene};
 use crate::settings::MethodParameters;
 
 /// The reference.
@@ -36,7 +36,7 @@ impl Method for Accumulate {
             source: "Haeberli & Akeley 1990; Cook, Porter & Carpenter 1984",
             role: "reference",
             summary: "lens rays against the stack, one by one, no shortcut",
-            effects: &[],
+            effects: &[EffectKind::BladeCurvature, EffectKind::Squeeze],
             steps: &["16", "64", "256"],
             deviations: &[],
         }

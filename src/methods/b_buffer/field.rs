@@ -19,7 +19,7 @@ pub(super) struct Field {
     pub top: usize,
     /// Least distance from focus, as CoC radius in pixels.
     pub in_focus_px: f32,
-    /// Variance of the aperture in squared CoC radii.
+    /// Variance of the aperture in squared CoC radii, the mean of both axes.
     pub second_moment: f32,
 }
 
@@ -30,7 +30,7 @@ fn level_variance(n: usize) -> f32 {
 
 impl Field {
     pub(super) fn new(side: Side, plan: &Plan, frame: (usize, usize)) -> Self {
-        let second_moment = plan.aperture.second_moment();
+        let second_moment = plan.aperture.second_moments().element_sum() * 0.5;
         let [nearest, farthest] = plan.coc_range_px;
         let largest = match side {
             Side::Near => nearest.min(0.0),

@@ -24,7 +24,7 @@ pub(super) fn quadrature(radius_px: f32, count: usize) -> Vec<(IVec2, f32)> {
         // The radius of a disc as large as the pixels visited so far.
         let core = (samples.len() as f32 / PI).sqrt();
         let rest = count.saturating_sub(samples.len());
-        for view in views(rest, Aperture::Disc) {
+        for view in views(rest, Aperture::DISC) {
             // The square of a uniform disc's radius is uniform, and so is the radius here: density falls as 1/r.
             let radius = core + (outer - core) * view.lens.length_squared();
             let offset = (view.lens.normalize_or_zero() * radius).round().as_ivec2();

@@ -149,7 +149,7 @@ mod tests {
 
     /// Weight of a pixel with CoC radius `coc`, `distance` pixels away, for one with `own`, with a disc for an aperture.
     fn weight(own: f32, coc: f32, distance: f32) -> f32 {
-        let areas = DiscAreas::new(Aperture::Disc);
+        let areas = DiscAreas::new(Aperture::DISC);
         let sample =
             Sample { offset: IVec2::ZERO, area_px: 1.0, reads_box: 0, far_px: distance, near_px: distance };
         let mut weights = [0.0];
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn what_is_blurred_before_a_sharp_pixel_spreads_its_light_evenly_over_it() {
-        let area = DiscAreas::new(Aperture::Disc).area(20.0);
+        let area = DiscAreas::new(Aperture::DISC).area(20.0);
         assert_eq!([weight(0.0, -20.0, 3.0), weight(0.0, -20.0, 19.0)], [1.0 / area; 2]);
     }
 

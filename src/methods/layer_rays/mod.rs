@@ -56,7 +56,7 @@ impl Method for LayerRays {
             source: "Lee, Eisemann & Seidel 2009",
             role: "paper",
             summary: "lens rays against depth layers, by false position, thickened to cones",
-            effects: &[],
+            effects: &[EffectKind::BladeCurvature],
             steps: &["8", "32", "128"],
             deviations: &[
                 Deviation {

@@ -29,7 +29,7 @@ pub(super) struct Samples {
 impl Samples {
     /// Sets of `count` samples of `aperture`: several where they are to differ from pixel to pixel.
     pub(super) fn new(count: usize, aperture: Aperture, jitter: bool) -> Self {
-        let disc = views(count, Aperture::Disc);
+        let disc = views(count, Aperture::DISC);
         let set = |moved: fn(Vec2) -> Vec2| {
             let view =
                 |view: &View| View { lens: aperture.from_disc(moved(view.lens)), jitter: moved(view.jitter) };
@@ -62,8 +62,8 @@ mod tests {
 
     #[test]
     fn every_pixel_has_a_mirror_image_or_quarter_turn_of_the_same_samples() {
-        let base = views(32, Aperture::Disc);
-        let disc = Samples::new(32, Aperture::Disc, true);
+        let base = views(32, Aperture::DISC);
+        let disc = Samples::new(32, Aperture::DISC, true);
         for (x, y) in [(0, 0), (1, 0), (0, 1), (4095, 2047)] {
             let found = disc.of(x, y);
             let is_it = |moved: &fn(Vec2) -> Vec2| {
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn neighbours_differ_unless_jitter_is_off() {
         let sets = |jitter| {
-            let samples = Samples::new(16, Aperture::Disc, jitter);
+            let samples = Samples::new(16, Aperture::DISC, jitter);
             let mut firsts: Vec<_> =
                 (0..100).map(|x| samples.of(x, 9)[0].lens.to_array().map(f32::to_bits)).collect();
             firsts.sort_unstable();

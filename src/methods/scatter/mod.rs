@@ -203,7 +203,7 @@ mod tests {
     fn scattered(values: &[f32], coc: &[f32], saturation: f64) -> Vec<f64> {
         let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
         let mut row = Row::new(values.len(), 1);
-        let bins = bins::sort(&plane(coc), Aperture::Disc);
+        let bins = bins::sort(&plane(coc), Aperture::DISC);
         DrawRow { row: &mut row, bins: &bins, content: &[plane(values)], y: 0, saturation }.call();
         row.content[0].iter().zip(&row.coverage).map(|(sum, coverage)| sum / coverage).collect()
     }
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_near_sprite_takes_its_share_of_a_sharp_pixel_and_leaves_the_rest() {
-        let intensity = sprite::Sprite::new(Aperture::Disc, -2.0, (3, 1)).intensity;
+        let intensity = sprite::Sprite::new(Aperture::DISC, -2.0, (3, 1)).intensity;
         // The middle pixel lies wholly inside the discs of both its neighbours.
         let share = 2.0 * intensity * sprite::WHOLE;
         let result = scattered(&[1.0, 0.0, 1.0], &[-2.0, 0.0, -2.0], 1.0)[1];

@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn a_disc_within_a_pixel_is_that_pixel() {
         for coc in [0.0, 0.49, -0.49] {
-            let sprite = Sprite::new(Aperture::Disc, coc, (9, 9));
+            let sprite = Sprite::new(Aperture::DISC, coc, (9, 9));
             let covered: Vec<_> = drawn(&sprite, 3).filter(|(_, coverage)| *coverage > 0.0).collect();
             assert_eq!(covered.len(), 1, "{coc} px covers {covered:?}");
             assert_eq!(covered[0].1 * sprite.intensity, 1.0, "all of it");
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_disc_larger_than_the_picture_costs_no_more_than_the_picture() {
-        let sprite = Sprite::new(Aperture::Disc, 30_000.0, (64, 48));
+        let sprite = Sprite::new(Aperture::DISC, 30_000.0, (64, 48));
         assert!(sprite.steps.len() <= 2 * (2 * 48 + 1), "{} steps", sprite.steps.len());
         let area = std::f64::consts::PI * 9e8 * WHOLE;
         assert!((sprite.intensity * area - 1.0).abs() < 1e-6, "its energy is that of the whole disc");

@@ -9,7 +9,7 @@
 use super::bins::Bins;
 use super::runs::{Run, Runs};
 use crate::image::Image;
-use crate::lens::Aperture;
+use crate::lens::{Aperture, Outline};
 use crate::scene::{Layer, Plan};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -140,8 +140,7 @@ pub(super) fn draw(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh, o
 #[derive(Debug)]
 pub(super) struct Bokeh {
     aperture: Aperture,
-    /// Outward normals of the aperture's sides; none for a disc.
-    normals: Vec<Vec2>,
+    outline: Outline,
     /// Width of the fragment, see [`Plan::fragment_px`].
     fragment_px: f32,
     /// Rows across the softening of an edge: their offsets, and the share of it that each stands for.
@@ -156,7 +155,7 @@ impl Bokeh {
             let top = i as f32 * height - 0.5 * (1.0 + fragment_px);
             (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
         });
-        Self { aperture, normals: aperture.side_normals(), fragment_px, edge_rows }
+        Self { aperture, outline: aperture.outline(), fragment_px, edge_rows }
     }
 
     /// Radius within which the shape of radius `coc_px` and its edge lie.
@@ -174,38 +173,12 @@ impl Bokeh {
         }
         // Exact along x, row by row along y.
         let row = |&(shift, share): &(f32, f32)| {
-            self.extent(offset.y + shift, coc_px).map_or(0.0, |[left, right]| {
+            self.outline.row(offset.y + shift, coc_px).map_or(0.0, |[left, right]| {
                 let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
                 share * (step(right) - step(left))
             })
         };
         self.edge_rows.iter().map(row).sum()
-    }
-
-    /// From where to where the shape of radius `coc_px` reaches in row `y` from its centre.
-    fn extent(&self, y: f32, coc_px: f32) -> Option<[f32; 2]> {
-        let radius = coc_px.abs();
-        if self.normals.is_empty() {
-            let square = radius * radius - y * y;
-            return (square > 0.0).then(|| [-square.sqrt(), square.sqrt()]);
-        }
-        let (turned_y, apothem) = (y * coc_px.signum(), radius * self.aperture.apothem());
-        let [mut left, mut right] = [-radius, radius];
-        for normal in &self.normals {
-            // normal · (x, y) ≤ apothem
-            let room = apothem - normal.y * turned_y;
-            if normal.x.abs() < 1e-6 {
-                if room < 0.0 {
-                    return None;
-                }
-            } else if normal.x > 0.0 {
-                right = right.min(room / normal.x);
-            } else {
-                left = left.max(room / normal.x);
-            }
-        }
-        let extent = if coc_px < 0.0 { [-right, -left] } else { [left, right] };
-        (left < right).then_some(extent)
     }
 }
 
@@ -372,7 +345,11 @@ mod tests {
 
     #[test]
     fn a_disc_holds_its_energy_at_every_radius_shape_and_softness() {
-        for aperture in [Aperture::Disc, Aperture::new(5, 10.0).unwrap(), Aperture::new(6, 0.0).unwrap()] {
+        let blades = |n, turn| Aperture::new(n, turn).unwrap();
+        let curved = blades(6, 0.0).curved(0.7).unwrap();
+        for aperture in
+            [Aperture::DISC, blades(5, 10.0), blades(6, 0.0), curved, curved.squeezed(2.0).unwrap()]
+        {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
                     let sum = energy(&drawn(coc, size, aperture, |_| 0.0));
@@ -387,8 +364,8 @@ mod tests {
     fn a_wall_before_the_right_half_of_the_view_hides_half_of_the_disc() {
         // A wall from column 32 on, its edge at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10 / 20: it
         // meets the edge from p = (31.5 + 16) / 1.5 = 31 ⅔ on, which leaves column 32 a sixth of its width.
-        let free = drawn(20.0, 1.0, Aperture::Disc, |_| 0.0);
-        let hidden = drawn(20.0, 1.0, Aperture::Disc, |x| f32::from(u8::from(x >= 32)));
+        let free = drawn(20.0, 1.0, Aperture::DISC, |_| 0.0);
+        let hidden = drawn(20.0, 1.0, Aperture::DISC, |x| f32::from(u8::from(x >= 32)));
         for x in 0..SIZE {
             let share = [1.0, 1.0 / 6.0, 0.0][(x + 1).saturating_sub(32).min(2)];
             let off = (hidden.pixel(x, 32)[0] - share * free.pixel(x, 32)[0]).abs();
@@ -399,13 +376,13 @@ mod tests {
     #[test]
     fn a_veil_dims_the_disc_by_its_coverage() {
         let (free, veiled) =
-            (drawn(12.0, 0.0, Aperture::Disc, |_| 0.0), drawn(12.0, 0.0, Aperture::Disc, |_| 0.25));
+            (drawn(12.0, 0.0, Aperture::DISC, |_| 0.0), drawn(12.0, 0.0, Aperture::DISC, |_| 0.25));
         assert!((energy(&veiled) / energy(&free) - 0.75).abs() < 1e-4, "three quarters pass");
     }
 
     #[test]
     fn a_highlight_before_the_wall_is_not_hidden_by_it() {
-        let sum = energy(&drawn(-14.0, 1.0, Aperture::Disc, |_| 1.0));
+        let sum = energy(&drawn(-14.0, 1.0, Aperture::DISC, |_| 1.0));
         assert!((sum - 1.0).abs() < 1e-2, "all of it: {sum}");
     }
 

@@ -56,6 +56,8 @@ impl Method for Shear {
                 EffectKind::Fill,
                 EffectKind::Prefilter,
                 EffectKind::Resolve,
+                EffectKind::BladeCurvature,
+                EffectKind::Squeeze,
             ],
             steps: &["16", "64", "256"],
             deviations: &[Deviation {

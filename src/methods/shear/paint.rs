@@ -508,7 +508,7 @@ mod tests {
         let bins = Bins::new([-12.0, 2.0], 0.5);
         let runs = runs::find(&layers, &bins);
         let shears: Vec<Shear> =
-            views(64, Aperture::Disc).iter().map(|view| Shear::new(view, &bins)).collect();
+            views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(&Canvas { layers: &layers, runs: &runs, bins: &bins }, &shears)
     }
 

@@ -169,6 +169,12 @@ impl<'a> Entry<'a> {
         self.number_where("a number, 0 or more", |x| x >= 0.0 && x.is_finite())
     }
 
+    /// A number from the first to the second of `ends`.
+    pub(super) fn within(&self, [least, most]: [f32; 2], meaning: &str) -> Result<f32, Error> {
+        let wanted = format!("a number from {least} to {most}: {meaning}");
+        self.number_where(&wanted, |x| (least..=most).contains(&x))
+    }
+
     pub(super) fn finite(&self) -> Result<f32, Error> {
         self.number_where("a number", f32::is_finite)
     }

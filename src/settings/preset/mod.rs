@@ -30,11 +30,12 @@ pub struct BuiltIn {
 }
 
 /// Every preset that ships inside the program.
-pub static BUILT_IN: [BuiltIn; 6] = [
+pub static BUILT_IN: [BuiltIn; 7] = [
     BuiltIn { name: "portrait", text: include_str!("../../../presets/portrait.toml") },
     BuiltIn { name: "landscape", text: include_str!("../../../presets/landscape.toml") },
     BuiltIn { name: "macro", text: include_str!("../../../presets/macro.toml") },
     BuiltIn { name: "cine", text: include_str!("../../../presets/cine.toml") },
+    BuiltIn { name: "anamorphic", text: include_str!("../../../presets/anamorphic.toml") },
     BuiltIn { name: "phone-like", text: include_str!("../../../presets/phone-like.toml") },
     BuiltIn { name: "pinhole", text: include_str!("../../../presets/pinhole.toml") },
 ];
@@ -138,6 +139,8 @@ mod tests {
             [aperture]
             blades = 6
             rotation_deg = -15.5
+            blade_curvature = 0.5
+            squeeze = 1.33
             [depth]
             convention = 'ray'
             metres_per_unit = 0.01
@@ -156,6 +159,8 @@ mod tests {
             sensor_distance: Some(SensorDistance::ThinLens),
             blades: Some(6),
             rotation_deg: Some(-15.5),
+            blade_curvature: Some(0.5),
+            squeeze: Some(1.33),
             convention: Some(DepthConvention::Ray),
             metres_per_unit: Some(0.01),
             near_clip: Some(0.1),
@@ -208,7 +213,10 @@ mod tests {
     #[test]
     fn an_unknown_key_near_to_none_lists_the_keys_of_its_table() {
         let message = message("[aperture]\nvignette = 1");
-        assert!(message.contains("the keys of [aperture] are blades, rotation_deg"), "{message}");
+        assert!(
+            message.contains("the keys of [aperture] are blades, rotation_deg, blade_curvature, squeeze"),
+            "{message}"
+        );
     }
 
     #[test]
@@ -240,6 +248,8 @@ mod tests {
             ("[lens]\nsensor_distance = 'far'", "must be one of focal_length, thin_lens"),
             ("[aperture]\nblades = 2", "must be a whole number, 0 for a disc or at least 3"),
             ("[aperture]\nblades = 5.5", "must be a whole number"),
+            ("[aperture]\nblade_curvature = 2", "must be a number from 0 to 1"),
+            ("[aperture]\nsqueeze = 0.5", "must be a number from 1 to 4: height over width"),
             ("[method]\nviews = 0", "must be a whole number, 1 or more"),
             ("[method.shear]\nfill = 1", "must be true or false"),
             ("[method.shear]\nprefilter = -1", "must be a number from 0 to 16 (the default is 1.4)"),

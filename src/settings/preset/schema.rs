@@ -1,7 +1,9 @@
 //! What a preset may hold: [`SCHEMA`] is the one list of keys, how each is checked and where it goes. The `[method.NAME]` tables
 //! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
-use super::super::{DepthConvention, Effort, Focus, MethodParameters, Quality, SensorDistance, Values};
+use super::super::{
+    DepthConvention, Effort, Focus, MethodParameters, Quality, SQUEEZES, SensorDistance, Values,
+};
 use super::entry::Entry;
 use crate::error::Error;
 use serde_json::Value as Json;
@@ -14,7 +16,7 @@ pub(super) struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables.
-pub(super) static SCHEMA: [Key; 19] = {
+pub(super) static SCHEMA: [Key; 21] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -33,6 +35,12 @@ pub(super) static SCHEMA: [Key; 19] = {
         }),
         key("aperture", "blades", |v, e| e.blades().map(|x| v.blades = Some(x))),
         key("aperture", "rotation_deg", |v, e| e.finite().map(|x| v.rotation_deg = Some(x))),
+        key("aperture", "blade_curvature", |v, e| {
+            e.within([0.0, 1.0], "straight is 0, round is 1").map(|x| v.blade_curvature = Some(x))
+        }),
+        key("aperture", "squeeze", |v, e| {
+            e.within(SQUEEZES, "height over width").map(|x| v.squeeze = Some(x))
+        }),
         key("depth", "convention", |v, e| e.one_of(&CONVENTIONS).map(|x| v.convention = x)),
         key("depth", "metres_per_unit", |v, e| e.positive().map(|x| v.metres_per_unit = Some(x))),
         key("depth", "near_clip", |v, e| e.not_negative().map(|x| v.near_clip = Some(x))),
