@@ -8,7 +8,7 @@ use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::Image;
-use crate::lens::{LensSpec, ThinLens};
+use crate::lens::{LensSpec, SHARP_COC_PX, Sharpness, ThinLens};
 use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
@@ -58,6 +58,8 @@ pub struct Prepared {
     pub settings: Settings,
     /// The lens in picture pixels.
     pub lens: ThinLens,
+    /// Between which depths it is sharp.
+    pub sharpness: Sharpness,
     /// The stack in CoC space.
     pub scene: Scene,
     /// What the scene shows.
@@ -110,9 +112,10 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
-    let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
+    let (lens, sharpness) = clock.time(Stage::Plan, || lens(&stack, &settings))?;
+    let (scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens))?;
     let verify = job.verify;
-    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, verify, clock })
+    Ok(Prepared { stack, summary, settings, lens, sharpness, scene, facts, plan, device, verify, clock })
 }
 
 impl Prepared {
@@ -122,7 +125,9 @@ impl Prepared {
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { mut stack, summary, settings, lens, scene, facts, plan, device, verify, mut clock } = self;
+        let Self {
+            mut stack, summary, settings, lens, scene, facts, plan, device, verify, mut clock, ..
+        } = self;
         let calibration = calibration(&plan, &mut stack)?;
         let kept = verify.map(|probes| (scene.clone(), probes));
         let (image, outcome) = clock.time(Stage::Blur, || match plan.goal {
@@ -189,13 +194,19 @@ impl Rendered {
     }
 }
 
-/// From stack to plan; the stack's peels move into the scene.
-fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
+/// The lens that `settings` put on `stack`, and between which depths it is sharp.
+fn lens(stack: &Stack, settings: &Settings) -> Result<(ThinLens, Sharpness), Error> {
     let scale = depth_scale(stack, settings)?;
     let focus_distance = focus_distance(stack, &scale, settings.lens.focus.value)?;
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
-    let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
-    let scene = Scene::from_stack(stack, &lens, &scale);
+    let spec = lens_spec(settings, focus_distance);
+    let lens = ThinLens::new(&spec, picture_width)?;
+    Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))
+}
+
+/// From stack to plan; the stack's peels move into the scene.
+fn decide(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<(Scene, Facts, Plan), Error> {
+    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
     if scene.limited_fragments > 0 {
         let (width, height) = scene.picture_size();
         let limit = scene::coc_limit_px(width, height);
@@ -209,7 +220,7 @@ fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Fa
     }
     let facts = scene.facts();
     let plan = methods::plan(&facts, settings)?;
-    Ok((lens, scene, facts, plan))
+    Ok((scene, facts, plan))
 }
 
 /// How fast this machine is, if `plan` needs to know: measured at the first time, outside of any stage.

@@ -226,6 +226,27 @@ fn inspect_shows_what_a_render_would_do() {
     assert_eq!(json["stack"]["convention"], "planar");
 }
 
+#[test]
+fn inspect_says_what_is_sharp_and_paints_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6", "--json"];
+        run(folder.path(), &[&lens, more].concat())
+    };
+    let output = inspect(&["--overlay", "focus.png"]);
+    assert!(stderr(&output).contains("wrote focus.png"), "{}", stderr(&output));
+    let picture = image::open(folder.path().join("focus.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (320, 180));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let [near, far] = ["near_limit", "far_limit"].map(|limit| json["sharpness"][limit].as_f64().unwrap());
+    assert!(near < 6.0 && 6.0 < far, "{near} … {far}");
+    let shares = ["in_front", "in_focus", "behind", "empty"].map(|zone| json["focus_shares"][zone].as_f64());
+    assert!((shares.into_iter().flatten().sum::<f64>() - 1.0).abs() < 1e-9, "{shares:?}");
+    let refused = inspect(&["--overlay", "focus.exr"]);
+    assert!(stderr(&refused).contains("PNG only"), "{}", stderr(&refused));
+    assert_eq!(names(folder.path()), ["focus.png"]);
+}
+
 /// Runs `plan` on the sample stack, with its calibration kept in `cache`.
 fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
     let stack = ["plan", STACK, "--preset", "portrait", "--focus", "6"];
