@@ -247,6 +247,21 @@ fn inspect_says_what_is_sharp_and_paints_it() {
     assert_eq!(names(folder.path()), ["focus.png"]);
 }
 
+#[test]
+fn inspect_says_how_many_peels_the_lens_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6"];
+        stdout(&run(folder.path(), &[&lens, more].concat()))
+    };
+    let text = inspect(&[]);
+    assert!(text.contains("peels needed     3 of 4") && text.contains("export 3"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
+    let psnr_db: Vec<f64> = (0..2).filter_map(|k| json["peels_seen"]["psnr_db"][k].as_f64()).collect();
+    assert!(psnr_db[0] < psnr_db[1] && psnr_db[1] < 50.0, "{json}");
+    assert!(!inspect(&["--f-number", "inf"]).contains("peels needed"), "a pinhole sees the first alone");
+}
+
 /// Runs `plan` on the sample stack, with its calibration kept in `cache`.
 fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
     let stack = ["plan", STACK, "--preset", "portrait", "--focus", "6"];

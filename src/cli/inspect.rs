@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use thinlens::lens::{Sharpness, ThinLens};
 use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
+use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Prepared, prepare};
 use thinlens::scene::{Facts, FocusShares, Plan};
 use thinlens::settings::{Focus, LensSettings, Sourced};
@@ -43,6 +44,7 @@ pub(super) struct InspectArgs {
 struct Inspected {
     prepared: Prepared,
     focus: FocusShares,
+    peels: Option<PeelsSeen>,
 }
 
 pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> {
@@ -56,7 +58,9 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> 
         focus_map::write(path, &prepared.scene, &coc_px)?;
         console.wrote(path);
     }
-    let inspected = Inspected { focus: FocusShares::of(&coc_px), prepared };
+    let focus = FocusShares::of(&coc_px);
+    let peels = peels_seen(&prepared.scene, &prepared.plan);
+    let inspected = Inspected { prepared, focus, peels };
     if args.json {
         print_json(&to_json(&inspected))?;
     } else {
@@ -66,7 +70,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> 
     Ok(())
 }
 
-fn to_json(Inspected { prepared, focus }: &Inspected) -> serde_json::Value {
+fn to_json(Inspected { prepared, focus, peels }: &Inspected) -> serde_json::Value {
     let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let carried: Vec<_> = stack.carried.channels.iter().map(|channel| &channel.name).collect();
     json!({
@@ -79,6 +83,7 @@ fn to_json(Inspected { prepared, focus }: &Inspected) -> serde_json::Value {
         "lens": LensReport::new(settings, lens),
         "sharpness": sharpness,
         "focus_shares": focus,
+        "peels_seen": peels,
         "facts": facts,
         "depth_range": depth_range(facts, lens),
         "plan": plan,
@@ -90,13 +95,16 @@ fn window_json(Window { x, y, width, height }: Window) -> serde_json::Value {
     json!({ "x": x, "y": y, "width": width, "height": height })
 }
 
-fn to_text(Inspected { prepared, focus }: &Inspected) -> Result<String, fmt::Error> {
+fn to_text(Inspected { prepared, focus, peels }: &Inspected) -> Result<String, fmt::Error> {
     let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let mut text = String::new();
     write_stack(&mut text, stack, summary)?;
     write_lens(&mut text, &settings.lens, lens)?;
     write_focus(&mut text, sharpness, focus)?;
     write_ranges(&mut text, facts, lens)?;
+    if let Some(peels) = peels {
+        write_peels(&mut text, peels)?;
+    }
     write_plan(&mut text, plan)?;
     line(&mut text, "device", &device.name)?;
     Ok(text)
@@ -185,6 +193,28 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
     let [near, far] = facts.coc_range_px;
     line(text, "depth", format_args!("{nearest} … {farthest}"))?;
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
+}
+
+/// How many peels the lens sees, and what to export.
+fn write_peels(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
+    let PeelsSeen { layers, needed, psnr_db, lost_rays, .. } = peels;
+    let differences = psnr_db.iter().enumerate().map(|(k, db)| {
+        let picture = if k == 0 { " the picture is" } else { "" };
+        let db = db.map_or("not seen to differ".to_owned(), |db| format!("{db:.1} dB"));
+        format!("with {}{picture} {db}", k + 1)
+    });
+    let differences = differences.collect::<Vec<_>>().join(", ");
+    writeln!(text, "peels")?;
+    line(text, "peels needed", format_args!("{needed} of {layers}: against all of them, {differences}"))?;
+    let lost = 100.0 * lost_rays;
+    let advice = if peels.wants_more() {
+        format!("export more peels: {lost:.1} % of lens rays pass the last one and find nothing")
+    } else if needed < layers {
+        format!("export {needed}: the rest is not missed (from {PEELS_ENOUGH_DB} dB on)")
+    } else {
+        format!("export all {layers}: {lost:.2} % of lens rays pass the last one and find nothing")
+    };
+    line(text, "advice", advice)
 }
 
 /// What will be simulated and what not, and why.
