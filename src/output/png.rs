@@ -81,6 +81,16 @@ pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
 }
 
+/// Writes `plane`, 0 … 1, as a grey mask: 8 bits a value in proportion to it, not sRGB.
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
+    let (width, height) = (plane.width(), plane.height());
+    let bytes = plane.values().iter().copied().map(to_8_bit).collect();
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::L8, bytes })
+}
+
 /// Writes `picture` as it is.
 ///
 /// # Errors

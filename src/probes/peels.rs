@@ -196,6 +196,18 @@ mod tests {
     }
 
     #[test]
+    fn rays_into_an_open_background_are_not_lost() {
+        // They pass a near object, behind which the stack has fewer fragments than layers: there was nothing more.
+        let first: Column = |x| match x {
+            ..48 => Some((0.2, -8.0)),
+            80.. => Some((0.5, 0.0)),
+            _ => None,
+        };
+        let seen = peels_seen(&[first, |x| (x >= 80).then_some((0.5, 4.0))]).unwrap();
+        assert_eq!(seen.lost_rays, 0.0, "{seen:?}");
+    }
+
+    #[test]
     fn one_layer_or_no_blur_is_not_asked() {
         assert_eq!(peels_seen(&[NEAR_HALF]), None);
         assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), BEHIND_THE_WALL]).map(|seen| seen.needed), Some(1));
