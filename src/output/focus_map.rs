@@ -6,7 +6,7 @@
 //! *Lines* are drawn on surfaces, not along their edges. On a plane in space CoC is affine over the picture, because `1/z` is; so two
 //! pixels are of one surface where the step between them is small, or like the step on either side.
 //!
-//! Cost: a look at four neighbours of each pixel. Memory: the picture, twice. Limits: lines are as wide as pixels, however many there are.
+//! Cost: a look at the neighbours of each pixel. Memory: the picture, once. Limits: lines are as wide as pixels, however many there are.
 
 use super::data_uri::Rgb8;
 use super::png;
@@ -105,14 +105,25 @@ fn level(coc_px: f32) -> i32 {
     if doublings >= 0.0 { doublings as i32 + 1 } else { 0 }
 }
 
-/// The line through pixel `x, y`. The plane of focus has one on either side of it.
+/// The line through pixel `x, y`. That of the plane of focus is two pixels wide on either side.
 fn line(coc_px: &Plane, x: usize, y: usize) -> Option<Line> {
     let [left, right, above, below] = steps(coc_px, x, y);
-    if [left, right, above, below].into_iter().any(|step| step.joined() && step.crosses_focus()) {
+    let beside = |step: Step, x: usize, y: usize| step.joined() && meets_focus(coc_px, x, y);
+    let near_focus = meets_focus(coc_px, x, y)
+        || beside(left, x.wrapping_sub(1), y)
+        || beside(right, x + 1, y)
+        || beside(above, x, y.wrapping_sub(1))
+        || beside(below, x, y + 1);
+    if near_focus {
         return Some(Line::Focus);
     }
     let crosses = [right, below].into_iter().any(|step| step.joined() && step.crosses_contour());
     crosses.then_some(Line::Contour)
+}
+
+/// Whether the plane of focus passes between pixel `x, y` and a neighbour on the same surface.
+fn meets_focus(coc_px: &Plane, x: usize, y: usize) -> bool {
+    steps(coc_px, x, y).into_iter().any(|step| step.joined() && step.crosses_focus())
 }
 
 /// The CoC radii of a pixel's neighbour on the one side, the pixel, its neighbour on the other, and the one after that.
@@ -153,6 +164,8 @@ impl Step {
 mod tests {
     use super::*;
 
+    const FOCUS: Option<Line> = Some(Line::Focus);
+
     /// The lines along a row of pixels of these CoC radii.
     fn lines<const W: usize>(coc_px: [f32; W]) -> [Option<Line>; W] {
         let plane = Plane::from_fn(W, 1, |x, _| coc_px[x]);
@@ -161,8 +174,8 @@ mod tests {
 
     #[test]
     fn the_plane_of_focus_is_a_line_where_a_surface_passes_through_it() {
-        let found = lines([-0.75, -0.25, 0.25, 0.75]);
-        assert_eq!(found, [None, Some(Line::Focus), Some(Line::Focus), None]);
+        let found = lines([-0.95, -0.75, -0.25, 0.25, 0.75, 0.95]);
+        assert_eq!(found, [None, FOCUS, FOCUS, FOCUS, FOCUS, None], "two pixels on either side");
     }
 
     #[test]
