@@ -24,6 +24,7 @@ pub mod gpu;
 pub mod output;
 pub mod metrics;
 pub mod probes;
+pub mod confidence;
 pub mod cost;
 pub mod dial;
 pub mod render;

@@ -3,12 +3,13 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] carries the plan
 //! out. Writing is the caller's: this module touches no output file and prints nothing.
 
+use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
 use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice};
-use crate::image::Image;
-use crate::lens::{LensSpec, ThinLens};
+use crate::image::{Image, Plane};
+use crate::lens::{LensSpec, SHARP_COC_PX, Sharpness, ThinLens};
 use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
@@ -45,6 +46,8 @@ pub struct Job {
     pub device: DeviceChoice,
     /// How many pixels of the picture to compare with the stack's truth, if any.
     pub verify: Option<usize>,
+    /// Whether to say how much of each pixel the stack knows.
+    pub confidence: bool,
 }
 
 /// A job up to its plan.
@@ -58,6 +61,8 @@ pub struct Prepared {
     pub settings: Settings,
     /// The lens in picture pixels.
     pub lens: ThinLens,
+    /// Between which depths it is sharp.
+    pub sharpness: Sharpness,
     /// The stack in CoC space.
     pub scene: Scene,
     /// What the scene shows.
@@ -68,6 +73,8 @@ pub struct Prepared {
     pub device: Device,
     /// How many pixels of the picture to compare with the stack's truth, if any.
     pub verify: Option<usize>,
+    /// Whether to say how much of each pixel the stack knows.
+    pub confidence: bool,
     /// What it has cost.
     pub clock: StageClock,
 }
@@ -95,6 +102,8 @@ pub struct Rendered {
     pub outcome: Option<Outcome>,
     /// The sampling error, if it was to be verified.
     pub probe: Option<Verdict>,
+    /// The share of each pixel's light that comes from what the stack knows, if that was asked for.
+    pub confidence: Option<Plane>,
     /// What it has cost; writing goes on its account too.
     pub clock: StageClock,
 }
@@ -110,44 +119,82 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
-    let (lens, scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings))?;
-    let verify = job.verify;
-    Ok(Prepared { stack, summary, settings, lens, scene, facts, plan, device, verify, clock })
+    let (lens, sharpness) = clock.time(Stage::Plan, || lens(&stack, &settings))?;
+    let (scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens))?;
+    if job.confidence {
+        confidence::check(&plan)?;
+    }
+    let (verify, confidence) = (job.verify, job.confidence);
+    Ok(Prepared {
+        stack,
+        summary,
+        settings,
+        lens,
+        sharpness,
+        scene,
+        facts,
+        plan,
+        device,
+        verify,
+        confidence,
+        clock,
+    })
 }
 
 impl Prepared {
-    /// Carries out the plan, and compares the picture with the stack's truth if that was asked for: the scene is then kept
-    /// in memory twice.
+    /// Carries out the plan, and if that was asked for compares the picture with the stack's truth and says how much of it the
+    /// stack knows: the scene is then kept in memory twice.
     ///
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { mut stack, summary, settings, lens, scene, facts, plan, device, verify, mut clock } = self;
+        let Self { mut stack, summary, settings, lens, scene, facts, plan, device, mut clock, .. } = self;
         let calibration = calibration(&plan, &mut stack)?;
-        let kept = verify.map(|probes| (scene.clone(), probes));
-        let (image, outcome) = clock.time(Stage::Blur, || match plan.goal {
-            Some(goal) if plan.does(EffectKind::Blur) => {
-                let found = match goal {
-                    Goal::TargetDb { psnr_db, most_views } => {
-                        dial::reach(scene, &plan, (psnr_db, most_views), progress)
-                    }
-                    Goal::TimeBudget { seconds } => {
-                        dial::fit(scene, (&facts, &plan), seconds, &calibration, progress)
-                    }
-                };
-                found.map(|(image, outcome)| (image, Some(outcome)))
-            }
-            _ => methods::render(scene, &plan, progress).map(|image| (image, None)),
-        })?;
+        let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
+        let (image, outcome) =
+            clock.time(Stage::Blur, || paint(scene, (&facts, &plan), &calibration, progress))?;
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
         let plan = Plan { views, ..plan };
-        let probe = kept.map(|(scene, probes)| {
-            clock.time(Stage::Verify, || probes::verify(&image, &scene, &plan, probes, probes::SEED))
+        let probe = kept.as_ref().zip(self.verify).map(|(scene, probes)| {
+            clock.time(Stage::Verify, || probes::verify(&image, scene, &plan, probes, probes::SEED))
         });
+        let known = kept
+            .filter(|_| self.confidence)
+            .map(|scene| clock.time(Stage::Confidence, || confidence::confidence(scene, &plan, progress)));
         let frame = picture_frame(&stack.frame, stack.supersample);
-        Ok(Rendered { image, frame, stack, summary, settings, lens, plan, device, outcome, probe, clock })
+        Ok(Rendered {
+            image,
+            frame,
+            stack,
+            summary,
+            settings,
+            lens,
+            plan,
+            device,
+            outcome,
+            probe,
+            confidence: known.transpose()?,
+            clock,
+        })
     }
+}
+
+/// The picture of `scene` by the plan, and how the number of lens samples was found where the plan has a goal instead.
+fn paint(
+    scene: Scene,
+    (facts, plan): (&Facts, &Plan),
+    calibration: &Calibration,
+    progress: &Progress<'_>,
+) -> Result<(Image, Option<Outcome>), Error> {
+    let found = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
+        Some(Goal::TargetDb { psnr_db, most_views }) => {
+            dial::reach(scene, plan, (psnr_db, most_views), progress)
+        }
+        Some(Goal::TimeBudget { seconds }) => dial::fit(scene, (facts, plan), seconds, calibration, progress),
+        None => return methods::render(scene, plan, progress).map(|image| (image, None)),
+    };
+    found.map(|(image, outcome)| (image, Some(outcome)))
 }
 
 /// Carries out `job` from files to picture.
@@ -164,7 +211,7 @@ impl Rendered {
         self.probe.or_else(|| self.outcome.as_ref()?.verdict())
     }
 
-    /// The report of the run so far, which read `input` and wrote `output`.
+    /// The report of the run so far, which read `input` and wrote `output`, and nothing else.
     pub fn report(&self, input: Vec<String>, output: String) -> Report {
         Report {
             version: env!("CARGO_PKG_VERSION"),
@@ -182,6 +229,7 @@ impl Rendered {
             cpu_seconds_by_stage: self.clock.cpu_seconds(),
             threads: rayon::current_num_threads(),
             peak_memory_bytes: output::usage::peak_memory_bytes(),
+            confidence: None,
             probe: self.sampling_error().and_then(|verdict| serde_json::to_value(verdict).ok()),
             findings: self.stack.findings.clone(),
             warnings: Report::warnings(&self.stack.findings),
@@ -189,13 +237,19 @@ impl Rendered {
     }
 }
 
-/// From stack to plan; the stack's peels move into the scene.
-fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Facts, Plan), Error> {
+/// The lens that `settings` put on `stack`, and between which depths it is sharp.
+fn lens(stack: &Stack, settings: &Settings) -> Result<(ThinLens, Sharpness), Error> {
     let scale = depth_scale(stack, settings)?;
     let focus_distance = focus_distance(stack, &scale, settings.lens.focus.value)?;
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
-    let lens = ThinLens::new(&lens_spec(settings, focus_distance), picture_width)?;
-    let scene = Scene::from_stack(stack, &lens, &scale);
+    let spec = lens_spec(settings, focus_distance);
+    let lens = ThinLens::new(&spec, picture_width)?;
+    Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))
+}
+
+/// From stack to plan; the stack's peels move into the scene.
+fn decide(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<(Scene, Facts, Plan), Error> {
+    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
     if scene.limited_fragments > 0 {
         let (width, height) = scene.picture_size();
         let limit = scene::coc_limit_px(width, height);
@@ -209,7 +263,7 @@ fn decide(stack: &mut Stack, settings: &Settings) -> Result<(ThinLens, Scene, Fa
     }
     let facts = scene.facts();
     let plan = methods::plan(&facts, settings)?;
-    Ok((lens, scene, facts, plan))
+    Ok((scene, facts, plan))
 }
 
 /// How fast this machine is, if `plan` needs to know: measured at the first time, outside of any stage.

@@ -226,6 +226,74 @@ fn inspect_shows_what_a_render_would_do() {
     assert_eq!(json["stack"]["convention"], "planar");
 }
 
+#[test]
+fn inspect_says_what_is_sharp_and_paints_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6", "--json"];
+        run(folder.path(), &[&lens, more].concat())
+    };
+    let output = inspect(&["--overlay", "focus.png"]);
+    assert!(stderr(&output).contains("wrote focus.png"), "{}", stderr(&output));
+    let picture = image::open(folder.path().join("focus.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (320, 180));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let [near, far] = ["near_limit", "far_limit"].map(|limit| json["sharpness"][limit].as_f64().unwrap());
+    assert!(near < 6.0 && 6.0 < far, "{near} … {far}");
+    let shares = ["in_front", "in_focus", "behind", "empty"].map(|zone| json["focus_shares"][zone].as_f64());
+    assert!((shares.into_iter().flatten().sum::<f64>() - 1.0).abs() < 1e-9, "{shares:?}");
+    let refused = inspect(&["--overlay", "focus.exr"]);
+    assert!(stderr(&refused).contains("PNG only"), "{}", stderr(&refused));
+    assert_eq!(names(folder.path()), ["focus.png"]);
+}
+
+#[test]
+fn inspect_says_how_many_peels_the_lens_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6"];
+        stdout(&run(folder.path(), &[&lens, more].concat()))
+    };
+    let text = inspect(&[]);
+    assert!(text.contains("peels needed     3 of 4") && text.contains("export 3"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
+    let psnr_db: Vec<f64> = (0..2).filter_map(|k| json["peels_seen"]["psnr_db"][k].as_f64()).collect();
+    assert!(psnr_db[0] < psnr_db[1] && psnr_db[1] < 50.0, "{json}");
+    assert!(!inspect(&["--f-number", "inf"]).contains("peels needed"), "a pinhole sees the first alone");
+}
+
+#[test]
+fn a_mask_says_how_much_of_the_picture_the_stack_knows() {
+    let folder = tempfile::tempdir().unwrap();
+    let pinhole = Path::new(STACK).with_file_name("pinhole.exr").display().to_string();
+    let render = |stack: &str, method: &str, mask: &str| {
+        let lens = ["--preset", "portrait", "--focus", "6", "--views", "32", "--json", "--confidence", mask];
+        run(folder.path(), &[&["render", stack, "-o", "out.exr", "--method", method], &lens[..]].concat())
+    };
+    let mean = |stack: &str, mask: &str| {
+        let output = render(stack, "shear", mask);
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert_eq!(json["confidence"]["file"], mask, "{}", stderr(&output));
+        json["confidence"]["mean"].as_f64().unwrap()
+    };
+    let [four_peels, one_peel] = [mean(STACK, "known.png"), mean(&pinhole, "guessed.exr")];
+    assert!(four_peels > 0.999 && one_peel < 0.97, "{four_peels} and {one_peel}");
+    let mask = image::open(folder.path().join("known.png")).unwrap();
+    assert_eq!((mask.color(), mask.width()), (image::ColorType::L8, 320));
+    assert_eq!(names(folder.path()), ["guessed.exr", "known.png", "out.exr"]);
+
+    let refused = run(
+        folder.path(),
+        &["render", STACK, "-o", "no.exr", "--method", "scatter", "--confidence", "no.png"],
+    );
+    assert!(stderr(&refused).contains("scatter cannot say"), "{}", stderr(&refused));
+    let nowhere = render(STACK, "shear", "-");
+    assert!(stderr(&nowhere).contains("a mask cannot go to standard output"), "{}", stderr(&nowhere));
+    let twice = render(STACK, "shear", "out.exr");
+    assert!(stderr(&twice).contains("two outputs"), "{}", stderr(&twice));
+    assert_eq!(names(folder.path()), ["guessed.exr", "known.png", "out.exr"], "nothing more is written");
+}
+
 /// Runs `plan` on the sample stack, with its calibration kept in `cache`.
 fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
     let stack = ["plan", STACK, "--preset", "portrait", "--focus", "6"];

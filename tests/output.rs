@@ -293,7 +293,8 @@ fn json_is_written_whole_with_a_newline_at_its_end() {
     assert!(text.ends_with("}\n"));
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
     let expected = serde_json::json!({
-        "read": 0.5, "plan": 0.0, "blur": 0.0, "verify": 0.0, "write": 0.0, "total": 0.0
+        "read": 0.5, "plan": 0.0, "blur": 0.0, "verify": 0.0, "confidence": 0.0, "write": 0.0,
+        "total": 0.0
     });
     assert_eq!(value, expected);
 }
@@ -357,6 +358,7 @@ mod the_report {
             threads: 2,
             peak_memory_bytes: None,
             probe: None,
+            confidence: None,
             warnings: report::Report::warnings(&findings),
             findings,
         }

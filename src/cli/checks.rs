@@ -14,6 +14,20 @@ pub(super) fn output<'a>(output: &Path, inputs: impl Iterator<Item = &'a PathBuf
     atomic::check_writable(output)
 }
 
+/// Checks that `output` is called as a PNG is.
+///
+/// # Errors
+/// If it is not.
+pub(super) fn png(output: &Path) -> Result<(), Error> {
+    if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    Err(Error::settings("this picture is written as PNG only")
+        .in_file(output)
+        .with("looked for", ".png")
+        .help("give the file a name that ends in .png"))
+}
+
 fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
     // Canonical paths: `./a.exr`, `a.exr` and a link to it are one file. An output that does not exist is no input.
     let Ok(output_file) = output.canonicalize() else { return Ok(()) };

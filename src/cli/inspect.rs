@@ -1,22 +1,25 @@
 //! `thinlens inspect`.
 
-use super::Failure;
 use super::args::JobArgs;
-use super::console::{kebab, print, print_json, sampling};
+use super::console::{Console, kebab, print, print_json, sampling};
+use super::{Failure, checks};
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
-use thinlens::lens::ThinLens;
+use std::path::PathBuf;
+use thinlens::lens::{Sharpness, ThinLens};
+use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
+use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Prepared, prepare};
-use thinlens::scene::{Facts, Plan};
+use thinlens::scene::{Facts, FocusShares, Plan};
 use thinlens::settings::{Focus, LensSettings, Sourced};
 use thinlens::stack::{Carry, Stack, Window};
 
 const EXAMPLES: &str = "\
 Examples:
   thinlens inspect stack.exr
-  thinlens inspect stack.exr --preset portrait --focus 6
+  thinlens inspect stack.exr --preset portrait --focus 6 --overlay focus.png
   thinlens inspect beauty.exr --depth-file depth.exr --depth-convention ray --json";
 
 /// Show what was understood of a stack, and what a render would do
@@ -25,24 +28,50 @@ Examples:
 pub(super) struct InspectArgs {
     #[command(flatten)]
     job: JobArgs,
+    /// Write a picture of where focus lies
+    ///
+    /// What is in focus keeps its colours; what lies in front of focus is orange with dark lines, what lies behind it blue with
+    /// light lines, where the CoC radius is 1, 2, 4, 8, … px. A line of black and white marks where surfaces cross the plane of
+    /// focus: black before it, white behind.
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    overlay: Option<PathBuf>,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
-pub(super) fn run(args: &InspectArgs) -> Result<(), Failure> {
+/// What a stack shows through a lens, beside what a render has to know of it.
+struct Inspected {
+    prepared: Prepared,
+    focus: FocusShares,
+    peels: Option<PeelsSeen>,
+}
+
+pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> {
+    if let Some(path) = &args.overlay {
+        checks::png(path)?;
+        checks::output(path, args.job.input.files())?;
+    }
     let prepared = prepare(&args.job.job(Carry::Unused)?)?;
+    let coc_px = prepared.scene.seen_coc_px();
+    if let Some(path) = &args.overlay {
+        focus_map::write(path, &prepared.scene, &coc_px)?;
+        console.wrote(path);
+    }
+    let focus = FocusShares::of(&coc_px);
+    let peels = peels_seen(&prepared.scene, &prepared.plan);
+    let inspected = Inspected { prepared, focus, peels };
     if args.json {
-        print_json(&to_json(&prepared))?;
+        print_json(&to_json(&inspected))?;
     } else {
-        let text = to_text(&prepared).expect("text is always written");
+        let text = to_text(&inspected).expect("text is always written");
         print(&text)?;
     }
     Ok(())
 }
 
-fn to_json(prepared: &Prepared) -> serde_json::Value {
-    let Prepared { stack, summary, settings, lens, facts, plan, device, .. } = prepared;
+fn to_json(Inspected { prepared, focus, peels }: &Inspected) -> serde_json::Value {
+    let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let carried: Vec<_> = stack.carried.channels.iter().map(|channel| &channel.name).collect();
     json!({
         "stack": summary,
@@ -52,6 +81,9 @@ fn to_json(prepared: &Prepared) -> serde_json::Value {
         "other_channels": carried,
         "findings": stack.findings,
         "lens": LensReport::new(settings, lens),
+        "sharpness": sharpness,
+        "focus_shares": focus,
+        "peels_seen": peels,
         "facts": facts,
         "depth_range": depth_range(facts, lens),
         "plan": plan,
@@ -63,12 +95,16 @@ fn window_json(Window { x, y, width, height }: Window) -> serde_json::Value {
     json!({ "x": x, "y": y, "width": width, "height": height })
 }
 
-fn to_text(prepared: &Prepared) -> Result<String, fmt::Error> {
-    let Prepared { stack, summary, settings, lens, facts, plan, device, .. } = prepared;
+fn to_text(Inspected { prepared, focus, peels }: &Inspected) -> Result<String, fmt::Error> {
+    let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let mut text = String::new();
     write_stack(&mut text, stack, summary)?;
     write_lens(&mut text, &settings.lens, lens)?;
+    write_focus(&mut text, sharpness, focus)?;
     write_ranges(&mut text, facts, lens)?;
+    if let Some(peels) = peels {
+        write_peels(&mut text, peels)?;
+    }
     write_plan(&mut text, plan)?;
     line(&mut text, "device", &device.name)?;
     Ok(text)
@@ -127,6 +163,23 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
 }
 
+/// What is sharp, in space and in the picture.
+fn write_focus(text: &mut String, sharpness: &Sharpness, focus: &FocusShares) -> fmt::Result {
+    let Sharpness { coc_radius_px, hyperfocal_distance, near_limit, far_limit } = sharpness;
+    let FocusShares { in_front, in_focus, behind, empty } = focus;
+    writeln!(text, "focus")?;
+    let sharp =
+        format_args!("{near_limit:.4} … {far_limit:.4} depth units: CoC radius up to {coc_radius_px} px");
+    line(text, "sharp", sharp)?;
+    let effect = "focused there or beyond, all is sharp to infinity";
+    line(text, "hyperfocal", format_args!("{hyperfocal_distance:.4} depth units: {effect}"))?;
+    let [in_front, in_focus, behind, empty] = [in_front, in_focus, behind, empty].map(|share| 100.0 * share);
+    let nothing = if empty > 0.0 { format!(", {empty:.1} % nothing") } else { String::new() };
+    let shares =
+        format_args!("{in_front:.1} % in front, {in_focus:.1} % in focus, {behind:.1} % behind{nothing}");
+    line(text, "of the picture", shares)
+}
+
 /// Planar depth of the nearest and the farthest fragment; `None` for background.
 fn depth_range(facts: &Facts, lens: &ThinLens) -> [Option<f32>; 2] {
     facts.coc_range_px.map(|coc_px| lens.depth_planar(coc_px))
@@ -142,6 +195,28 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
     let [near, far] = facts.coc_range_px;
     line(text, "depth", format_args!("{nearest} … {farthest}"))?;
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
+}
+
+/// How many peels the lens sees, and what to export.
+fn write_peels(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
+    let PeelsSeen { layers, needed, psnr_db, lost_rays, .. } = peels;
+    let differences = psnr_db.iter().enumerate().map(|(k, db)| {
+        let picture = if k == 0 { " the picture is" } else { "" };
+        let db = db.map_or("not seen to differ".to_owned(), |db| format!("{db:.1} dB"));
+        format!("with {}{picture} {db}", k + 1)
+    });
+    let differences = differences.collect::<Vec<_>>().join(", ");
+    writeln!(text, "peels")?;
+    line(text, "peels needed", format_args!("{needed} of {layers}: against all of them, {differences}"))?;
+    let lost = 100.0 * lost_rays;
+    let advice = if peels.wants_more() {
+        format!("export more peels: {lost:.2} % of lens rays pass the last one and find nothing")
+    } else if needed < layers {
+        format!("export {needed}: the rest is not missed (from {PEELS_ENOUGH_DB} dB on)")
+    } else {
+        format!("export all {layers}: {lost:.2} % of lens rays pass the last one and find nothing")
+    };
+    line(text, "advice", advice)
 }
 
 /// What will be simulated and what not, and why.

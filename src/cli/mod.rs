@@ -131,7 +131,7 @@ impl Command {
     fn run(self, console: &Console) -> Result<(), Failure> {
         match self {
             Self::Render(args) => render::run(&args, console),
-            Self::Inspect(args) => inspect::run(&args),
+            Self::Inspect(args) => inspect::run(&args, console),
             Self::Plan(args) => plan::run(&args, console),
             Self::Compare(args) => compare::run(&args, console),
             Self::Score(args) => score::run(&args),

@@ -8,12 +8,14 @@ use clap::{Args, ValueEnum};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
+use thinlens::image::{Image, Plane};
 use thinlens::output::exr::{Codec, ExrOptions};
+use thinlens::output::report::{Confidence, Report};
 use thinlens::output::usage::Stage;
 use thinlens::output::{exr, png, report};
 use thinlens::probes::FEWEST_PROBES;
 use thinlens::render::{Job, Rendered, prepare};
-use thinlens::stack::{Carry, Finding, Precision};
+use thinlens::stack::{Carried, Carry, Finding, Precision};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -57,6 +59,12 @@ struct OutputArgs {
     /// Brighten PNGs by this much
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     exposure: Option<f32>,
+    /// Also write how much of each pixel the stack knows
+    ///
+    /// A mask of 0 … 1: the share of a pixel's light that comes from what the stack holds, and not from guessed surfaces or in
+    /// place of lens rays that found nothing. Costs about as much as the blur. Only for methods that follow lens rays.
+    #[arg(long, value_name = "FILE.png|exr")]
+    confidence: Option<PathBuf>,
     /// Also write a report of what was done
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
@@ -103,7 +111,8 @@ enum Target {
 pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     let target = args.output.check(args.job.input.files())?;
     let verify = args.verify.map(|pixels| pixels as usize);
-    let job = Job { verify, ..args.job.job(args.output.carry())? };
+    let confidence = args.output.confidence.is_some();
+    let job = Job { verify, confidence, ..args.job.job(args.output.carry())? };
 
     let prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);
@@ -133,7 +142,8 @@ impl OutputArgs {
     /// Checks every output before any work.
     fn check<'a>(&self, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<Target, Failure> {
         let target = target(&self.output)?;
-        self.check_idle_flags(target)?;
+        let mask = self.confidence.as_deref().map(mask_target).transpose()?;
+        self.check_idle_flags(target, mask)?;
         if target == Target::Stdout {
             self.check_stdout()?;
         }
@@ -150,14 +160,15 @@ impl OutputArgs {
     }
 
     /// A flag that would do nothing is a mistake: its user expects it to do something.
-    fn check_idle_flags(&self, target: Target) -> Result<(), Failure> {
-        let writes_exr = target != Target::Png;
+    fn check_idle_flags(&self, target: Target, mask: Option<Target>) -> Result<(), Failure> {
+        let picture_is_exr = target != Target::Png;
+        let writes_exr = picture_is_exr || mask == Some(Target::Exr);
         let writes_png = target == Target::Png || self.preview.is_some();
         let flags = [
             ("--exposure", self.exposure.is_some(), writes_png, "PNG"),
             ("--precision", self.precision.is_some(), writes_exr, "EXR"),
             ("--codec", self.codec.is_some(), writes_exr, "EXR"),
-            ("--carry", self.carry.is_some(), writes_exr, "EXR"),
+            ("--carry", self.carry.is_some(), picture_is_exr, "EXR"),
         ];
         match flags.into_iter().find(|(_, given, has_use, _)| *given && !has_use) {
             None => Ok(()),
@@ -192,7 +203,7 @@ impl OutputArgs {
     /// Every file that is written.
     fn files(&self, target: Target) -> impl Iterator<Item = &PathBuf> {
         let picture = (target != Target::Stdout).then_some(&self.output);
-        picture.into_iter().chain(&self.preview).chain(&self.report)
+        picture.into_iter().chain(&self.preview).chain(&self.confidence).chain(&self.report)
     }
 
     /// Writes the pictures; returns what was concluded on the way.
@@ -215,13 +226,30 @@ impl OutputArgs {
         if let Some(preview) = &self.preview {
             png::write(preview, image, exposure)?;
         }
+        if let Some((path, known)) = self.mask(rendered) {
+            match mask_target(path)? {
+                Target::Png => png::write_mask(path, known)?,
+                Target::Exr | Target::Stdout => {
+                    // The same in every channel, so that it is a mask whichever is looked at.
+                    let mask = Image { planes: std::array::from_fn(|_| known.clone()) };
+                    exr::write(path, &mask, frame, &Carried::default(), &options)?;
+                }
+            }
+        }
         Ok(findings)
+    }
+
+    /// The mask of what the stack knows and where it goes, where it was asked for.
+    fn mask<'a>(&'a self, rendered: &'a Rendered) -> Option<(&'a Path, &'a Plane)> {
+        self.confidence.as_deref().zip(rendered.confidence.as_ref())
     }
 
     /// Writes and prints the report, where asked for.
     fn report(&self, job: &JobArgs, rendered: &Rendered) -> Result<(), Failure> {
         let inputs = job.input.files().map(|input| input.display().to_string()).collect();
-        let content = rendered.report(inputs, self.output.display().to_string());
+        let report = rendered.report(inputs, self.output.display().to_string());
+        let confidence = self.mask(rendered).map(|(path, known)| Confidence::new(path, known));
+        let content = Report { confidence, ..report };
         if let Some(path) = &self.report {
             report::write_json(path, &content)?;
         }
@@ -250,6 +278,14 @@ fn target(output: &Path) -> Result<Target, Error> {
             .with("looked for", ".exr, .png")
             .help("name the output out.exr or out.png, or - for an EXR on standard output")),
     }
+}
+
+/// What kind of file a mask goes to.
+fn mask_target(path: &Path) -> Result<Target, Error> {
+    if path != Path::new("-") {
+        return target(path);
+    }
+    Err(Error::settings("a mask cannot go to standard output").help("name a file: --confidence known.png"))
 }
 
 #[cfg(test)]

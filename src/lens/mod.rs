@@ -2,9 +2,11 @@
 //! never sees a pixel's colour.
 
 mod aperture;
+mod sharpness;
 mod views;
 
 pub use aperture::{Aperture, Outline};
+pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, moved_views, views};
 
 use crate::error::Error;

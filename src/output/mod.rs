@@ -5,6 +5,7 @@
 pub mod atomic;
 pub mod data_uri;
 pub mod exr;
+pub mod focus_map;
 pub mod machine;
 pub mod png;
 pub mod report;

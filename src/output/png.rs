@@ -1,6 +1,7 @@
 //! PNG: an 8-bit sRGB preview, for eyes. What a pipeline reads is the EXR.
 
 use super::atomic;
+use super::data_uri::Rgb8;
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
 use image::codecs::png::PngEncoder;
@@ -78,6 +79,25 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
+}
+
+/// Writes `plane`, 0 … 1, as a grey mask: 8 bits a value in proportion to it, not sRGB.
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
+    let (width, height) = (plane.width(), plane.height());
+    let bytes = plane.values().iter().copied().map(to_8_bit).collect();
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::L8, bytes })
+}
+
+/// Writes `picture` as it is.
+///
+/// # Errors
+/// As [`atomic::write()`], and for a picture without pixels.
+pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
+    let Rgb8 { width, height, bytes } = picture;
+    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
 }
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.

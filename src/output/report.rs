@@ -4,6 +4,7 @@
 use super::atomic;
 use super::usage::Seconds;
 use crate::error::Error;
+use crate::image::Plane;
 use crate::lens::ThinLens;
 use crate::scene::{Effect, Plan};
 use crate::settings::{DepthConvention, LensSettings, Settings};
@@ -46,10 +47,29 @@ pub struct Report {
     pub peak_memory_bytes: Option<u64>,
     /// The measured sampling error, where one was asked for.
     pub probe: Option<serde_json::Value>,
+    /// How much of the picture the stack knows, where that was asked for.
+    pub confidence: Option<Confidence>,
     /// Every conclusion drawn from the input.
     pub findings: Vec<Finding>,
     /// Texts of the findings that the user should look at.
     pub warnings: Vec<String>,
+}
+
+/// How much of the picture's light comes from what the stack knows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Confidence {
+    /// The mask that was written.
+    pub file: String,
+    /// Its mean over all pixels, 0 … 1.
+    pub mean: f64,
+}
+
+impl Confidence {
+    /// Of the mask `known`, written to `path`.
+    pub fn new(path: &Path, known: &Plane) -> Self {
+        let sum: f64 = known.values().iter().map(|&value| f64::from(value)).sum();
+        Self { file: path.display().to_string(), mean: sum / known.values().len().max(1) as f64 }
+    }
 }
 
 /// What the blur ran on.

@@ -13,6 +13,8 @@ pub enum Stage {
     Blur,
     /// Picture against the stack's truth.
     Verify,
+    /// How much of the picture the stack knows.
+    Confidence,
     /// Picture to files.
     Write,
 }
@@ -28,6 +30,8 @@ pub struct Seconds {
     pub blur: f64,
     /// [`Stage::Verify`].
     pub verify: f64,
+    /// [`Stage::Confidence`].
+    pub confidence: f64,
     /// [`Stage::Write`].
     pub write: f64,
     /// From the start of the clock, time between the stages included.
@@ -41,6 +45,7 @@ impl Seconds {
             Stage::Plan => self.plan += seconds,
             Stage::Blur => self.blur += seconds,
             Stage::Verify => self.verify += seconds,
+            Stage::Confidence => self.confidence += seconds,
             Stage::Write => self.write += seconds,
         }
     }

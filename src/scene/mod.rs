@@ -5,12 +5,14 @@
 
 mod facts;
 mod fill;
+mod focus;
 mod merge;
 mod plan;
 mod sampling;
 mod spread;
 
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
+pub use focus::FocusShares;
 pub use plan::{Abilities, Effect, EffectKind, Plan};
 pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};

@@ -74,7 +74,12 @@ fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
     pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
-        Self::of(scene.layers.iter().collect(), scene.supersample, plan)
+        Self::of_first(scene.layers.len(), scene, plan)
+    }
+
+    /// The boxes of the first `count` layers of `scene`.
+    pub fn of_first(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
+        Self::of(scene.layers.iter().take(count).collect(), scene.supersample, plan)
     }
 }
 
@@ -105,14 +110,53 @@ impl<L: Borrow<Layer>> Volume<L> {
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         let mut sum = RaySum::default();
         for view in samples {
-            self.follow(centre + self.jitter * view.jitter, view.lens, &mut sum);
+            sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
         }
         sum.mean(samples.len(), self.open_background)
     }
 
-    /// Follows the ray of sensor point `point` and lens point `lens` through the stack and adds what it meets.
-    fn follow(&self, point: Vec2, lens: Vec2, sum: &mut RaySum) {
-        let ray = Ray::new(point * self.supersample, lens * self.supersample);
+    /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last
+    /// layer: what a further layer may hold is lost to them.
+    pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
+        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let lost = |view: &View| {
+            let ray = self.ray(centre, view);
+            let missed = self.follow(&ray, &mut RaySum::default());
+            if missed > 0.0 && self.passes_last_layer(&ray) { f64::from(missed) } else { 0.0 }
+        };
+        samples.iter().map(lost).sum::<f64>() / samples.len() as f64
+    }
+
+    /// The ray of `view` through the pixel whose centre is at `centre`, a place in the picture.
+    fn ray(&self, centre: Vec2, view: &View) -> Ray {
+        let point = centre + self.jitter * view.jitter;
+        Ray::new(point * self.supersample, view.lens * self.supersample)
+    }
+
+    /// Whether `ray` is behind something of the last layer anywhere on its way.
+    fn passes_last_layer(&self, ray: &Ray) -> bool {
+        let Some(last) = self.layers.last().map(Borrow::borrow) else { return false };
+        let [mut enter, farthest] = self.coc_range_px;
+        let mut cell = ray.cell(enter);
+        while enter < farthest {
+            let (exit, side) = ray.leaves(cell, 1);
+            let (x, y) = self.clamped(cell);
+            if last.alpha.get(x, y) > 0.0 && last.coc_px.get(x, y) < exit.min(farthest) {
+                return true;
+            }
+            (cell, enter) = (cell + side, exit);
+        }
+        false
+    }
+
+    /// The sample at `cell`, of which those at the border go on for ever.
+    fn clamped(&self, cell: IVec2) -> (usize, usize) {
+        let [width, height] = self.size;
+        (cell.x.clamp(0, width - 1) as usize, cell.y.clamp(0, height - 1) as usize)
+    }
+
+    /// Follows `ray` through the stack, adds what it meets to `sum`, and returns what finds nothing.
+    fn follow(&self, ray: &Ray, sum: &mut RaySum) -> f32 {
         let [nearest, farthest] = self.coc_range_px;
         let mut enter = nearest;
         let mut tile = ray.cell(enter).div_euclid(IVec2::splat(TILE));
@@ -120,15 +164,14 @@ impl<L: Borrow<Layer>> Volume<L> {
         loop {
             let (exit, side) = ray.leaves(tile * TILE, TILE);
             if let Some(passage) = self.tiles.passage(&self.layers, tile, [enter, exit.min(farthest)]) {
-                transmitted = self.cross(&ray, tile, passage, transmitted, sum);
+                transmitted = self.cross(ray, tile, passage, transmitted, sum);
             }
             if transmitted <= 0.0 || exit >= farthest {
-                break;
+                return transmitted;
             }
             tile += side;
             enter = exit;
         }
-        sum.missed += f64::from(transmitted);
     }
 
     /// Follows `ray` over the samples of `tile` and returns what passes them.
@@ -157,8 +200,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     /// Adds the fragments of one sample that overlap its stay there, nearest first, and returns what passes them.
     fn meet(&self, cell: IVec2, passage: Passage, mut transmitted: f32, sum: &mut RaySum) -> f32 {
         let Passage { stay, nearest_first } = passage;
-        let x = cell.x.clamp(0, self.size[0] - 1) as usize;
-        let y = cell.y.clamp(0, self.size[1] - 1) as usize;
+        let (x, y) = self.clamped(cell);
         for layer in &self.layers {
             let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);

@@ -23,6 +23,10 @@
 //!
 //! Cost: the rays. Memory: next to none.
 
+mod peels;
+
+pub use peels::{LOST_RAYS_SHARE, PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
+
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, moved_views};

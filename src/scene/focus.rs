@@ -1,0 +1,106 @@
+//! LOOK: where focus lies in the picture that the camera sees.
+//!
+//! Cost: one look at each pixel. Memory: a plane.
+
+use super::{OPAQUE_ALPHA, Scene};
+use crate::image::Plane;
+use crate::lens::SHARP_COC_PX;
+
+/// Shares of a picture's pixels, by where what they show lies; they add up to 1, or to 0 for a picture without pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct FocusShares {
+    /// In front of focus: CoC radius of [`SHARP_COC_PX`] or more.
+    pub in_front: f64,
+    /// In focus.
+    pub in_focus: f64,
+    /// Behind focus.
+    pub behind: f64,
+    /// Nothing is there.
+    pub empty: f64,
+}
+
+impl FocusShares {
+    /// Of the picture whose [`Scene::seen_coc_px`] is `coc_px`.
+    pub fn of(coc_px: &Plane) -> Self {
+        let share = |counts: fn(f32) -> bool| {
+            let count = coc_px.values().iter().filter(|&&coc| counts(coc)).count();
+            count as f64 / coc_px.values().len().max(1) as f64
+        };
+        Self {
+            in_front: share(|coc| coc <= -SHARP_COC_PX),
+            in_focus: share(|coc| coc.abs() < SHARP_COC_PX),
+            behind: share(|coc| coc >= SHARP_COC_PX),
+            empty: share(f32::is_nan),
+        }
+    }
+}
+
+impl Scene {
+    /// Signed CoC radius in picture pixels of what each pixel of the picture shows most of, at its middle sample; NaN where it
+    /// shows nothing.
+    pub fn seen_coc_px(&self) -> Plane {
+        let (width, height) = self.picture_size();
+        let s = self.supersample;
+        Plane::from_fn(width, height, |x, y| self.seen_at(x * s + s / 2, y * s + s / 2))
+    }
+
+    fn seen_at(&self, x: usize, y: usize) -> f32 {
+        let (mut transmitted, mut most, mut seen) = (1.0, 0.0, f32::NAN);
+        for layer in &self.layers {
+            let alpha = layer.alpha.get(x, y);
+            if transmitted * alpha > most {
+                (most, seen) = (transmitted * alpha, layer.coc_px.get(x, y));
+            }
+            transmitted *= 1.0 - alpha;
+            if alpha >= OPAQUE_ALPHA {
+                break;
+            }
+        }
+        seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Layer;
+    use crate::stack::StackKind;
+
+    /// A scene one sample high: for each layer alpha and CoC radius of its samples.
+    fn scene<const W: usize>(layers: &[[(f32, f32); W]], supersample: usize) -> Scene {
+        let layers = layers.iter().map(|layer| Layer {
+            color: std::array::from_fn(|_| Plane::zeros(W, supersample)),
+            alpha: Plane::from_fn(W, supersample, |x, _| layer[x].0),
+            coc_px: Plane::from_fn(W, supersample, |x, _| layer[x].1),
+        });
+        Scene {
+            layers: layers.collect(),
+            kind: StackKind::Coverage,
+            supersample,
+            coc_infinity_px: 10.0,
+            limited_fragments: 0,
+        }
+    }
+
+    #[test]
+    fn a_pixel_is_where_most_of_what_it_shows_is() {
+        let front = [(1.0, -3.0), (0.25, -3.0), (0.75, -3.0), (0.0, 0.0)];
+        let seen = scene(&[front, [(1.0, 2.0), (1.0, 2.0), (1.0, 2.0), (0.0, 0.0)]], 1).seen_coc_px();
+        assert_eq!(seen.values()[..3], [-3.0, 2.0, -3.0]);
+        assert!(seen.get(3, 0).is_nan(), "nothing is there");
+    }
+
+    #[test]
+    fn a_supersampled_pixel_is_where_its_middle_is() {
+        let seen = scene(&[[(1.0, -3.0), (1.0, 5.0), (1.0, -4.0), (1.0, 6.0)]], 2).seen_coc_px();
+        assert_eq!(seen.values(), [5.0, 6.0]);
+    }
+
+    #[test]
+    fn every_pixel_is_counted_once() {
+        let row = [-7.0, -1.0, -0.9, 0.0, 0.9, 1.0, 3.0, 9.0, f32::NAN, 2.0];
+        let shares = FocusShares::of(&Plane::from_fn(10, 1, |x, _| row[x]));
+        assert_eq!(shares, FocusShares { in_front: 0.2, in_focus: 0.3, behind: 0.4, empty: 0.1 });
+        assert_eq!(FocusShares::of(&Plane::zeros(0, 0)), FocusShares::default());
+    }
+}
