@@ -324,6 +324,8 @@ mod the_report {
                 name: EffectKind::Fill,
                 on: false,
                 reason: "nothing is missing".to_owned(),
+                change: "with it, nothing".to_owned(),
+                forced: false,
             }],
             parameters: MethodParameters::default(),
         };
@@ -402,7 +404,9 @@ mod the_report {
     #[test]
     fn gives_every_effect_with_its_reason_and_warnings_apart() {
         let json = serde_json::to_value(example()).unwrap();
-        let effect = serde_json::json!({"name": "fill", "on": false, "reason": "nothing is missing"});
+        let effect = serde_json::json!({
+            "name": "fill", "on": false, "reason": "nothing is missing", "change": "with it, nothing", "forced": false
+        });
         assert_eq!(json["plan"]["effects"], serde_json::json!([effect]));
         assert_eq!(json["warnings"], serde_json::json!(["the last peel is empty"]));
         assert_eq!(json["findings"].as_array().unwrap().len(), 2);

@@ -46,12 +46,13 @@ impl Console {
         }
     }
 
-    /// One line for the method and one per effect that is on.
+    /// One line for the method and one per effect that is on or was switched.
     pub(super) fn plan(self, plan: &Plan) {
         self.note(format_args!("method: {}: {}", plan.method, plan.method_reason));
         self.note(format_args!("views: {}", sampling(plan)));
-        for effect in plan.effects.iter().filter(|effect| effect.on) {
-            self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
+        for effect in plan.effects.iter().filter(|effect| effect.on || effect.forced) {
+            let off = if effect.on { "" } else { "off, " };
+            self.note(format_args!("{}: {off}{}", effect.name.name(), effect.reason));
         }
     }
 

@@ -3,17 +3,21 @@
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
+mod effects;
 mod facts;
 mod fill;
 mod merge;
 mod plan;
 mod sampling;
 mod spread;
+mod switches;
 
+pub use effects::PREFILTER_LEAST_VARIANCE;
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use plan::{Abilities, Effect, EffectKind, Plan};
 pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
+pub use switches::asked_for;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
