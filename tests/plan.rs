@@ -3,8 +3,8 @@
 //! Forced on, some effects change a picture by design. [`Case::by_design`] says which, from the scene alone, and why:
 //!
 //! * `blur`, where everything lies within half a pixel: held to the share of rays that the plan names instead;
-//! * `fill`, where a stack does not know what is behind its last fragments: a guess takes the place of nothing;
-//! * `open-background`, where rays may find nothing: they count as transparent, not as unknown;
+//! * `fill`, where three layers or more do not know all the same what is behind the last of them: a guess takes the place of nothing;
+//! * `open-background`, where every pixel shows something and yet rays may find nothing: they count as transparent, not as unknown;
 //! * `resolve`, where anti-aliased fragments are in focus: they are softened again;
 //! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates;
 //! * `merge` and `translucency` are facts of the stack and cannot be switched.
@@ -150,12 +150,20 @@ impl Case {
         sizes.fold([f32::INFINITY, 0.0], |[least, most], size| [least.min(size), most.max(size)])
     }
 
+    /// Whether some sample has no fragment at all.
+    fn shows_nothing_somewhere(&self) -> bool {
+        let layers = &self.scene.layers;
+        let samples = layers[0].alpha.values().len();
+        (0..samples).any(|i| layers.iter().all(|layer| layer.alpha.values()[i] <= 0.0))
+    }
+
     /// Whether forcing `kind` changes the picture by design; see the head of this file.
     fn by_design(&self, kind: EffectKind) -> bool {
         let [least, most] = self.sizes_px();
         match kind {
             EffectKind::Blur => most <= 0.5,
-            EffectKind::Fill | EffectKind::OpenBackground => !self.complete,
+            EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
+            EffectKind::OpenBackground => !self.complete && !self.shows_nothing_somewhere(),
             EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
             EffectKind::Highlights => self.bright_area,
             EffectKind::Merge | EffectKind::Translucency => true,
@@ -280,6 +288,26 @@ fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than
     }
 }
 
+#[test]
+fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
+    let texture = |x: usize, y: usize, k: usize| Rng::with_seed((x + 100 * y + 10_000 * k) as u64).f32();
+    let (width, height, focused) = (50, 60, 30);
+    let layer = Layer {
+        color: std::array::from_fn(|k| Plane::from_fn(width, height, |x, y| texture(x, y, k))),
+        alpha: Plane::filled(width, height, 1.0),
+        coc_px: Plane::from_fn(width, height, |_, y| if y < focused { 0.0 } else { 7.5 }),
+    };
+    let layers = vec![layer];
+    let kind = StackKind::Coverage;
+    let scene = Scene { layers, kind, supersample: 1, coc_infinity_px: 1000.0, limited_fragments: 0 };
+    let case = Case { seed: 2, scene, complete: true, bright_area: false };
+    let (image, pinhole) = (case.picture(&case.plan(&[])), case.scene.pinhole());
+    let same = |y: &usize| (0..width).all(|x| image.pixel(x, *y) == pinhole.pixel(x, *y));
+    let untouched = (0..height).take_while(same).count();
+    // The widest bin in reach is 7.5 px wide and at most half a bin more; a view may look one row farther.
+    assert!((focused - 9..focused).contains(&untouched), "{untouched} rows from the top");
+}
+
 /// The number that stands before `words` in `text`.
 fn number_before(text: &str, words: &str) -> f32 {
     text.split(words).next().and_then(|text| text.rsplit(' ').next()).unwrap().parse().unwrap()
@@ -358,6 +386,14 @@ mod what_is_asked_for {
             assert!(effect.forced && effect.on == on, "{effect:?}");
             assert!(effect.reason.starts_with("asked for; the plan's own choice was "), "{effect:?}");
         }
+    }
+
+    #[test]
+    fn of_a_picture_that_is_the_input_is_not_said_to_be_done() {
+        let plan = plan("shear", &["fill"], &["blur"]).unwrap();
+        assert_eq!(plan.effects.iter().filter(|effect| effect.on).count(), 0, "{:?}", plan.effects);
+        let fill = plan.effects.iter().find(|effect| effect.name == EffectKind::Fill).unwrap();
+        assert!(fill.forced && fill.reason.contains("force blur too"), "{fill:?}");
     }
 
     #[test]

@@ -127,12 +127,11 @@ pub(super) struct EffectArgs {
     /// The names are those of `thinlens plan`; several are joined by commas or given one by one. What it means to force one, or to
     /// leave it out with --without:
     ///
-    /// blur: forced, a scene within half a pixel of focus is blurred all the same; without it, the picture is the input, and
-    /// nothing else is done.
+    /// blur: forced, a scene within half a pixel of focus is blurred all the same; without it, the picture is the input.
     ///
     /// merge: a fact of the stack. Supersampled stacks are always merged, others never.
     ///
-    /// highlights: forced, every blurred fragment above highlight_threshold is drawn as an exact disc, whatever it costs; without
+    /// highlights: forced, every blurred fragment above their threshold is drawn as an exact disc, whatever it costs; without
     /// it, the lens samples show them as dots.
     ///
     /// fill: forced, a surface is guessed behind any stack, also a complete one; without it, rays that pass what the stack
@@ -144,6 +143,8 @@ pub(super) struct EffectArgs {
     /// Methods take it from a part of their rays or layers, each as far as it has such.
     ///
     /// prefilter, resolve: forced, they run with their own strengths, or with the defaults of those where the strength is 0.
+    ///
+    /// Where nothing is blurred no other step is taken, asked for or not: force blur as well to have it.
     ///
     /// A method without a step cannot be forced to take it: `thinlens methods NAME` shows what each has.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]

@@ -97,8 +97,8 @@ impl Plan {
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, and a
-    /// number of views out of range.
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, a
+    /// number of views out of range, and an effect asked for that is not known or cannot be switched.
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;

@@ -49,12 +49,27 @@ impl Plan {
         facts: &Facts,
         abilities: &Abilities,
     ) -> Result<Self, Error> {
-        asked_for(switches)?.into_iter().try_fold(self, |plan, (kind, on)| {
+        let switched = asked_for(switches)?.into_iter().try_fold(self, |plan, (kind, on)| {
             if plan.does(kind) != on {
                 check(kind, on, facts, abilities)?;
             }
-            Ok(plan.forced(kind, on))
-        })
+            Ok::<_, Error>(plan.forced(kind, on))
+        })?;
+        Ok(if switched.does(EffectKind::Blur) { switched } else { switched.without_steps() })
+    }
+
+    /// The plan of a picture that is the input: no step is taken, not even one that was asked for.
+    fn without_steps(mut self) -> Self {
+        for effect in self.effects.iter_mut().filter(|effect| effect.on && effect.name.is_step()) {
+            effect.on = false;
+            effect.reason = if effect.forced {
+                "asked for, and yet off: nothing is blurred; force blur too to have it".to_owned()
+            } else {
+                "nothing is blurred: the picture is the input".to_owned()
+            };
+            effect.change = "it goes with blur".to_owned();
+        }
+        self
     }
 
     /// The same plan with `kind` switched on or off, whatever the facts say. What has a strength of 0 gets its default.
