@@ -120,7 +120,7 @@ struct MethodArgs {
 
 /// Effects switched against the plan.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Effects")]
+#[command(next_help_heading = "Method")]
 pub(super) struct EffectArgs {
     /// Simulate this effect, whatever the plan says
     ///
