@@ -237,7 +237,7 @@ fn the_cases_hold_what_plans_decide_about() {
     let plans: Vec<Plan> = cases().map(|case| case.plan(&[])).collect();
     for kind in EffectKind::ALL {
         let on = plans.iter().filter(|plan| plan.does(kind)).count();
-        assert!(on >= 5 && on <= plans.len() - 4, "{} is on in {on} of {} plans", kind.name(), plans.len());
+        assert!(on >= 4 && on <= plans.len() - 4, "{} is on in {on} of {} plans", kind.name(), plans.len());
     }
     let exempt = cases().flat_map(|case| EffectKind::ALL.map(|kind| case.by_design(kind))).filter(|by| *by);
     let free = 50 * EffectKind::ALL.len() - exempt.count();
@@ -301,7 +301,9 @@ fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
     let kind = StackKind::Coverage;
     let scene = Scene { layers, kind, supersample: 1, coc_infinity_px: 1000.0, limited_fragments: 0 };
     let case = Case { seed: 2, scene, complete: true, bright_area: false };
-    let (image, pinhole) = (case.picture(&case.plan(&[])), case.scene.pinhole());
+    // A guess behind the edge would reach farther.
+    let plan = case.plan(&[]).forced(EffectKind::Fill, false);
+    let (image, pinhole) = (case.picture(&plan), case.scene.pinhole());
     let same = |y: &usize| (0..width).all(|x| image.pixel(x, *y) == pinhole.pixel(x, *y));
     let untouched = (0..height).take_while(same).count();
     // The widest bin in reach is 7.5 px wide and at most half a bin more; a view may look one row farther.
@@ -391,7 +393,8 @@ mod what_is_asked_for {
     #[test]
     fn of_a_picture_that_is_the_input_is_not_said_to_be_done() {
         let plan = plan("shear", &["fill"], &["blur"]).unwrap();
-        assert_eq!(plan.effects.iter().filter(|effect| effect.on).count(), 0, "{:?}", plan.effects);
+        let done = plan.effects.iter().filter(|effect| effect.on && effect.name != EffectKind::Translucency);
+        assert_eq!(done.count(), 0, "but for a fact of the stack: {:?}", plan.effects);
         let fill = plan.effects.iter().find(|effect| effect.name == EffectKind::Fill).unwrap();
         assert!(fill.forced && fill.reason.contains("force blur too"), "{fill:?}");
     }
