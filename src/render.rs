@@ -16,7 +16,7 @@ use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
 use crate::scene::{self, EffectKind, Facts, Goal, Plan, Scene};
-use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Values};
+use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
 
@@ -42,6 +42,8 @@ pub struct Job {
     pub flags: Values,
     /// Parameters of the method that outrank the preset's, `KEY=VALUE` each.
     pub parameters: Vec<String>,
+    /// Effects that are to be on or off whatever the scene calls for.
+    pub switches: Switches,
     /// Where to carry out the plan.
     pub device: DeviceChoice,
     /// How many pixels of the picture to compare with the stack's truth, if any.
@@ -111,11 +113,12 @@ pub struct Rendered {
 /// Reads the job's stack and decides what to do with it.
 ///
 /// # Errors
-/// Those of reading, of the lens and of the plan; an unknown method, before anything is read.
+/// Those of reading, of the lens and of the plan; an unknown method or effect, before anything is read.
 pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
     let device = gpu::choose(job.device)?;
     check_methods(job)?;
+    scene::asked_for(&job.switches)?;
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
@@ -285,7 +288,7 @@ fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> {
 fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
     let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
-    let mut settings = Settings::resolve(&layers, parameters);
+    let mut settings = Settings { switches: job.switches.clone(), ..Settings::resolve(&layers, parameters) };
     let method = methods::chosen(&settings)?.info().name;
     job.parameters.iter().try_for_each(|setting| settings.parameters.set(method, setting))?;
     Ok(settings)

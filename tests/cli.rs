@@ -8,8 +8,11 @@ use program::{STACK, names, run, stderr, thinlens};
 use std::fs;
 use std::path::Path;
 use std::process::Output;
+use thinlens::image::Image;
 use thinlens::methods::METHODS;
+use thinlens::output::exr::{self, ExrOptions};
 use thinlens::settings::{BUILT_IN, MethodParameters, Parameter, Preset};
+use thinlens::stack::{Carried, Frame, Precision, Window, read_picture};
 
 fn stdout(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
@@ -501,7 +504,8 @@ fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
     let lens = ["--preset", preset, "--f-number", "4", "--blades", "5"];
     let rest =
         ["--methods", "scatter:saturation=0.5", "--repeats", "2", "--probes", "60", "-o", "my out", "--json"];
-    let output = run(folder.path(), &[["compare", STACK].as_slice(), &lens, &rest].concat());
+    let switches = ["--force", "open-background", "--without", "fill,highlights"];
+    let output = run(folder.path(), &[["compare", STACK].as_slice(), &lens, &switches, &rest].concat());
     let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert!(json["command"].as_str().unwrap().ends_with("-o 'my out' --json"), "{}", json["command"]);
     assert_eq!((&json["stack"]["peels"], &json["lens"]["f_number"]["value"]), (&4.into(), &4.0.into()));
@@ -515,9 +519,85 @@ fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
 
     let command = entry["command"].as_str().unwrap();
     assert!(command.ends_with("-o scatter-saturation-0.5.exr"), "{command}");
+    assert!(command.contains("--force open-background --without fill,highlights"), "{command}");
     let words: Vec<&str> = command.split(' ').skip(1).collect();
     let (_, words) = words.split_last().unwrap();
     run(folder.path(), &[words, &["again.png"]].concat());
     let picture = folder.path().join("my out").join(entry["picture"].as_str().unwrap());
     assert_eq!(fs::read(folder.path().join("again.png")).unwrap(), fs::read(picture).unwrap());
+}
+
+#[test]
+fn what_is_in_focus_comes_out_as_it_went_in_bit_for_bit_as_half_and_as_float() {
+    const SIZE: usize = 37;
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let depth = image::ImageBuffer::from_fn(SIZE as u32, SIZE as u32, |x, y| {
+        image::Luma([((x * 7 + y * 13) % 5) as u16 * 10_000])
+    });
+    depth.save(file("depth.png")).unwrap();
+    let mut random = fastrand::Rng::with_seed(1);
+    let pixel = || {
+        let alpha = if random.bool() { 1.0 } else { random.f32() };
+        let [r, g, b] = std::array::from_fn(|_| alpha * random.f32() * 10_f32.powi(random.i32(-6..4)));
+        [r, g, b, alpha]
+    };
+    let values: Vec<[f32; 4]> = std::iter::repeat_with(pixel).take(SIZE * SIZE).collect();
+    let picture = Image::from_fn(SIZE, SIZE, |x, y| values[y * SIZE + x]);
+    let window = Window { x: 0, y: 0, width: SIZE, height: SIZE };
+    let frame = Frame { data: window, display: window, pixel_aspect: 1.0 };
+    for precision in [Precision::Half, Precision::Float] {
+        let options = ExrOptions { precision, codec: exr::Codec::default() };
+        exr::write(&file("in.exr"), &picture, &frame, &Carried::default(), &options).unwrap();
+        let lens = ["--depth-convention", "normalised", "--near", "5", "--far", "5.1", "--focus", "5.05"];
+        let files = ["render", "in.exr", "--depth-file", "depth.png", "-o", "out.exr", "--report", "r.json"];
+        let output = run(folder.path(), &[files.as_slice(), &lens].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report: serde_json::Value = serde_json::from_slice(&fs::read(file("r.json")).unwrap()).unwrap();
+        assert_eq!(report["plan"]["effects"][0]["on"], false, "nothing is blurred: {report}");
+        let (before, after) =
+            (read_picture(&file("in.exr")).unwrap(), read_picture(&file("out.exr")).unwrap());
+        assert!(before == after, "{precision:?}");
+        assert_eq!(precision == Precision::Float, after == picture, "half holds fewer values");
+    }
+}
+
+#[test]
+fn a_plan_says_what_was_asked_for_and_what_each_choice_changes_on_a_page_of_119_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let common = ["--preset", "portrait", "--focus", "6"];
+    let switches = ["--force", "fill,open-background", "--force", "highlights", "--without", "resolve"];
+    let text = stdout(&run(folder.path(), &[["inspect", STACK].as_slice(), &common, &switches].concat()));
+    let plan = text.split("\nplan\n").nth(1).unwrap();
+    assert_eq!(plan.matches("asked for; the plan's own choice was ").count(), 4, "{plan}");
+    assert!(plan.contains("fill             on   asked for; the plan's own choice was off"), "{plan}");
+    assert!(plan.contains("resolve          off  asked for; the plan's own choice was on"), "{plan}");
+    assert!(plan.contains("without it, about ") && plan.contains("with it, "), "both ways: {plan}");
+    assert!(text.lines().all(|line| line.chars().count() < 120), "{text}");
+    let files = ["-o", "a.exr", "--views", "4", "--json"];
+    let json =
+        stdout(&run(folder.path(), &[["render", STACK].as_slice(), &common, &switches, &files].concat()));
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let effects = report["plan"]["effects"].as_array().unwrap();
+    let forced = effects.iter().filter(|effect| effect["forced"] == true);
+    let names: Vec<&str> = forced.map(|effect| effect["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["highlights", "fill", "open-background", "resolve"]);
+    assert!(effects.iter().all(|effect| effect["change"].as_str().unwrap().len() > 5), "{json}");
+}
+
+#[test]
+fn an_effect_that_cannot_be_switched_is_an_error_before_anything_is_read_or_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |arguments: &[&str]| {
+        let output = run(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        stderr(&output)
+    };
+    let unknown = said(&["render", "no/such.exr", "-o", "a.exr", "--without", "blurr"]);
+    assert!(unknown.contains("did you mean 'blur'?"), "{unknown}");
+    let lens =
+        ["compare", STACK, "--preset", "portrait", "--focus", "6", "--force", "fill", "--probes", "60"];
+    let halfway = said(&[lens.as_slice(), &["--methods", "shear:4,gather", "-o", "out"]].concat());
+    assert!(halfway.contains("'fill' cannot be forced: gather has no such step"), "{halfway}");
+    assert_eq!(names(&folder.path().join("out")), [""; 0], "nothing ran");
 }

@@ -313,18 +313,20 @@ mod the_report {
             method: "shear",
             method_reason: "the default".to_owned(),
             views: Some(64),
-
             goal: None,
             views_reason: String::new(),
             jitter: 1.0,
             fragment_px: 1.0,
             aperture: Aperture::DISC,
+            aperture_asked_for: Aperture::DISC,
             coc_range_px: [-3.0, 12.5],
             highlight_threshold: f32::INFINITY,
             effects: vec![Effect {
                 name: EffectKind::Fill,
                 on: false,
                 reason: "nothing is missing".to_owned(),
+                change: "with it, nothing".to_owned(),
+                forced: false,
             }],
             parameters: MethodParameters::default(),
         };
@@ -404,7 +406,9 @@ mod the_report {
     #[test]
     fn gives_every_effect_with_its_reason_and_warnings_apart() {
         let json = serde_json::to_value(example()).unwrap();
-        let effect = serde_json::json!({"name": "fill", "on": false, "reason": "nothing is missing"});
+        let effect = serde_json::json!({
+            "name": "fill", "on": false, "reason": "nothing is missing", "change": "with it, nothing", "forced": false
+        });
         assert_eq!(json["plan"]["effects"], serde_json::json!([effect]));
         assert_eq!(json["warnings"], serde_json::json!(["the last peel is empty"]));
         assert_eq!(json["findings"].as_array().unwrap().len(), 2);

@@ -8,7 +8,7 @@ use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
 use thinlens::methods::METHODS;
 use thinlens::render::{Job, NamedPreset};
-use thinlens::settings::{DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Values};
+use thinlens::settings::{DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Switches, Values};
 use thinlens::stack::{Carry, ReadOptions, Source};
 
 /// Pixels at which a sampling error is measured unless the user says how many.
@@ -23,6 +23,8 @@ pub(super) struct JobArgs {
     lens: LensArgs,
     #[command(flatten)]
     method: MethodArgs,
+    #[command(flatten)]
+    effects: EffectArgs,
 }
 
 /// What to read, and how.
@@ -125,6 +127,59 @@ struct MethodArgs {
     device: DeviceArg,
 }
 
+/// Effects switched against the plan.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Method")]
+pub(super) struct EffectArgs {
+    /// Simulate this effect, whatever the plan says
+    ///
+    /// The names are those of `thinlens plan`; several are joined by commas or given one by one. What it means to force one, or to
+    /// leave it out with --without:
+    ///
+    /// blur: forced, a scene within half a pixel of focus is blurred all the same; without it, the picture is the input.
+    ///
+    /// merge: a fact of the stack. Supersampled stacks are always merged, others never.
+    ///
+    /// highlights: forced, every blurred fragment above their threshold is drawn as an exact disc, whatever it costs; without
+    /// it, the lens samples show them as dots.
+    ///
+    /// fill: forced, a surface is guessed behind any stack, also a complete one; without it, rays that pass what the stack
+    /// knows are left out of the mean, or stay transparent before an open background.
+    ///
+    /// translucency: a fact of the stack. The alpha of fragments always counts.
+    ///
+    /// open-background: forced, rays that find nothing make the picture transparent; without it, they are left out of the mean.
+    /// Methods take it from a part of their rays or layers, each as far as it has such.
+    ///
+    /// prefilter, resolve: forced, they run with their own strengths, or with the defaults of those where the strength is 0.
+    ///
+    /// blade-curvature, squeeze: forced, the aperture has them even where they are too small to show; without them its sides are
+    /// straight, or it is as wide as high.
+    ///
+    /// Where nothing is blurred no other step is taken, asked for or not: force blur as well to have it.
+    ///
+    /// A method without a step cannot be forced to take it: `thinlens methods NAME` shows what each has.
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    force: Vec<String>,
+    /// Leave this effect out, whatever the plan says
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    without: Vec<String>,
+}
+
+impl EffectArgs {
+    /// What they mean to the library.
+    pub(super) fn switches(&self) -> Switches {
+        Switches { force: self.force.clone(), without: self.without.clone() }
+    }
+
+    /// The words of a command line that say the same.
+    pub(super) fn words(&self) -> Vec<String> {
+        let Self { force, without } = self;
+        let joined = |names: &[String]| (!names.is_empty()).then(|| names.join(","));
+        [flag("--force", joined(force)), flag("--without", joined(without))].concat()
+    }
+}
+
 /// What decides the number of lens samples: at most one of these.
 #[derive(Debug, Args)]
 #[group(multiple = false)]
@@ -192,8 +247,8 @@ impl JobArgs {
     /// # Errors
     /// A preset that cannot be read.
     pub(super) fn job(&self, carry: Carry) -> Result<Job, Error> {
-        let Self { input, lens, method } = self;
-        let job = stack_job(input, lens, carry)?;
+        let Self { input, lens, method, effects } = self;
+        let job = stack_job(input, lens, effects, carry)?;
         Ok(Job {
             flags: Values { method: method.method.clone(), effort: method.effort.effort(), ..job.flags },
             parameters: method.set.clone(),
@@ -207,11 +262,16 @@ impl JobArgs {
     }
 }
 
-/// The job that `input` and `lens` describe, its method left open.
+/// The job that `input`, `lens` and `effects` describe, its method left open.
 ///
 /// # Errors
 /// A preset that cannot be read.
-pub(super) fn stack_job(input: &InputArgs, lens: &LensArgs, carry: Carry) -> Result<Job, Error> {
+pub(super) fn stack_job(
+    input: &InputArgs,
+    lens: &LensArgs,
+    effects: &EffectArgs,
+    carry: Carry,
+) -> Result<Job, Error> {
     let preset = lens.preset.as_ref().map(|name| {
         let preset = Preset::load(name)?;
         Ok(NamedPreset { name: name.clone(), preset })
@@ -221,6 +281,7 @@ pub(super) fn stack_job(input: &InputArgs, lens: &LensArgs, carry: Carry) -> Res
         read_options: input.read_options(carry),
         preset: preset.transpose()?,
         flags: values(input, lens),
+        switches: effects.switches(),
         ..Job::default()
     })
 }
@@ -394,13 +455,15 @@ fn parse_blades(text: &str) -> Result<u32, String> {
 mod tests {
     use super::*;
 
-    /// A stack and its lens, as any subcommand takes them.
+    /// A stack, its lens and its effects, as any subcommand takes them.
     #[derive(Debug, clap::Parser)]
     struct StackAndLens {
         #[command(flatten)]
         input: InputArgs,
         #[command(flatten)]
         lens: LensArgs,
+        #[command(flatten)]
+        effects: EffectArgs,
     }
 
     #[test]
@@ -409,14 +472,14 @@ mod tests {
         let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
                     --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --preset p --focal-length 85.5 --f-number inf \
                     --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
-                    --blade-curvature 0.5 --squeeze 1.33";
+                    --blade-curvature 0.5 --squeeze 1.33 --force fill,resolve --without highlights";
         let all =
             StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
         // All flags, but for --focus-at, which has no place beside --focus.
         assert_eq!(text.matches("--").count() + 1, all);
         for text in [text, "x a.exr --focus-at 10.5,20"] {
             let given = StackAndLens::parse_from(text.split_whitespace());
-            let words = [given.input.words(), given.lens.words()].concat();
+            let words = [given.input.words(), given.lens.words(), given.effects.words()].concat();
             let again = StackAndLens::parse_from(std::iter::once("x".to_owned()).chain(words));
             assert_eq!(format!("{again:?}"), format!("{given:?}"));
         }

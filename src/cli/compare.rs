@@ -1,6 +1,6 @@
 //! `thinlens compare`.
 
-use super::args::{DEFAULT_PROBES, InputArgs, LensArgs, stack_job};
+use super::args::{DEFAULT_PROBES, EffectArgs, InputArgs, LensArgs, stack_job};
 use super::console::{Console, print, print_json};
 use super::{Failure, checks};
 use clap::Args;
@@ -28,6 +28,8 @@ pub(super) struct CompareArgs {
     input: InputArgs,
     #[command(flatten)]
     lens: LensArgs,
+    #[command(flatten)]
+    effects: EffectArgs,
     /// NAME, NAME:VIEWS or NAME:KEY=VALUE each; all by default
     ///
     /// A name alone is the method with its own settings; several settings are joined by +. "all" runs every method at its steps
@@ -61,7 +63,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
         args.check_files(folder, &contenders)?;
     }
     let reference = args.reference.as_deref().map(read_picture).transpose()?;
-    let prepared = prepare(&stack_job(&args.input, &args.lens, Carry::None)?)?;
+    let prepared = prepare(&stack_job(&args.input, &args.lens, &args.effects, Carry::None)?)?;
     console.findings(&prepared.stack.findings);
     if let Some(reference) = &reference {
         check_size(prepared.scene.picture_size(), reference)?;
@@ -76,8 +78,10 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
         repeats: usize::from(args.repeats),
         probes: &probes,
         calibration: Some(&calibration),
-        words: &[args.input.words(), args.lens.words()].concat(),
+        words: &[args.input.words(), args.lens.words(), args.effects.words()].concat(),
     };
+    // Before the first one runs: what one of them cannot do would end the comparison halfway.
+    contenders.iter().try_for_each(|contender| comparison.plan(contender).map(drop))?;
     let results = args.compare(&comparison, &contenders, console)?;
     if args.json {
         print_json(&results)?;

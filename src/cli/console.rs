@@ -9,7 +9,7 @@ use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::error::Error;
 use thinlens::probes::Verdict;
-use thinlens::scene::{Goal, Plan};
+use thinlens::scene::{EffectKind, Goal, Plan};
 use thinlens::stack::Finding;
 
 /// Standard error, as talkative as asked for.
@@ -46,12 +46,15 @@ impl Console {
         }
     }
 
-    /// One line for the method and one per effect that is on.
+    /// One line for the method, one for blur, and one per effect that is on or was switched.
     pub(super) fn plan(self, plan: &Plan) {
         self.note(format_args!("method: {}: {}", plan.method, plan.method_reason));
         self.note(format_args!("views: {}", sampling(plan)));
-        for effect in plan.effects.iter().filter(|effect| effect.on) {
-            self.note(format_args!("{}: {}", kebab(&effect.name), effect.reason));
+        for effect in
+            plan.effects.iter().filter(|effect| effect.on || effect.forced || effect.name == EffectKind::Blur)
+        {
+            let off = if effect.on { "" } else { "off, " };
+            self.note(format_args!("{}: {off}{}", effect.name.name(), effect.reason));
         }
     }
 

@@ -219,14 +219,43 @@ fn write_peels(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
     line(text, "advice", advice)
 }
 
-/// What will be simulated and what not, and why.
+/// What will be simulated and what not, why, and what the other choice would change.
 pub(super) fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     writeln!(text, "plan")?;
     line(text, "method", format_args!("{}: {}", plan.method, plan.method_reason))?;
     line(text, "views", sampling(plan))?;
     for effect in &plan.effects {
         let state = if effect.on { "on " } else { "off" };
-        line(text, &kebab(&effect.name), format_args!("{state}  {}", effect.reason))?;
+        let mut rows = wrapped(&effect.reason).into_iter().chain(wrapped(&effect.change));
+        line(text, effect.name.name(), format_args!("{state}  {}", rows.next().unwrap_or_default()))?;
+        rows.try_for_each(|row| line(text, "", format_args!("     {row}")))?;
     }
     Ok(())
+}
+
+/// `text` in rows that fit beside an effect's name.
+fn wrapped(text: &str) -> Vec<String> {
+    /// Characters of a row, which make 119 columns.
+    const LENGTH: usize = 95;
+    let mut rows: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match rows.last_mut().filter(|row| row.chars().count() + 1 + word.chars().count() <= LENGTH) {
+            Some(row) => row.extend([" ", word]),
+            None => rows.push(word.to_owned()),
+        }
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_as_long_as_they_may_be_and_keep_every_word() {
+        let text = "twelve chars ".repeat(30);
+        let rows = wrapped(&text);
+        assert_eq!(rows.join(" "), text.trim_end());
+        assert!(rows.iter().all(|row| row.len() <= 95) && rows.len() == 5, "390 characters: {rows:?}");
+    }
 }

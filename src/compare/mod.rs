@@ -32,6 +32,7 @@ use crate::output::report::{LensReport, Report, StackReport};
 use crate::output::usage::Stopwatch;
 use crate::probes::{Probes, Verdict};
 use crate::render::Prepared;
+use crate::scene::Plan;
 use serde::{Deserialize, Serialize};
 
 /// A whole comparison: what `results.json` holds. Other people's scripts read it, so keys are only ever added.
@@ -159,13 +160,22 @@ pub struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
+    /// What `contender` is to do.
+    ///
+    /// # Errors
+    /// Those of its settings and of the plan, such as an effect asked for that it has no step for.
+    pub fn plan(&self, contender: &Contender) -> Result<Plan, Error> {
+        let Prepared { facts, settings, .. } = self.prepared;
+        methods::plan(facts, &contender.settings(settings)?)
+    }
+
     /// Runs `contender` and measures it; gives its picture too.
     ///
     /// # Errors
     /// Those of the plan and of the method, and a reference of another size.
     pub fn run(&self, contender: &Contender) -> Result<(Entry, Image), Error> {
-        let Prepared { scene, facts, settings, .. } = self.prepared;
-        let plan = methods::plan(facts, &contender.settings(settings)?)?;
+        let Prepared { scene, facts, .. } = self.prepared;
+        let plan = self.plan(contender)?;
         let mut runs = Vec::with_capacity(self.repeats);
         let mut picture = None;
         for _ in 0..self.repeats.max(1) {

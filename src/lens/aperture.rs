@@ -158,6 +158,21 @@ impl Aperture {
         Ok(Self { squeeze, ..self })
     }
 
+    /// The same with straight sides unless `curved`, and as wide as high unless `squeezed`.
+    #[must_use]
+    pub fn simplified(self, curved: bool, squeezed: bool) -> Self {
+        Self {
+            curvature: if curved { self.curvature } else { 0.0 },
+            squeeze: if squeezed { self.squeeze } else { 1.0 },
+            ..self
+        }
+    }
+
+    /// Height over width.
+    pub fn squeeze(&self) -> f32 {
+        self.squeeze
+    }
+
     /// One side; none of a disc.
     fn side(&self) -> Option<Side> {
         (self.blades > 0).then(|| Side::new(self.blades, self.curvature))

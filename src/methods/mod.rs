@@ -174,7 +174,7 @@ pub fn plan(facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
 /// Those of the method.
 pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
     if !plan.does(EffectKind::Blur) {
-        return Ok(scene.pinhole());
+        return Ok(scene.into_pinhole());
     }
     by_name(plan.method)?.blur(scene, plan, progress)
 }

@@ -3,6 +3,7 @@
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
+mod effects;
 mod facts;
 mod fill;
 mod focus;
@@ -10,12 +11,15 @@ mod merge;
 mod plan;
 mod sampling;
 mod spread;
+mod switches;
 
+pub use effects::PREFILTER_LEAST_VARIANCE;
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use focus::FocusShares;
 pub use plan::{Abilities, Effect, EffectKind, Plan};
 pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
+pub use switches::asked_for;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -110,7 +114,26 @@ impl Scene {
     /// Where the nearest layer is opaque and there is one sample a pixel, this is that layer bit for bit.
     pub fn pinhole(&self) -> Image {
         let (width, height) = self.picture_size();
-        Image::from_fn(width, height, |x, y| self.pinhole_pixel(x, y))
+        let mut image = Image::transparent(width, height);
+        let [red, green, blue, alpha] =
+            image.planes.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width.max(1)));
+        red.zip(green).zip(blue).zip(alpha).enumerate().for_each(|(y, (((red, green), blue), alpha))| {
+            for x in 0..width {
+                [red[x], green[x], blue[x], alpha[x]] = self.pinhole_pixel(x, y);
+            }
+        });
+        image
+    }
+
+    /// [`Scene::pinhole`] for a scene that is given away: where the nearest layer hides everything, it is the picture, as it was
+    /// read.
+    pub fn into_pinhole(mut self) -> Image {
+        let hides_all = |layer: &Layer| layer.alpha.values().iter().all(|&alpha| alpha >= OPAQUE_ALPHA);
+        if self.supersample == 1 && self.layers.first().is_some_and(hides_all) {
+            let Layer { color: [red, green, blue], alpha, .. } = self.layers.swap_remove(0);
+            return Image { planes: [red, green, blue, alpha] };
+        }
+        self.pinhole()
     }
 
     /// Pixel `x, y` of the picture without a lens: red, green, blue, alpha.
@@ -226,6 +249,8 @@ mod tests {
             limited_fragments: 0,
         };
         assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, untouched");
+        let pinhole = scene.pinhole();
+        assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
     }
 
     #[test]
@@ -238,5 +263,7 @@ mod tests {
             limited_fragments: 0,
         };
         assert_eq!(scene.pinhole().pixel(0, 0), [0.25, 0.75, 0.0, 1.0], "a quarter red over green");
+        let pinhole = scene.pinhole();
+        assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
     }
 }

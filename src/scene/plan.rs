@@ -1,5 +1,6 @@
 //! DECIDE: what will be simulated, what will not, and why.
 
+use super::effects::{self, Given};
 use super::sampling::{Goal, Sampling};
 use super::{Facts, bright_step_floor};
 use crate::error::Error;
@@ -42,6 +43,10 @@ pub struct Effect {
     pub on: bool,
     /// Why.
     pub reason: String,
+    /// What the choice that was not the plan's own would change, with a number where the facts have one.
+    pub change: String,
+    /// Whether the user asked for it, instead of the plan.
+    pub forced: bool,
 }
 
 /// What a plan must know of the method that is to carry it out.
@@ -79,6 +84,9 @@ pub struct Plan {
     pub fragment_px: f32,
     /// The aperture's shape.
     pub aperture: Aperture,
+    /// The same with all that was asked for, whether it shows or not.
+    #[serde(skip)]
+    pub aperture_asked_for: Aperture,
     /// Smallest and largest signed CoC radius in picture pixels.
     pub coc_range_px: [f32; 2],
     /// Brightness from which a fragment is drawn as an exact disc; infinite when none is.
@@ -89,18 +97,6 @@ pub struct Plan {
     pub parameters: MethodParameters,
 }
 
-/// No fragment reaches beyond its own pixel below this CoC radius.
-const BLUR_FROM_PX: f32 = 0.5;
-
-/// Exact discs may cover this many times the picture's area: past it they would cost more than the views themselves.
-const HIGHLIGHT_COVER: f64 = 8.0;
-
-/// Exact discs may be this many for each pixel of the picture.
-const HIGHLIGHT_SHARE: f64 = 0.05;
-
-/// Stacks of this many layers rarely lack a surface that a lens ray could meet.
-const COMPLETE_LAYERS: usize = 3;
-
 impl Plan {
     /// The most lens samples a pixel: the error of this many is below what a half float can hold.
     pub const MAX_VIEWS: usize = 1 << 16;
@@ -108,8 +104,8 @@ impl Plan {
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, and a
-    /// number of views out of range.
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, a
+    /// number of views out of range, and an effect asked for that is not known or cannot be switched.
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;
@@ -126,43 +122,31 @@ impl Plan {
             .with("found", wanted.to_string())
             .help("set highlight_threshold in the preset's [method.shear]"));
         }
-        let (highlight_threshold, highlights) = highlights(facts, wanted);
-        let of_method = |effect: Effect| match effect.name {
-            kind if abilities.effects.contains(&kind) => effect,
-            kind => {
-                Effect { on: false, reason: format!("{} has no such step", abilities.method), name: kind }
-            }
-        };
-        let effects = vec![
-            blur(facts),
-            of_method(merge(facts)),
-            of_method(highlights),
-            of_method(fill(facts, parameters.shear.fill)),
-            translucency(facts),
-            open_background(facts),
-            of_method(prefilter(&parameters)),
-            of_method(resolve(facts, &parameters)),
-            of_method(blade_curvature(facts, settings)?),
-            of_method(squeeze(facts, settings)?),
-        ];
-        let does = |kind| effects.iter().any(|effect| effect.name == kind && effect.on);
-        Ok(Self {
+        let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
+        let settled = if goal.is_none() { views } else { None };
+        let aperture_asked_for = aperture(settings)?;
+        let given =
+            Given { facts, parameters: &parameters, views: settled, jitter, aperture: aperture_asked_for };
+        let (highlight_threshold, effects) = effects::decide(&given, &abilities);
+        let plan = Self {
             method: abilities.method,
             method_reason,
             views,
             goal,
             views_reason,
-            jitter: if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 },
+            jitter,
             fragment_px: match facts.kind {
                 StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
                 StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
             },
-            aperture: aperture(settings, [EffectKind::BladeCurvature, EffectKind::Squeeze].map(does))?,
+            aperture: aperture_asked_for,
+            aperture_asked_for,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
             effects,
             parameters,
-        })
+        };
+        plan.outlined().switched(&settings.switches, facts, &abilities)
     }
 
     /// Lens samples a pixel, for a method that samples the lens.
@@ -178,163 +162,20 @@ impl Plan {
         self.effects.iter().any(|effect| effect.name == kind && effect.on)
     }
 
-    /// The same plan with `kind` switched on or off, whatever the facts say.
-    #[must_use]
-    pub fn forced(mut self, kind: EffectKind, on: bool) -> Self {
-        for effect in self.effects.iter_mut().filter(|effect| effect.name == kind && effect.on != on) {
-            effect.on = on;
-            effect.reason = format!("asked for; the plan's own choice was the other: {}", effect.reason);
-        }
+    /// The plan with the aperture as its effects have it.
+    pub(super) fn outlined(mut self) -> Self {
+        let [curved, squeezed] =
+            [EffectKind::BladeCurvature, EffectKind::Squeeze].map(|kind| self.does(kind));
+        self.aperture = self.aperture_asked_for.simplified(curved, squeezed);
         self
     }
 }
 
-fn effect(name: EffectKind, on: bool, reason: impl Into<String>) -> Effect {
-    Effect { name, on, reason: reason.into() }
-}
-
-/// The larger of the two ends of the CoC range.
-fn largest_coc(facts: &Facts) -> f32 {
-    facts.coc_range_px[1].abs().max(facts.coc_range_px[0].abs())
-}
-
-/// Changes of the aperture's outline by less than this show nowhere: in pixels, at the largest CoC.
-const LEAST_CHANGE_PX: f32 = 0.05;
-
-/// The aperture, with curved blades and squeezed as asked for.
-fn aperture(settings: &Settings, [curved, squeezed]: [bool; 2]) -> Result<Aperture, Error> {
+/// The aperture that `settings` ask for.
+fn aperture(settings: &Settings) -> Result<Aperture, Error> {
     let lens = &settings.lens;
-    let aperture = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
-    let aperture = if curved { aperture.curved(lens.blade_curvature.value)? } else { aperture };
-    if squeezed { aperture.squeezed(lens.squeeze.value) } else { Ok(aperture) }
-}
-
-fn blade_curvature(facts: &Facts, settings: &Settings) -> Result<Effect, Error> {
-    let (straight, curved) = (aperture(settings, [false, false])?, aperture(settings, [true, false])?);
-    let bulge_px = (curved.apothem() - straight.apothem()) * largest_coc(facts);
-    let (on, reason) = match (settings.lens.blades.value, settings.lens.blade_curvature.value) {
-        (0, _) => (false, "a disc has no blades".to_owned()),
-        (_, 0.0) => (false, "the blades are straight".to_owned()),
-        _ => (bulge_px > LEAST_CHANGE_PX, format!("at the largest CoC the sides bulge by {bulge_px:.2} px")),
-    };
-    Ok(effect(EffectKind::BladeCurvature, on, reason))
-}
-
-fn squeeze(facts: &Facts, settings: &Settings) -> Result<Effect, Error> {
-    let ratio = settings.lens.squeeze.value;
-    aperture(settings, [false, true])?;
-    let narrower_px = (1.0 - 1.0 / ratio) * largest_coc(facts);
-    let reason = match ratio {
-        1.0 => "the aperture is as wide as high".to_owned(),
-        _ => format!("at the largest CoC the aperture is {narrower_px:.2} px narrower on either side"),
-    };
-    Ok(effect(EffectKind::Squeeze, narrower_px > LEAST_CHANGE_PX, reason))
-}
-
-fn blur(facts: &Facts) -> Effect {
-    let largest = largest_coc(facts);
-    let [near, far] = facts.coc_range_px;
-    if largest <= BLUR_FROM_PX {
-        let reason =
-            format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
-        return effect(EffectKind::Blur, false, reason);
-    }
-    effect(EffectKind::Blur, true, format!("CoC radii from {near:.1} (near) to {far:.1} px (far)"))
-}
-
-fn merge(facts: &Facts) -> Effect {
-    let s = facts.supersample;
-    let reason = match s {
-        1 => "one sample a pixel".to_owned(),
-        _ => format!("{s} × {s} samples a pixel become coverage peels"),
-    };
-    effect(EffectKind::Merge, s > 1, reason)
-}
-
-/// The threshold that keeps the discs within their budget, and the decision.
-fn highlights(facts: &Facts, wanted: f32) -> (f32, Effect) {
-    let off = |reason: &str| (f32::INFINITY, effect(EffectKind::Highlights, false, reason));
-    if wanted == 0.0 {
-        return off("switched off: highlight_threshold is 0");
-    }
-    let pixels = (facts.picture_size.0 * facts.picture_size.1) as f64;
-    let (mut area, mut count, mut threshold) = (0.0, 0, f32::INFINITY);
-    for (step, bright) in facts.bright.iter().enumerate().rev() {
-        let floor = bright_step_floor(step);
-        let (with_area, with_count) = (area + bright.disc_area_px, count + bright.fragments);
-        let affordable = with_area <= HIGHLIGHT_COVER * pixels
-            && with_count as f64 <= HIGHLIGHT_SHARE * pixels * (facts.supersample as f64).powi(2);
-        if bright_step_floor(step + 1) <= wanted || !affordable {
-            break;
-        }
-        (area, count, threshold) = (with_area, with_count, floor.max(wanted));
-    }
-    if count == 0 {
-        let any = facts
-            .bright
-            .iter()
-            .enumerate()
-            .any(|(i, b)| bright_step_floor(i + 1) > wanted && b.fragments > 0);
-        return off(if any {
-            "the bright parts are areas, not points: the views carry them"
-        } else {
-            "no blurred fragment is brighter than the threshold"
-        });
-    }
-    let raised = if threshold > wanted {
-        format!(" (raised from {wanted} to stay within budget)")
-    } else {
-        String::new()
-    };
-    let reason = format!("{count} blurred fragments brighter than {threshold:.2}{raised}");
-    (threshold, effect(EffectKind::Highlights, true, reason))
-}
-
-fn fill(facts: &Facts, allowed: bool) -> Effect {
-    let layers = facts.layers;
-    let (on, reason) = if !allowed {
-        (false, "switched off".to_owned())
-    } else if layers >= COMPLETE_LAYERS {
-        (false, format!("{layers} layers know what lies behind"))
-    } else if facts.coc_range_px[0] > -BLUR_FROM_PX {
-        (true, format!("{layers} layer(s): what far edges uncover is guessed from their surroundings"))
-    } else {
-        (true, format!("{layers} layer(s): what the near blur uncovers is guessed from its surroundings"))
-    };
-    effect(EffectKind::Fill, on, reason)
-}
-
-fn translucency(facts: &Facts) -> Effect {
-    let count = facts.translucent_fragments;
-    effect(EffectKind::Translucency, count > 0, format!("{count} fragments let light through"))
-}
-
-fn open_background(facts: &Facts) -> Effect {
-    let count = facts.open_samples;
-    let reason = match count {
-        0 => {
-            "something is behind every pixel: lens rays that find nothing are left out of the mean".to_owned()
-        }
-        _ => format!("{count} pixels show nothing at all: the picture keeps its transparency"),
-    };
-    effect(EffectKind::OpenBackground, count > 0, reason)
-}
-
-fn prefilter(parameters: &MethodParameters) -> Effect {
-    let strength = parameters.shear.prefilter;
-    effect(EffectKind::Prefilter, strength > 0.0, format!("{strength} × half the gap between lens samples"))
-}
-
-fn resolve(facts: &Facts, parameters: &MethodParameters) -> Effect {
-    let weight = parameters.shear.resolve;
-    let (on, reason) = if weight <= 0.0 {
-        (false, "switched off".to_owned())
-    } else if facts.kind != StackKind::PointSampled {
-        (false, "the input is anti-aliased already".to_owned())
-    } else {
-        (true, format!("one sample a pixel, {} fragments in focus", facts.focused_fragments))
-    };
-    effect(EffectKind::Resolve, on, reason)
+    let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
+    straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)
 }
 
 #[cfg(test)]

@@ -172,6 +172,17 @@ pub struct Settings {
     pub effort: Sourced<Option<Effort>>,
     /// The methods' own parameters.
     pub parameters: MethodParameters,
+    /// Effects that are to be on or off whatever the scene calls for.
+    pub switches: Switches,
+}
+
+/// Effects by their names in reports, switched by the user.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Switches {
+    /// Those that are to be simulated.
+    pub force: Vec<String>,
+    /// Those that are not.
+    pub without: Vec<String>,
 }
 
 /// The candidate that `word` was most likely meant to be, if any comes near.
@@ -219,6 +230,7 @@ impl Settings {
             method: pick(layers, "auto".to_owned(), |v| v.method.clone()),
             effort: pick(layers, None, |v| v.effort.map(Some)),
             parameters,
+            switches: Switches::default(),
         }
     }
 }

@@ -87,6 +87,12 @@ impl Shear {
         };
         Self { shifts: bins.centers_px().iter().map(shift).collect() }
     }
+
+    /// Whether it moves none of `bins`.
+    pub(super) fn keeps_still(&self, bins: &[u16]) -> bool {
+        let moves = |shift: &Shift| shift.rows != 0 || shift.columns != 0;
+        !bins.iter().any(|&bin| moves(&self.shifts[bin as usize]))
+    }
 }
 
 /// 16 neighbouring pixels of one channel.

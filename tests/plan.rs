@@ -1,0 +1,444 @@
+//! What a plan leaves out does not show: pictures as planned against pictures with effects forced on, over stacks drawn by chance.
+//!
+//! Forced on, some effects change a picture by design. [`Case::by_design`] says which, from the scene alone, and why:
+//!
+//! * `blur`, where everything lies within half a pixel: held to the share of rays that the plan names instead;
+//! * `fill`, where three layers or more do not know all the same what is behind the last of them: a guess takes the place of nothing;
+//! * `open-background`, where every pixel shows something and yet rays may find nothing: they count as transparent, not as unknown;
+//! * `resolve`, where anti-aliased fragments are in focus: they are softened again;
+//! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates;
+//! * `merge` and `translucency` are facts of the stack and cannot be switched.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
+use fastrand::Rng;
+use thinlens::image::{Image, Plane};
+use thinlens::methods::{self, METHODS};
+use thinlens::scene::{EffectKind, Layer, Plan, Scene};
+use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Switches, Values};
+use thinlens::stack::StackKind;
+
+const KINDS: [StackKind; 5] = [
+    StackKind::PointSampled,
+    StackKind::Coverage,
+    StackKind::BeautyDepth,
+    StackKind::Supersampled,
+    StackKind::RendererAntialiased,
+];
+
+/// Stacks of each kind.
+const CASES: u64 = 10;
+
+/// Two pictures that agree this well are the same to the eye and to every later step.
+const SAME_DB: f64 = 55.0;
+
+/// Ranges of CoC radii, in pixels: in focus, slightly blurred, blurred on both sides, behind focus, before it.
+const RANGES_PX: [[f32; 2]; 5] = [[-0.45, 0.4], [-0.3, 2.5], [-12.0, 7.0], [2.0, 9.0], [-9.0, -1.6]];
+
+/// One surface: a disc in front of everything behind it, or all of the picture.
+struct Surface {
+    /// Centre and radius in pixels; none for all of the picture.
+    disc: Option<[f32; 3]>,
+    coc_px: f32,
+    alpha: f32,
+    color: [f32; 3],
+    seed: u64,
+}
+
+/// A stack drawn by chance.
+struct Case {
+    seed: u64,
+    scene: Scene,
+    /// Whether every ray meets something known: a backdrop behind everything, and no fragment left out.
+    complete: bool,
+    /// Whether something large is brighter than white.
+    bright_area: bool,
+}
+
+impl Surface {
+    /// Of CoC radius `coc_px` in a picture of `width × height` pixels.
+    fn disc(rng: &mut Rng, [width, height]: [usize; 2], coc_px: f32, seed: u64) -> Self {
+        let place = |rng: &mut Rng, length: usize| rng.f32() * length as f32;
+        let disc = [place(rng, width), place(rng, height), 3.0 + rng.f32() * 0.3 * height as f32];
+        let alpha = if rng.u8(0..4) == 0 { 0.2 + 0.6 * rng.f32() } else { 1.0 };
+        Self { disc: Some(disc), coc_px, alpha, color: std::array::from_fn(|_| rng.f32()), seed }
+    }
+
+    /// Its colour, alpha and CoC radius at `x, y` in pixels, if it is there; its edge is soft over a pixel where `soft` says so.
+    fn at(&self, x: f32, y: f32, soft: bool) -> Option<([f32; 4], f32)> {
+        let inside = self.disc.map_or(f32::INFINITY, |[cx, cy, r]| r - (x - cx).hypot(y - cy));
+        let cover = if soft { (inside + 0.5).clamp(0.0, 1.0) } else { f32::from(u8::from(inside > 0.0)) };
+        let alpha = cover * self.alpha;
+        // Texture four pixels wide, the same for every sample of a pixel.
+        let (tile_x, tile_y) = ((x / 4.0) as u64, (y / 4.0) as u64);
+        let texture = Rng::with_seed(self.seed ^ (tile_x << 20) ^ (tile_y << 40)).f32();
+        let [r, g, b] = self.color.map(|value| value * (0.4 + 0.6 * texture) * alpha);
+        (alpha > 0.0).then_some(([r, g, b, alpha], self.coc_px))
+    }
+}
+
+impl Case {
+    fn new(seed: u64) -> Self {
+        let rng = &mut Rng::with_seed(seed);
+        let kind = KINDS[seed as usize % KINDS.len()];
+        let [near, far] = RANGES_PX[(seed as usize / KINDS.len()) % RANGES_PX.len()];
+        let size = [rng.usize(40..120), rng.usize(30..80)];
+        let layers = if kind == StackKind::BeautyDepth { 1 } else { rng.usize(1..=4) };
+        let between = |rng: &mut Rng| near + (far - near) * rng.f32();
+        let mut surfaces: Vec<Surface> = (0..rng.u64(1..6))
+            .map(|i| {
+                let coc_px = between(rng);
+                Surface::disc(rng, size, coc_px, seed * 31 + i)
+            })
+            .collect();
+        let backdrop = rng.u8(0..4) > 0;
+        if backdrop {
+            let color = std::array::from_fn(|_| rng.f32());
+            surfaces.push(Surface { disc: None, coc_px: far, alpha: 1.0, color, seed });
+        }
+        let bright_area = rng.u8(0..4) == 0;
+        if bright_area {
+            surfaces[0].color = [3.0; 3];
+        }
+        surfaces.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
+        let supersample = if kind == StackKind::Supersampled { 2 } else { 1 };
+        let (layers, cut) = layers_of(&surfaces, size, (layers, kind, supersample));
+        let scene = Scene { layers, kind, supersample, coc_infinity_px: 1000.0, limited_fragments: 0 };
+        let mut case = Self { seed, scene, complete: backdrop && !cut, bright_area };
+        (0..rng.usize(0..12)).for_each(|_| case.light(rng));
+        case
+    }
+
+    /// Makes one fragment of the nearest layer a light.
+    fn light(&mut self, rng: &mut Rng) {
+        let Layer { color, alpha, .. } = &mut self.scene.layers[0];
+        let (x, y) = (rng.usize(0..alpha.width()), rng.usize(0..alpha.height()));
+        let value = 20.0 + 400.0 * rng.f32();
+        if alpha.get(x, y) > 0.0 {
+            color.iter_mut().for_each(|plane| plane.set(x, y, value));
+        }
+    }
+
+    fn settings(&self, switches: Switches) -> Settings {
+        let values = Values {
+            method: Some("shear".to_owned()),
+            effort: Some(Effort::Views([16, 64, 256, 1024][self.seed as usize % 4])),
+            blades: Some([0, 5, 6, 8][self.seed as usize / 2 % 4]),
+            rotation_deg: Some(7.0 * self.seed as f32),
+            blade_curvature: Some([0.5, 0.0, 0.02, 1.0, 0.004][self.seed as usize / 3 % 5]),
+            squeeze: Some([1.0, 1.002, 1.33, 1.02, 2.0][self.seed as usize / 4 % 5]),
+            ..Values::default()
+        };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        Settings { switches, ..settings }
+    }
+
+    /// The plan with `effects` forced on.
+    fn plan(&self, effects: &[EffectKind]) -> Plan {
+        let force = effects.iter().map(|kind| kind.name().to_owned()).collect();
+        let switches = Switches { force, ..Switches::default() };
+        methods::plan(&self.scene.facts(), &self.settings(switches)).unwrap()
+    }
+
+    fn picture(&self, plan: &Plan) -> Image {
+        methods::render(self.scene.clone(), plan, &|_| {}).unwrap()
+    }
+
+    /// Smallest and largest CoC radius of its fragments, sign aside.
+    fn sizes_px(&self) -> [f32; 2] {
+        let of_layer = |layer: &Layer| -> Vec<f32> {
+            let pairs = layer.coc_px.values().iter().zip(layer.alpha.values());
+            pairs.filter(|(_, alpha)| **alpha > 0.0).map(|(coc, _)| coc.abs()).collect()
+        };
+        let sizes = self.scene.layers.iter().flat_map(of_layer);
+        sizes.fold([f32::INFINITY, 0.0], |[least, most], size| [least.min(size), most.max(size)])
+    }
+
+    /// Whether some sample has no fragment at all.
+    fn shows_nothing_somewhere(&self) -> bool {
+        let layers = &self.scene.layers;
+        let samples = layers[0].alpha.values().len();
+        (0..samples).any(|i| layers.iter().all(|layer| layer.alpha.values()[i] <= 0.0))
+    }
+
+    /// Whether forcing `kind` changes the picture by design; see the head of this file.
+    fn by_design(&self, kind: EffectKind) -> bool {
+        let [least, most] = self.sizes_px();
+        match kind {
+            EffectKind::Blur => most <= 0.5,
+            EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
+            EffectKind::OpenBackground => !self.complete && !self.shows_nothing_somewhere(),
+            EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
+            EffectKind::Highlights => self.bright_area,
+            EffectKind::Merge | EffectKind::Translucency => true,
+            EffectKind::Prefilter | EffectKind::BladeCurvature | EffectKind::Squeeze => false,
+        }
+    }
+
+    /// How the case is named when it fails.
+    fn name(&self) -> String {
+        let Scene { layers, kind, .. } = &self.scene;
+        format!(
+            "seed {}: {kind:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
+            self.seed,
+            layers.len(),
+            layers[0].width(),
+            layers[0].height(),
+            self.sizes_px(),
+            self.complete,
+            self.bright_area
+        )
+    }
+}
+
+/// The first `count` fragments at each sample of a picture of `size` pixels, and whether there were more.
+fn layers_of(
+    surfaces: &[Surface],
+    [width, height]: [usize; 2],
+    (count, kind, supersample): (usize, StackKind, usize),
+) -> (Vec<Layer>, bool) {
+    let (columns, rows) = (width * supersample, height * supersample);
+    let soft = matches!(kind, StackKind::Coverage | StackKind::RendererAntialiased | StackKind::BeautyDepth);
+    let blank = || Layer {
+        color: std::array::from_fn(|_| Plane::zeros(columns, rows)),
+        alpha: Plane::zeros(columns, rows),
+        coc_px: Plane::zeros(columns, rows),
+    };
+    let mut layers: Vec<Layer> = (0..count).map(|_| blank()).collect();
+    let mut cut = false;
+    for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+        let middle = |place: usize| (place as f32 + 0.5) / supersample as f32;
+        let mut hits = surfaces.iter().filter_map(|surface| surface.at(middle(x), middle(y), soft));
+        for (layer, ([r, g, b, alpha], coc_px)) in layers.iter_mut().zip(hits.by_ref()) {
+            layer.color.iter_mut().zip([r, g, b]).for_each(|(plane, value)| plane.set(x, y, value));
+            layer.alpha.set(x, y, alpha);
+            layer.coc_px.set(x, y, coc_px);
+        }
+        cut |= hits.next().is_some();
+    }
+    (layers, cut)
+}
+
+/// PSNR in dB of what a display shows of two pictures, alpha included.
+fn psnr_db(a: &Image, b: &Image) -> f64 {
+    let values = |image: &Image| -> Vec<f32> {
+        image
+            .planes
+            .iter()
+            .flat_map(|plane| plane.values().iter().map(|value| value.clamp(0.0, 1.0)))
+            .collect()
+    };
+    let squares: Vec<f64> = values(a).iter().zip(values(b)).map(|(a, b)| f64::from(a - b).powi(2)).collect();
+    -10.0 * (squares.iter().sum::<f64>() / squares.len() as f64).max(1e-20).log10()
+}
+
+fn cases() -> impl Iterator<Item = Case> {
+    (0..CASES * KINDS.len() as u64).map(Case::new)
+}
+
+#[test]
+fn the_cases_hold_what_plans_decide_about() {
+    let plans: Vec<Plan> = cases().map(|case| case.plan(&[])).collect();
+    for kind in EffectKind::ALL {
+        let on = plans.iter().filter(|plan| plan.does(kind)).count();
+        assert!(on >= 4 && on <= plans.len() - 4, "{} is on in {on} of {} plans", kind.name(), plans.len());
+    }
+    let exempt = cases().flat_map(|case| EffectKind::ALL.map(|kind| case.by_design(kind))).filter(|by| *by);
+    let free = 50 * EffectKind::ALL.len() - exempt.count();
+    assert!(free > 150, "{free} of 400 pairs of case and effect are held to the law");
+}
+
+#[test]
+fn what_a_plan_leaves_out_would_not_show() {
+    let mut wrong = Vec::new();
+    for case in cases() {
+        let plan = case.plan(&[]);
+        let planned = case.picture(&plan);
+        let free: Vec<EffectKind> =
+            EffectKind::ALL.into_iter().filter(|kind| !case.by_design(*kind)).collect();
+        let alone = free.iter().filter(|kind| !plan.does(**kind)).map(std::slice::from_ref);
+        for effects in alone.chain([free.as_slice()]) {
+            let db = psnr_db(&case.picture(&case.plan(effects)), &planned);
+            if db < SAME_DB {
+                wrong.push(format!("{db:.1} dB with {effects:?} forced on; {}", case.name()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than_the_plan_says() {
+    let focused: Vec<Case> = cases().filter(|case| case.by_design(EffectKind::Blur)).collect();
+    assert!(focused.len() >= 5, "{} of them", focused.len());
+    for case in focused {
+        let pinhole = case.scene.pinhole();
+        let plan = case.plan(&[]);
+        assert_eq!(case.picture(&plan), pinhole, "bit for bit: {}", case.name());
+        let blur = plan.effects.iter().find(|effect| effect.name == EffectKind::Blur).unwrap();
+        let share: f32 = number_before(&blur.change, " % of a pixel's lens rays") / 100.0;
+        if case.scene.layers.len() == 1 && case.complete {
+            let values = Values {
+                method: Some("accumulate".to_owned()),
+                effort: Some(Effort::Views(1024)),
+                ..Values::default()
+            };
+            let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+            let plan = methods::plan(&case.scene.facts(), &settings).unwrap().forced(EffectKind::Blur, true);
+            // A thousandth for the choice of rays.
+            let most = excess(&case.picture(&plan), &pinhole, share + 0.001);
+            assert!(most <= 0.0, "{most} over the share of {share}: {}", case.name());
+        }
+    }
+}
+
+#[test]
+fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
+    let texture = |x: usize, y: usize, k: usize| Rng::with_seed((x + 100 * y + 10_000 * k) as u64).f32();
+    let (width, height, focused) = (50, 60, 30);
+    let layer = Layer {
+        color: std::array::from_fn(|k| Plane::from_fn(width, height, |x, y| texture(x, y, k))),
+        alpha: Plane::filled(width, height, 1.0),
+        coc_px: Plane::from_fn(width, height, |_, y| if y < focused { 0.0 } else { 7.5 }),
+    };
+    let layers = vec![layer];
+    let kind = StackKind::Coverage;
+    let scene = Scene { layers, kind, supersample: 1, coc_infinity_px: 1000.0, limited_fragments: 0 };
+    let case = Case { seed: 2, scene, complete: true, bright_area: false };
+    // A guess behind the edge would reach farther.
+    let plan = case.plan(&[]).forced(EffectKind::Fill, false);
+    let (image, pinhole) = (case.picture(&plan), case.scene.pinhole());
+    let same = |y: &usize| (0..width).all(|x| image.pixel(x, *y) == pinhole.pixel(x, *y));
+    let untouched = (0..height).take_while(same).count();
+    // The widest bin in reach is 7.5 px wide and at most half a bin more; a view may look one row farther.
+    assert!((focused - 9..focused).contains(&untouched), "{untouched} rows from the top");
+}
+
+/// The number that stands before `words` in `text`.
+fn number_before(text: &str, words: &str) -> f32 {
+    text.split(words).next().and_then(|text| text.rsplit(' ').next()).unwrap().parse().unwrap()
+}
+
+/// By how much a pixel of `image` is farther from that of `pinhole` than `share` of what its eight neighbours differ by, at most.
+fn excess(image: &Image, pinhole: &Image, share: f32) -> f32 {
+    let (width, height) = (image.width(), image.height());
+    let mut most = f32::NEG_INFINITY;
+    for (image, pinhole) in image.planes.iter().zip(&pinhole.planes) {
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let own = pinhole.get(x, y);
+            let around = (y.saturating_sub(1)..(y + 2).min(height))
+                .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| (x, y)));
+            let contrast = around.map(|(x, y)| (pinhole.get(x, y) - own).abs()).fold(0.0, f32::max);
+            most = most.max((image.get(x, y) - own).abs() - share * contrast - 1e-5 * (1.0 + own));
+        }
+    }
+    most
+}
+
+#[test]
+fn every_method_carries_out_what_it_can_be_asked_for() {
+    let world = Case::new(10);
+    let facts = world.scene.facts();
+    for method in METHODS {
+        let info = method.info();
+        for kind in EffectKind::ALL {
+            for on in [false, true] {
+                let names = vec![kind.name().to_owned()];
+                let switches = if on {
+                    Switches { force: names, ..Switches::default() }
+                } else {
+                    Switches { without: names, ..Switches::default() }
+                };
+                let values = Values { method: Some(info.name.to_owned()), ..Values::default() };
+                let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+                let plan = match methods::plan(&facts, &Settings { switches, ..settings }) {
+                    Ok(plan) => Plan { views: plan.views.map(|_| 8), ..plan },
+                    Err(error) => {
+                        let text = error.to_string();
+                        assert!(text.contains(kind.name()) && text.contains("cannot be"), "{text}");
+                        continue;
+                    }
+                };
+                assert_eq!(plan.does(kind), on, "{}: {kind:?}", info.name);
+                let image = world.picture(&plan);
+                let finite = image.planes.iter().flat_map(Plane::values).all(|value| value.is_finite());
+                assert!(finite, "{}: {kind:?} {on}", info.name);
+            }
+        }
+    }
+}
+
+mod what_is_asked_for {
+    use super::*;
+
+    fn plan(method: &str, force: &[&str], without: &[&str]) -> Result<Plan, String> {
+        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let switches = Switches { force: owned(force), without: owned(without) };
+        let values = Values { method: Some(method.to_owned()), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let facts = Case::new(10).scene.facts();
+        methods::plan(&facts, &Settings { switches, ..settings }).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn is_done_and_said() {
+        let own = plan("shear", &[], &[]).unwrap();
+        assert!(own.does(EffectKind::Blur) && own.effects.iter().all(|effect| !effect.forced));
+        let plan = plan("shear", &["open-background"], &["blur", "prefilter"]).unwrap();
+        for (kind, on) in
+            [(EffectKind::OpenBackground, true), (EffectKind::Blur, false), (EffectKind::Prefilter, false)]
+        {
+            let effect = plan.effects.iter().find(|effect| effect.name == kind).unwrap();
+            assert!(effect.forced && effect.on == on, "{effect:?}");
+            assert!(effect.reason.starts_with("asked for; the plan's own choice was "), "{effect:?}");
+        }
+    }
+
+    #[test]
+    fn of_a_picture_that_is_the_input_is_not_said_to_be_done() {
+        let plan = plan("shear", &["fill"], &["blur"]).unwrap();
+        let done = plan.effects.iter().filter(|effect| effect.on && effect.name != EffectKind::Translucency);
+        assert_eq!(done.count(), 0, "but for a fact of the stack: {:?}", plan.effects);
+        let fill = plan.effects.iter().find(|effect| effect.name == EffectKind::Fill).unwrap();
+        assert!(fill.forced && fill.reason.contains("force blur too"), "{fill:?}");
+    }
+
+    #[test]
+    fn by_a_wrong_name_is_refused_with_the_nearest_and_with_all() {
+        let error = plan("shear", &["hilights"], &[]).unwrap_err();
+        assert!(error.contains("did you mean 'highlights'?") && error.contains("blur, merge, "), "{error}");
+    }
+
+    #[test]
+    fn and_left_out_too_is_refused() {
+        let error = plan("shear", &["fill"], &["blur", "fill"]).unwrap_err();
+        assert!(error.contains("'fill' is both forced and left out"), "{error}");
+    }
+
+    #[test]
+    fn of_a_method_without_the_step_is_refused() {
+        let error = plan("gather", &["fill"], &[]).unwrap_err();
+        assert!(error.contains("'fill' cannot be forced: gather has no such step"), "{error}");
+        assert!(plan("gather", &[], &["fill"]).is_ok(), "it is left out already");
+    }
+
+    #[test]
+    fn against_the_facts_of_the_stack_is_refused() {
+        let error = plan("shear", &["merge"], &[]).unwrap_err();
+        assert!(error.contains("nothing to merge"), "{error}");
+    }
+
+    #[test]
+    fn of_a_step_that_parameters_switched_off_gets_the_strength_that_it_has_by_itself() {
+        let mut settings = Settings::resolve(&[], MethodParameters::default());
+        let own = settings.parameters.shear.clone();
+        let shear = &mut settings.parameters.shear;
+        (shear.prefilter, shear.resolve, shear.highlight_threshold) = (0.0, 0.0, 0.0);
+        let force = ["prefilter", "resolve", "highlights"].map(str::to_owned).to_vec();
+        settings.switches = Switches { force, ..Switches::default() };
+        let plan = methods::plan(&Case::new(10).scene.facts(), &settings).unwrap();
+        let given = &plan.parameters.shear;
+        assert_eq!((given.prefilter, given.resolve), (own.prefilter, own.resolve));
+        assert_eq!(plan.highlight_threshold, own.highlight_threshold);
+    }
+}
