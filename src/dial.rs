@@ -142,7 +142,7 @@ fn seek<'p>(
     // What a search ends with may miss the margin alone.
     let reached = tried.iter().any(|trial| trial.views == found.views && trial.psnr_db() >= psnr_db);
     let found = if reached { Found { end: End::Met, ..found } } else { found };
-    let statement = statement(plan.method, psnr_db, &found, &tried, &probes);
+    let statement = statement(plan, psnr_db, &found, &tried, &probes);
     let goal = Goal::TargetDb { psnr_db, most_views };
     Ok((sampler, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
 }
@@ -328,8 +328,8 @@ fn fewest_as_good(known: &Known) -> u32 {
 }
 
 /// What there is to say of a search for `target_db`.
-fn statement(method: &str, target_db: f64, found: &Found, tried: &[Trial], probes: &Probes) -> String {
-    let views = found.views;
+fn statement(plan: &Plan, target_db: f64, found: &Found, tried: &[Trial], probes: &Probes) -> String {
+    let (method, views) = (plan.method, found.views);
     let reached = tried.iter().find(|trial| trial.views == views);
     let reached = reached.map_or_else(String::new, |trial| trial.verdict.to_string());
     match found.end {
@@ -338,10 +338,15 @@ fn statement(method: &str, target_db: f64, found: &Found, tried: &[Trial], probe
             format!("the most views that this is worth, {views}, reach {reached}, not {target_db} dB")
         }
         End::Floor(floor_db) => {
-            let rays = probes.rays_for(target_db, POWER_OF_RAYS);
+            // Few rays meet a light: how many it takes does not show at a few hundred pixels.
+            let rays = if plan.highlight_threshold.is_finite() {
+                "very many rays: the stack has lights, and few rays meet one".to_owned()
+            } else {
+                format!("about {} rays", probes.rays_for(target_db, POWER_OF_RAYS))
+            };
             format!(
                 "{method} cannot reach {target_db} dB on this stack: {views} views reach {reached}, and no number of them more \
-                 than about {floor_db:.0} dB; accumulate can, with about {rays} rays (--method accumulate)"
+                 than about {floor_db:.0} dB; accumulate can (--method accumulate), with {rays}"
             )
         }
     }

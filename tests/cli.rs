@@ -338,6 +338,36 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
 }
 
 #[test]
+fn what_is_foreseen_of_a_render_is_what_is_verified_of_it_guesses_included() {
+    let folder = tempfile::tempdir().unwrap();
+    let preset = Path::new(STACK).with_file_name("preset.toml").display().to_string();
+    let pinhole = Path::new(STACK).with_file_name("pinhole.exr").display().to_string();
+    for stack in [STACK, &pinhole] {
+        let json = |command: &[&str]| -> serde_json::Value {
+            let lens = ["--preset", &preset, "--json"];
+            serde_json::from_str(&stdout(&run(folder.path(), &[command, &lens].concat()))).unwrap()
+        };
+        let plan = json(&["plan", stack, "--uncalibrated", "--views", "64"]);
+        let step = plan["costs"].as_array().unwrap().iter().find(|cost| cost["name"] == "shear:64").unwrap();
+        let foreseen_db = step["sampling_error"]["psnr_db"].as_f64().unwrap();
+        let render =
+            |flags: &[&str]| json(&[&["render", stack, "-o", "a.exr"], flags].concat())["probe"].clone();
+        let verified = render(&["--views", "64", "--verify"]);
+        let verified_db = verified["psnr_db"].as_f64().unwrap();
+        assert!(
+            (foreseen_db - verified_db).abs() < 0.01,
+            "{stack}: {foreseen_db} dB, in truth {verified_db}"
+        );
+        // A search looks at fewer pixels, with fewer rays.
+        let target = (verified_db - 1.0).floor().to_string();
+        let found = render(&["--target-db", &target]);
+        let found_db = found["psnr_db"].as_f64().unwrap();
+        let within = verified_db - 4.0..verified_db + 6.0;
+        assert!(within.contains(&found_db), "{stack}: {found}, asked for {target} dB");
+    }
+}
+
+#[test]
 fn a_target_is_reached_or_the_report_says_what_was() {
     let folder = tempfile::tempdir().unwrap();
     let report = |flags: &[&str]| {

@@ -10,7 +10,7 @@
 //! than it is high: `x` divided by the squeeze.
 
 use crate::error::Error;
-use crate::settings::SQUEEZES;
+use crate::settings::{BLADE_CURVATURES, MOST_BLADES, SQUEEZES};
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
@@ -124,8 +124,8 @@ impl Aperture {
         }
         match blades {
             0 => Ok(Self::DISC),
-            3..=100 => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
-            _ => Err(Error::settings("an aperture has 3 to 100 blades, or 0 for a disc")
+            3..=MOST_BLADES => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
+            _ => Err(Error::settings(format!("an aperture has 3 to {MOST_BLADES} blades, or 0 for a disc"))
                 .with("found", format!("{blades} blades"))
                 .help("set it with --blades, or blades in the preset's [aperture]")),
         }
@@ -136,10 +136,13 @@ impl Aperture {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a curvature out of range.
     pub fn curved(self, curvature: f32) -> Result<Self, Error> {
-        if !(0.0..=1.0).contains(&curvature) {
-            return Err(Error::settings("blades are curved from 0, straight, to 1, round")
-                .with("found", curvature.to_string())
-                .help("set it with --blade-curvature, or blade_curvature in the preset's [aperture]"));
+        let [straight, round] = BLADE_CURVATURES;
+        if !(straight..=round).contains(&curvature) {
+            return Err(Error::settings(format!(
+                "blades are curved from {straight}, straight, to {round}, round"
+            ))
+            .with("found", curvature.to_string())
+            .help("set it with --blade-curvature, or blade_curvature in the preset's [aperture]"));
         }
         Ok(Self { curvature: if self.blades == 0 { 0.0 } else { curvature }, ..self })
     }

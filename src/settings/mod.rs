@@ -74,6 +74,12 @@ pub enum SensorDistance {
     ThinLens,
 }
 
+/// The most blades that an aperture may have.
+pub const MOST_BLADES: u32 = 100;
+
+/// The least and the most curvature of blades: see [`Values::blade_curvature`].
+pub const BLADE_CURVATURES: [f32; 2] = [0.0, 1.0];
+
 /// The least and the most squeeze: see [`Values::squeeze`].
 pub const SQUEEZES: [f32; 2] = [1.0, 4.0];
 

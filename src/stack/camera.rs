@@ -1,7 +1,9 @@
 //! Camera data in the header of an OpenEXR file: ours first (`thinlens.…`), then the standard attributes.
 
 use super::Finding;
-use crate::settings::{DepthConvention, Focus, SensorDistance, Values};
+use crate::settings::{
+    BLADE_CURVATURES, DepthConvention, Focus, MOST_BLADES, SQUEEZES, SensorDistance, Values,
+};
 use exr::meta::attribute::{AttributeValue, Text};
 
 /// Attributes of one header, looked up by name.
@@ -15,6 +17,8 @@ struct Lookup<'a> {
 enum Range {
     Positive,
     NotNegative,
+    /// From the first to the second.
+    Within([f32; 2]),
     Any,
 }
 
@@ -45,10 +49,10 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
             "thinlens.sensor_distance",
             &[("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)],
         ),
-        blades: from.whole("thinlens.blades").map(|blades| blades as u32),
+        blades: from.blades("thinlens.blades"),
         rotation_deg: from.number("thinlens.rotation_deg", Range::Any),
-        blade_curvature: from.number("thinlens.blade_curvature", Range::NotNegative),
-        squeeze: from.number("thinlens.squeeze", Range::Positive),
+        blade_curvature: from.number("thinlens.blade_curvature", Range::Within(BLADE_CURVATURES)),
+        squeeze: from.number("thinlens.squeeze", Range::Within(SQUEEZES)),
         convention: from.word(
             "thinlens.depth_convention",
             &[
@@ -94,6 +98,7 @@ impl Lookup<'_> {
                 && match range {
                     Range::Positive => *number > 0.0,
                     Range::NotNegative => *number >= 0.0,
+                    Range::Within([least, most]) => (least..=most).contains(number),
                     Range::Any => true,
                 }
         });
@@ -102,6 +107,16 @@ impl Lookup<'_> {
             self.ignore(name, &found);
         }
         sensible
+    }
+
+    /// A number of blades: 0, or 3 and more.
+    fn blades(&mut self, name: &'static str) -> Option<u32> {
+        let blades = u32::from(self.whole(name)?);
+        if matches!(blades, 0 | 3..=MOST_BLADES) {
+            return Some(blades);
+        }
+        self.ignore(name, &blades.to_string());
+        None
     }
 
     /// A small whole number.
@@ -171,15 +186,31 @@ mod tests {
     }
 
     #[test]
+    fn an_aperture_that_cannot_be_is_ignored_with_a_warning() {
+        for (blades, expected) in
+            [(0, Some(0)), (1, None), (2, None), (3, Some(3)), (100, Some(100)), (101, None)]
+        {
+            let (values, findings) = read(&[("thinlens.blades", AttributeValue::I32(blades))]);
+            assert_eq!(
+                (values.blades, findings.len()),
+                (expected, usize::from(expected.is_none())),
+                "{blades}"
+            );
+        }
+    }
+
+    #[test]
     fn camera_data_that_makes_no_sense_is_ignored_with_a_warning() {
         let (values, findings) = read(&[
             ("thinlens.focal_length_mm", AttributeValue::F32(f32::NAN)),
             ("aperture", AttributeValue::F32(-2.0)),
             ("thinlens.blades", AttributeValue::F32(5.5)),
+            ("thinlens.blade_curvature", AttributeValue::F32(1.5)),
+            ("thinlens.squeeze", AttributeValue::F32(0.5)),
             ("thinlens.depth_convention", AttributeValue::Text(Text::from("sideways"))),
         ]);
         assert_eq!(values, Values::default());
-        assert_eq!(findings.len(), 4);
+        assert_eq!(findings.len(), 6);
         assert!(findings.iter().all(|finding| finding.warning));
     }
 }

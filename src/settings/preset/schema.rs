@@ -2,7 +2,8 @@
 //! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
 use super::super::{
-    DepthConvention, Effort, Focus, MethodParameters, Quality, SQUEEZES, SensorDistance, Values,
+    BLADE_CURVATURES, DepthConvention, Effort, Focus, MethodParameters, Quality, SQUEEZES, SensorDistance,
+    Values,
 };
 use super::entry::Entry;
 use crate::error::Error;
@@ -36,7 +37,7 @@ pub(super) static SCHEMA: [Key; 21] = {
         key("aperture", "blades", |v, e| e.blades().map(|x| v.blades = Some(x))),
         key("aperture", "rotation_deg", |v, e| e.finite().map(|x| v.rotation_deg = Some(x))),
         key("aperture", "blade_curvature", |v, e| {
-            e.within([0.0, 1.0], "straight is 0, round is 1").map(|x| v.blade_curvature = Some(x))
+            e.within(BLADE_CURVATURES, "straight is 0, round is 1").map(|x| v.blade_curvature = Some(x))
         }),
         key("aperture", "squeeze", |v, e| {
             e.within(SQUEEZES, "height over width").map(|x| v.squeeze = Some(x))
