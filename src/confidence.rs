@@ -93,13 +93,7 @@ mod tests {
             alpha: Plane::from_fn(WIDTH, HEIGHT, |x, _| if column(x).is_some() { 1.0 } else { 0.0 }),
             coc_px: Plane::from_fn(WIDTH, HEIGHT, |x, _| column(x).unwrap_or(0.0)),
         };
-        Scene {
-            layers: layers.iter().map(layer).collect(),
-            kind: StackKind::PointSampled,
-            supersample: 1,
-            coc_infinity_px: 40.0,
-            limited_fragments: 0,
-        }
+        Scene::new(layers.iter().map(layer).collect(), StackKind::PointSampled, 1, 40.0)
     }
 
     fn plan(scene: &Scene, method: &str) -> Plan {

@@ -66,13 +66,7 @@ fn layer(width: usize, height: usize, sample: impl Fn(usize, usize) -> (Pixel, f
 
 /// Point-sampled layers, nearest first.
 fn scene(layers: Vec<Layer>) -> Scene {
-    Scene {
-        layers,
-        kind: StackKind::PointSampled,
-        supersample: 1,
-        coc_infinity_px: 1000.0,
-        limited_fragments: 0,
-    }
+    Scene::new(layers, StackKind::PointSampled, 1, 1000.0)
 }
 
 fn grey(value: f32) -> Pixel {

@@ -77,13 +77,7 @@ fn scene() -> Scene {
         alpha: Plane::filled(width, height, 1.0),
         coc_px: Plane::from_fn(width, height, |x, y| coc(x, y, peel)),
     });
-    Scene {
-        layers: layers.collect(),
-        kind: StackKind::PointSampled,
-        supersample: 1,
-        coc_infinity_px: 20.0,
-        limited_fragments: 0,
-    }
+    Scene::new(layers.collect(), StackKind::PointSampled, 1, 20.0)
 }
 
 fn blur(method: &str, changes: &[&Value]) -> Image {

@@ -103,7 +103,7 @@ impl Case {
         surfaces.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
         let supersample = if kind == StackKind::Supersampled { 2 } else { 1 };
         let (layers, cut) = layers_of(&surfaces, size, (layers, kind, supersample));
-        let scene = Scene { layers, kind, supersample, coc_infinity_px: 1000.0, limited_fragments: 0 };
+        let scene = Scene::new(layers, kind, supersample, 1000.0);
         let mut case = Self { seed, scene, complete: backdrop && !cut, bright_area };
         (0..rng.usize(0..12)).for_each(|_| case.light(rng));
         case
@@ -303,7 +303,7 @@ fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
     };
     let layers = vec![layer];
     let kind = StackKind::Coverage;
-    let scene = Scene { layers, kind, supersample: 1, coc_infinity_px: 1000.0, limited_fragments: 0 };
+    let scene = Scene::new(layers, kind, 1, 1000.0);
     let case = Case { seed: 2, scene, complete: true, bright_area: false };
     // A guess behind the edge would reach farther.
     let plan = case.plan(&[]).forced(EffectKind::Fill, false);

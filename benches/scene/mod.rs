@@ -34,13 +34,7 @@ pub(crate) fn made(width: usize, height: usize) -> Scene {
             coc_px: Plane::from_fn(width, height, |x, y| fragment(x, y, layer).map_or(0.0, |(coc, _)| coc)),
         })
         .collect();
-    Scene {
-        layers,
-        kind: StackKind::PointSampled,
-        supersample: 1,
-        coc_infinity_px: 64.0,
-        limited_fragments: 0,
-    }
+    Scene::new(layers, StackKind::PointSampled, 1, 64.0)
 }
 
 /// `scene` with its CoC radii scaled so that the largest is `coc` pixels.

@@ -228,13 +228,7 @@ pub(super) fn made((width, height): (usize, usize)) -> Scene {
         layer(&|_| true, &|x, y| if is_bar(x) { -12.0 } else { floor(y) }),
         layer(&is_bar, &|_, y| floor(y)),
     ];
-    Scene {
-        layers,
-        kind: StackKind::PointSampled,
-        supersample: 1,
-        coc_infinity_px: 20.0,
-        limited_fragments: 0,
-    }
+    Scene::new(layers, StackKind::PointSampled, 1, 20.0)
 }
 
 #[cfg(test)]

@@ -2,10 +2,12 @@
 //! never sees a pixel's colour.
 
 mod aperture;
+mod field;
 mod sharpness;
 mod views;
 
 pub use aperture::{Aperture, Outline};
+pub use field::Field;
 pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, moved_views, views};
 

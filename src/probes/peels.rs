@@ -146,13 +146,7 @@ mod tests {
                 coc_px: plane(|(_, coc)| coc),
             }
         };
-        let scene = Scene {
-            layers: layers.iter().map(layer).collect(),
-            kind: StackKind::PointSampled,
-            supersample: 1,
-            coc_infinity_px: 20.0,
-            limited_fragments: 0,
-        };
+        let scene = Scene::new(layers.iter().map(layer).collect(), StackKind::PointSampled, 1, 20.0);
         let settings = Settings::resolve(&[], MethodParameters::default());
         let plan = methods::plan(&scene.facts(), &settings).unwrap();
         super::peels_seen(&scene, &plan)

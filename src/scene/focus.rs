@@ -73,13 +73,7 @@ mod tests {
             alpha: Plane::from_fn(W, supersample, |x, _| layer[x].0),
             coc_px: Plane::from_fn(W, supersample, |x, _| layer[x].1),
         });
-        Scene {
-            layers: layers.collect(),
-            kind: StackKind::Coverage,
-            supersample,
-            coc_infinity_px: 10.0,
-            limited_fragments: 0,
-        }
+        Scene::new(layers.collect(), StackKind::Coverage, supersample, 10.0)
     }
 
     #[test]

@@ -23,8 +23,9 @@ pub use switches::asked_for;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::lens::ThinLens;
+use crate::lens::{Field, ThinLens};
 use crate::stack::{Frame, Peel, Stack, StackKind, depth::DepthScale};
+use glam::Vec2;
 use rayon::prelude::*;
 
 /// Fragments of at least this alpha hide everything behind them.
@@ -72,6 +73,8 @@ pub struct Scene {
     pub coc_infinity_px: f32,
     /// Fragments so near the lens that their CoC was limited to [`coc_limit_px`].
     pub limited_fragments: usize,
+    /// Where in the lens's field the picture lies.
+    pub field: Field,
 }
 
 /// Largest CoC radius kept for a picture of this size, in picture pixels; past it a fragment spreads over many frames and
@@ -81,6 +84,14 @@ pub fn coc_limit_px(width: usize, height: usize) -> f32 {
 }
 
 impl Scene {
+    /// The scene of `layers`, nearest first, with the lens's axis at the picture's centre.
+    pub fn new(layers: Vec<Layer>, kind: StackKind, supersample: usize, coc_infinity_px: f32) -> Self {
+        let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
+        let [width, height] = size.map(|samples| samples / supersample);
+        let field = Field::of_picture(width, height);
+        Self { layers, kind, supersample, coc_infinity_px, limited_fragments: 0, field }
+    }
+
     /// Takes the peels out of `stack` and puts them behind `lens`: depth becomes CoC radius, in place.
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
         let (kind, supersample) = (stack.kind, stack.supersample);
@@ -91,7 +102,8 @@ impl Scene {
             limited_fragments += depth_to_coc(&mut peel, &stack.frame, lens, scale, limit);
             layers.push(Layer { color: peel.color, alpha: peel.alpha, coc_px: peel.depth });
         }
-        Self { layers, kind, supersample, coc_infinity_px: lens.coc_infinity_px, limited_fragments }
+        let field = field(&stack.frame, supersample, scale);
+        Self { limited_fragments, field, ..Self::new(layers, kind, supersample, lens.coc_infinity_px) }
     }
 
     /// Width of the layers in samples.
@@ -172,6 +184,18 @@ impl Scene {
     }
 }
 
+/// Where in the lens's field the picture of a stack with this `frame`, in samples, lies.
+fn field(frame: &Frame, supersample: usize, scale: &DepthScale) -> Field {
+    let samples = supersample as f32;
+    let [left, top] = frame.data_origin_from_centre().map(|origin| origin - 0.5);
+    let [width, height] = [frame.display.width, frame.display.height].map(|side| side as f32);
+    Field {
+        axis_px: -Vec2::new(left, top) / samples,
+        half_diagonal_px: 0.5 * width.hypot(height) / samples,
+        focal_length_px: scale.focal_px / samples,
+    }
+}
+
 /// Turns a peel's depth into CoC radius and returns how many fragments met the limit.
 fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthScale, limit: f32) -> usize {
     let width = peel.depth.width();
@@ -228,6 +252,8 @@ pub fn focus_distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::DepthConvention;
+    use crate::stack::Window;
 
     fn layer(pixel: [f32; 4]) -> Layer {
         let plane = |value| Plane::filled(2, 2, value);
@@ -241,13 +267,8 @@ mod tests {
     #[test]
     fn without_a_lens_an_opaque_layer_hides_the_rest_bit_for_bit() {
         let front = [0.1, 0.2, 70000.0, 1.0];
-        let scene = Scene {
-            layers: vec![layer(front), layer([5.0, 5.0, 5.0, 1.0])],
-            kind: StackKind::PointSampled,
-            supersample: 1,
-            coc_infinity_px: 1.0,
-            limited_fragments: 0,
-        };
+        let scene =
+            Scene::new(vec![layer(front), layer([5.0, 5.0, 5.0, 1.0])], StackKind::PointSampled, 1, 1.0);
         assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, untouched");
         let pinhole = scene.pinhole();
         assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
@@ -255,15 +276,31 @@ mod tests {
 
     #[test]
     fn without_a_lens_coverage_adds_up_front_to_back() {
-        let scene = Scene {
-            layers: vec![layer([0.25, 0.0, 0.0, 0.25]), layer([0.0, 1.0, 0.0, 1.0])],
-            kind: StackKind::Coverage,
-            supersample: 1,
-            coc_infinity_px: 1.0,
-            limited_fragments: 0,
-        };
+        let scene = Scene::new(
+            vec![layer([0.25, 0.0, 0.0, 0.25]), layer([0.0, 1.0, 0.0, 1.0])],
+            StackKind::Coverage,
+            1,
+            1.0,
+        );
         assert_eq!(scene.pinhole().pixel(0, 0), [0.25, 0.75, 0.0, 1.0], "a quarter red over green");
         let pinhole = scene.pinhole();
         assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
+    }
+
+    #[test]
+    fn the_axis_is_at_the_centre_of_the_display_window_wherever_the_data_lies() {
+        let display = Window { x: 0, y: 0, width: 160, height: 90 };
+        let scale = DepthScale {
+            convention: DepthConvention::Planar,
+            near_clip: 0.0,
+            near_far: [0.0, 1.0],
+            focal_px: 200.0,
+        };
+        let at = |data: Window, samples| {
+            field(&Frame { data, display, pixel_aspect: 1.0 }, samples, &scale).axis_px.to_array()
+        };
+        assert_eq!(at(display, 1), [80.0, 45.0]);
+        assert_eq!(at(Window { x: -8, y: 5, width: 176, height: 80 }, 1), [88.0, 40.0], "overscan and crop");
+        assert_eq!(at(display, 2), [40.0, 22.5], "in picture pixels");
     }
 }

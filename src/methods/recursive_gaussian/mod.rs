@@ -193,13 +193,7 @@ mod tests {
             alpha: Plane::filled(81, 81, 1.0),
             coc_px: Plane::filled(81, 81, coc_px),
         };
-        let scene = Scene {
-            layers: vec![layer],
-            kind: StackKind::PointSampled,
-            supersample: 1,
-            coc_infinity_px: 1000.0,
-            limited_fragments: 0,
-        };
+        let scene = Scene::new(vec![layer], StackKind::PointSampled, 1, 1000.0);
         let values = Values { method: Some("recursive-gaussian".to_owned()), ..Values::default() };
         let mut parameters = MethodParameters::default();
         change(&mut parameters);

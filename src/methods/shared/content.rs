@@ -190,13 +190,7 @@ mod tests {
             alpha: plane(layer, |pixel| pixel.1),
             coc_px: plane(layer, |pixel| pixel.2),
         });
-        Scene {
-            layers: layers.collect(),
-            kind: StackKind::Coverage,
-            supersample: 1,
-            coc_infinity_px: 100.0,
-            limited_fragments: 0,
-        }
+        Scene::new(layers.collect(), StackKind::Coverage, 1, 100.0)
     }
 
     fn plan(scene: &Scene) -> Plan {

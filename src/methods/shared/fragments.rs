@@ -170,13 +170,7 @@ mod tests {
             coc_px: Plane::filled(2, 1, coc),
         };
         let layers = vec![layer(3.0, 0.0), layer(-1.0, 0.0), layer(7.0, 0.5)];
-        let fragments = Fragments::new(Scene {
-            layers,
-            kind: StackKind::PointSampled,
-            supersample: 1,
-            coc_infinity_px: 10.0,
-            limited_fragments: 0,
-        });
+        let fragments = Fragments::new(Scene::new(layers, StackKind::PointSampled, 1, 10.0));
         assert_eq!(fragments.coc_px(0), [-1.0, 3.0, 7.0], "in order, though the peels were not");
         assert_eq!(fragments.coc_px(1), [7.0, f32::INFINITY, f32::INFINITY], "the only one is the first");
         assert_eq!(fragments.color(1, 0), [7.0, 7.0, 7.0, 0.5]);

@@ -1,0 +1,52 @@
+//! The field of a lens: which direction a place in the picture looks, seen from the lens's axis.
+
+use glam::Vec2;
+
+/// Where the axis of the lens meets the picture, and the lengths that turn pixels into shares of the field and into angles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Field {
+    /// Where the axis meets the picture, in picture pixels right and down from its corner: pixel `x` has its centre at `x + ½`.
+    pub axis_px: Vec2,
+    /// From the axis to the corners of the frame, in picture pixels.
+    pub half_diagonal_px: f32,
+    /// From the camera's centre to the picture, in picture pixels.
+    pub focal_length_px: f32,
+}
+
+impl Field {
+    /// The field of a picture of `width` × `height` pixels with its axis at the centre, before a lens as long as the picture is wide.
+    pub fn of_picture(width: usize, height: usize) -> Self {
+        let axis_px = 0.5 * Vec2::new(width as f32, height as f32);
+        Self { axis_px, half_diagonal_px: axis_px.length(), focal_length_px: width as f32 }
+    }
+
+    /// `place` in the picture, in pixels from its corner, as an offset from the axis: of length 1 in the frame's corners.
+    pub fn height(&self, place: Vec2) -> Vec2 {
+        (place - self.axis_px) / self.half_diagonal_px
+    }
+
+    /// Cosine of the angle between the axis and what is seen at `place`.
+    pub fn cosine(&self, place: Vec2) -> f32 {
+        let tangent = (place - self.axis_px).length() / self.focal_length_px;
+        1.0 / tangent.hypot(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_corners_of_a_frame_are_one_from_its_axis() {
+        let field = Field::of_picture(640, 360);
+        assert_eq!(field.height(Vec2::new(320.0, 180.0)), Vec2::ZERO);
+        assert!((field.height(Vec2::new(640.0, 0.0)).length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_lens_sees_at_45_degrees_what_is_its_focal_length_from_the_axis() {
+        let field = Field { focal_length_px: 100.0, ..Field::of_picture(640, 360) };
+        assert_eq!(field.cosine(Vec2::new(320.0, 180.0)), 1.0);
+        assert!((field.cosine(Vec2::new(320.0, 280.0)) - 0.5f32.sqrt()).abs() < 1e-6);
+    }
+}
