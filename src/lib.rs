@@ -6,9 +6,9 @@
 //! | step | module | from → to |
 //! | --- | --- | --- |
 //! | read | [`stack`] | files → [`stack::Stack`] |
-//! | lens | [`lens`] | settings → [`lens::ThinLens`], [`lens::Aperture`] |
+//! | lens | [`lens`] | settings → [`lens::ThinLens`], [`lens::Optics`] |
 //! | look, decide | [`scene`] | stack + lens → [`scene::Scene`] → [`scene::Plan`] |
-//! | blur | [`methods`] | scene + plan → [`image::Image`] |
+//! | blur | [`methods`], [`finish`](mod@finish) | scene + plan → [`image::Image`] |
 //! | write | [`output`] | picture → EXR, PNG, report |
 //!
 //! [`render`](mod@render) runs the steps up to the picture for one job; [`cost`] says before how long the blur will take.
@@ -20,6 +20,7 @@ pub mod stack;
 pub mod lens;
 pub mod scene;
 pub mod methods;
+pub mod finish;
 pub mod gpu;
 pub mod output;
 pub mod metrics;

@@ -7,6 +7,7 @@ use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
 use crate::dial::{self, Outcome};
 use crate::error::Error;
+use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, SHARP_COC_PX, Sharpness, ThinLens};
@@ -16,9 +17,11 @@ use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
 use crate::scene::{self, EffectKind, Facts, Goal, Plan, Scene};
-use crate::settings::{DepthConvention, Focus, Origin, Preset, Settings, Switches, Values};
+use crate::settings::{DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
+use std::path::Path;
+use std::sync::Arc;
 
 /// A preset and the name it was asked for by.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,6 +157,7 @@ impl Prepared {
         let Self { mut stack, summary, settings, lens, scene, facts, plan, device, mut clock, .. } = self;
         let calibration = calibration(&plan, &mut stack)?;
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
+        let field = scene.field;
         let (image, outcome) =
             clock.time(Stage::Blur, || paint(scene, (&facts, &plan), &calibration, progress))?;
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
@@ -162,6 +166,7 @@ impl Prepared {
         let probe = kept.as_ref().zip(self.verify).map(|(scene, probes)| {
             clock.time(Stage::Verify, || probes::verify(&image, scene, &plan, probes, probes::SEED))
         });
+        let image = clock.time(Stage::Blur, || finish::finish(image, &plan, field));
         let known = kept
             .filter(|_| self.confidence)
             .map(|scene| clock.time(Stage::Confidence, || confidence::confidence(scene, &plan, progress)));
@@ -291,7 +296,20 @@ fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
     let mut settings = Settings { switches: job.switches.clone(), ..Settings::resolve(&layers, parameters) };
     let method = methods::chosen(&settings)?.info().name;
     job.parameters.iter().try_for_each(|setting| settings.parameters.set(method, setting))?;
+    settings.mask = settings.lens.aperture_image.value.as_deref().map(mask).transpose()?.map(Arc::new);
     Ok(settings)
+}
+
+/// What the picture of an aperture at `path` shows: light by pixel, none where it is transparent.
+fn mask(path: &Path) -> Result<Mask, Error> {
+    let Image { planes: [red, green, blue, _] } = stack::read_picture(path)?;
+    let light = red.values().iter().zip(green.values()).zip(blue.values());
+    Ok(Mask {
+        name: path.display().to_string(),
+        width: red.width(),
+        height: red.height(),
+        values: light.map(|((red, green), blue)| (red + green + blue) / 3.0).collect(),
+    })
 }
 
 /// The job's read options, with what its layers say about the file.

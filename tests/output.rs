@@ -301,7 +301,7 @@ fn json_is_written_whole_with_a_newline_at_its_end() {
 
 mod the_report {
     use super::{Path, report, usage};
-    use thinlens::lens::{Aperture, ThinLens};
+    use thinlens::lens::{Aperture, Optics, ThinLens};
     use thinlens::scene::{Effect, EffectKind, Plan};
     use thinlens::settings::{DepthConvention, MethodParameters, Origin, Settings, Values};
     use thinlens::stack::{Finding, Precision, StackKind};
@@ -317,8 +317,8 @@ mod the_report {
             views_reason: String::new(),
             jitter: 1.0,
             fragment_px: 1.0,
-            aperture: Aperture::DISC,
-            aperture_asked_for: Aperture::DISC,
+            optics: Optics::of(Aperture::DISC),
+            optics_asked_for: Optics::of(Aperture::DISC),
             coc_range_px: [-3.0, 12.5],
             highlight_threshold: f32::INFINITY,
             effects: vec![Effect {

@@ -171,7 +171,15 @@ impl Case {
             EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
             EffectKind::Highlights => self.bright_area,
             EffectKind::Merge | EffectKind::Translucency => true,
-            EffectKind::Prefilter | EffectKind::BladeCurvature | EffectKind::Squeeze => false,
+            EffectKind::Prefilter
+            | EffectKind::BladeCurvature
+            | EffectKind::Squeeze
+            | EffectKind::ApertureImage
+            | EffectKind::CatsEye
+            | EffectKind::SphericalAberration
+            | EffectKind::AxialColor
+            | EffectKind::LateralColor
+            | EffectKind::Vignetting => false,
         }
     }
 

@@ -106,6 +106,41 @@ pub(super) struct LensArgs {
     /// of the f-number. From 1 to 4.
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     squeeze: Option<f32>,
+    /// Picture of the aperture, in place of blades
+    ///
+    /// White lets light through. The circle that touches the sides of the picture is the aperture's, read upright as a point behind
+    /// focus shows it.
+    #[arg(long, value_name = "FILE")]
+    aperture_image: Option<PathBuf>,
+    /// How far the lens's rim cuts into the aperture in the corners
+    ///
+    /// The cat's eye of optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
+    /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
+    #[arg(long, value_name = "RADII", allow_negative_numbers = true)]
+    cats_eye: Option<f32>,
+    /// How much of the falloff of brightness shows, 0 to 1
+    ///
+    /// The falloff is the fourth power of the cosine of the field angle, times what --cats-eye leaves of the aperture; it is raised to
+    /// this power.
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    vignetting: Option<f32>,
+    /// Spherical aberration, in micrometres
+    ///
+    /// How much nearer to the lens the aperture's rim focuses than its middle, along the axis at the sensor. Positive: soft discs
+    /// behind focus, hard rings in front of it; negative: soap bubbles behind it.
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    spherical: Option<f32>,
+    /// Axial chromatic aberration of red and blue, in micrometres
+    ///
+    /// How much farther from the lens than green they focus, along the axis at the sensor. Both positive: green fringes behind focus,
+    /// magenta ones in front of it.
+    #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
+    axial_color: Option<[f32; 2]>,
+    /// Lateral chromatic aberration of red and blue, in micrometres
+    ///
+    /// How much farther from the axis than green they show what is in the frame's corners, at the sensor.
+    #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
+    lateral_color: Option<[f32; 2]>,
 }
 
 /// How to compute.
@@ -301,6 +336,12 @@ fn values(input: &InputArgs, lens: &LensArgs) -> Values {
         rotation_deg: lens.rotation,
         blade_curvature: lens.blade_curvature,
         squeeze: lens.squeeze,
+        aperture_image: lens.aperture_image.clone(),
+        cats_eye: lens.cats_eye,
+        vignetting: lens.vignetting,
+        spherical_um: lens.spherical,
+        axial_color_um: lens.axial_color,
+        lateral_color_um: lens.lateral_color,
         convention: input.depth_convention.and_then(ConventionArg::convention),
         metres_per_unit: input.metres_per_unit,
         near_clip: input.near_clip,
@@ -372,19 +413,32 @@ impl LensArgs {
             rotation,
             blade_curvature,
             squeeze,
+            aperture_image,
+            cats_eye,
+            vignetting,
+            spherical,
+            axial_color,
+            lateral_color,
         } = self;
+        let pair = |pair: &Option<[f32; 2]>| pair.map(|[first, second]| format!("{first},{second}"));
         let flags = [
             flag("--preset", preset.as_ref()),
             flag("--focal-length", focal_length.as_ref()),
             flag("--f-number", f_number.as_ref()),
             flag("--focus", focus.as_ref()),
-            flag("--focus-at", focus_at.map(|[x, y]| format!("{x},{y}"))),
+            flag("--focus-at", pair(focus_at)),
             flag("--sensor-width", sensor_width.as_ref()),
             flag("--sensor-distance", sensor_distance.and_then(value_name)),
             flag("--blades", blades.as_ref()),
             flag("--rotation", rotation.as_ref()),
             flag("--blade-curvature", blade_curvature.as_ref()),
             flag("--squeeze", squeeze.as_ref()),
+            flag("--aperture-image", aperture_image.as_ref().map(|file| file.display())),
+            flag("--cats-eye", cats_eye.as_ref()),
+            flag("--vignetting", vignetting.as_ref()),
+            flag("--spherical", spherical.as_ref()),
+            flag("--axial-color", pair(axial_color)),
+            flag("--lateral-color", pair(lateral_color)),
         ];
         flags.into_iter().flatten().collect()
     }
@@ -436,9 +490,14 @@ fn method_names() -> PossibleValuesParser {
 }
 
 fn parse_point(text: &str) -> Result<[f32; 2], String> {
+    parse_pair(text)
+        .map_err(|_| "a pixel is two numbers with a comma between them, such as 960,540".to_owned())
+}
+
+fn parse_pair(text: &str) -> Result<[f32; 2], String> {
     let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
-    let point = text.split_once(',').and_then(|(x, y)| Some([number(x)?, number(y)?]));
-    point.ok_or_else(|| "a pixel is two numbers with a comma between them, such as 960,540".to_owned())
+    let pair = text.split_once(',').and_then(|(first, second)| Some([number(first)?, number(second)?]));
+    pair.ok_or_else(|| "two numbers with a comma between them are wanted, such as 30,45".to_owned())
 }
 
 fn parse_not_negative(text: &str) -> Result<f32, String> {
@@ -472,7 +531,8 @@ mod tests {
         let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
                     --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --preset p --focal-length 85.5 --f-number inf \
                     --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
-                    --blade-curvature 0.5 --squeeze 1.33 --force fill,resolve --without highlights";
+                    --blade-curvature 0.5 --squeeze 1.33 --aperture-image heart.png --cats-eye 0.8 --vignetting 0.5 \
+                    --spherical -40 --axial-color -30,45.5 --lateral-color 4,-6 --force fill,resolve --without highlights";
         let all =
             StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
         // All flags, but for --focus-at, which has no place beside --focus.

@@ -156,6 +156,16 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     sourced(text, "rotation", format_args!("{}°", set.rotation_deg.value), &set.rotation_deg)?;
     sourced(text, "blade curvature", set.blade_curvature.value, &set.blade_curvature)?;
     sourced(text, "squeeze", set.squeeze.value, &set.squeeze)?;
+    if let Some(image) = &set.aperture_image.value {
+        sourced(text, "aperture image", image.display(), &set.aperture_image)?;
+    }
+    sourced(text, "cat's eye", format_args!("{} aperture radii", set.cats_eye.value), &set.cats_eye)?;
+    sourced(text, "vignetting", set.vignetting.value, &set.vignetting)?;
+    sourced(text, "spherical", format_args!("{} µm", set.spherical_um.value), &set.spherical_um)?;
+    for (name, color) in [("axial colour", &set.axial_color_um), ("lateral colour", &set.lateral_color_um)] {
+        let [red, blue] = color.value;
+        sourced(text, name, format_args!("red {red}, blue {blue} µm"), color)?;
+    }
     sourced(text, "depth unit", format_args!("{} m", set.metres_per_unit.value), &set.metres_per_unit)?;
     sourced(text, "near clip", format_args!("{} depth units", set.near_clip.value), &set.near_clip)?;
     sourced(text, "depth 0 is at", format_args!("{} depth units", set.near.value), &set.near)?;

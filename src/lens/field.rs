@@ -25,6 +25,11 @@ impl Field {
         (place - self.axis_px) / self.half_diagonal_px
     }
 
+    /// A place as far from the axis as the corners of the frame.
+    pub fn far_out(&self) -> Vec2 {
+        self.axis_px + self.half_diagonal_px * Vec2::X
+    }
+
     /// Cosine of the angle between the axis and what is seen at `place`.
     pub fn cosine(&self, place: Vec2) -> f32 {
         let tangent = (place - self.axis_px).length() / self.focal_length_px;

@@ -3,13 +3,21 @@
 
 mod aperture;
 mod field;
+mod image;
+mod optics;
+mod radial;
+mod rim;
 mod sharpness;
 mod views;
 
 pub use aperture::{Aperture, Outline};
 pub use field::Field;
+pub use image::ApertureImage;
+pub use optics::{Optics, Rays};
+pub use radial::{Landing, Radial};
+pub use rim::{Falloff, RimShares};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
-pub use views::{View, moved_views, views};
+pub use views::{View, views};
 
 use crate::error::Error;
 use crate::settings::SensorDistance;

@@ -15,6 +15,8 @@ pub struct View {
     pub lens: Vec2,
     /// Offset from the pixel centre, −½ … ½.
     pub jitter: Vec2,
+    /// How far aberrations move the ray in the picture, in pixels.
+    pub shift: Vec2,
 }
 
 /// Sizes of the tables: powers of two, and halfway between them.
@@ -38,7 +40,7 @@ pub fn views(count: usize, aperture: Aperture) -> Vec<View> {
         .map(|i| {
             let view = point(table, i % size);
             let turned = turn(view, i / size);
-            View { lens: aperture.from_disc(turned.lens), jitter: turned.jitter }
+            View { lens: aperture.from_disc(turned.lens), ..turned }
         })
         .collect()
 }
@@ -49,7 +51,7 @@ fn point(table: &[u8], i: usize) -> View {
         let start = i * POINT + k * size_of::<f32>();
         table[start..start + 4].try_into().map_or(0.0, f32::from_le_bytes)
     };
-    View { lens: Vec2::new(value(0), value(1)), jitter: Vec2::new(value(2), value(3)) }
+    View { lens: Vec2::new(value(0), value(1)), jitter: Vec2::new(value(2), value(3)), shift: Vec2::ZERO }
 }
 
 /// The `round`-th variant of a view: the lens turned by golden angles, the pixel shifted by a Kronecker sequence.
@@ -65,16 +67,13 @@ fn turn(view: View, round: usize) -> View {
 /// `view` with the lens turned by `angle` and its place moved by `shift` within the pixel, around its edges.
 fn moved(view: View, angle: f32, shift: Vec2) -> View {
     let jitter = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
-    View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter }
+    View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter, ..view }
 }
 
-/// `count` views, all turned by `angle` and moved by `shift` within the pixel: for random `angle` and `shift` a sample of its
-/// own, as evenly spread as the table.
-pub fn moved_views(count: usize, aperture: Aperture, angle: f32, shift: Vec2) -> Vec<View> {
-    let all = views(count, Aperture::DISC).into_iter();
-    all.map(|view| moved(view, angle, shift))
-        .map(|v| View { lens: aperture.from_disc(v.lens), ..v })
-        .collect()
+/// `count` views of a disc, all turned by `angle` and moved by `shift` within the pixel: for random `angle` and `shift` a sample of
+/// its own, as evenly spread as the table.
+pub(super) fn moved_views(count: usize, angle: f32, shift: Vec2) -> Vec<View> {
+    views(count, Aperture::DISC).into_iter().map(|view| moved(view, angle, shift)).collect()
 }
 
 #[cfg(test)]

@@ -172,7 +172,7 @@ impl Tracer for Marcher {
         let supersample = scene.supersample as f32;
         let fragments = Fragments::new(scene);
         Self {
-            samples: views(rays, plan.aperture),
+            samples: views(rays, plan.optics.aperture),
             range: Range::new(&fragments, plan.coc_range_px, supersample),
             fragments,
             supersample,

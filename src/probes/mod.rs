@@ -29,7 +29,7 @@ pub use peels::{LOST_RAYS_SHARE, PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 
 use crate::error::Error;
 use crate::image::Image;
-use crate::lens::{View, moved_views};
+use crate::lens::Rays;
 use crate::methods::{self, Volume};
 use crate::metrics::displayed;
 use crate::scene::{EffectKind, Layer, Plan, Scene};
@@ -267,10 +267,13 @@ impl Look<'_> {
     /// How much single rays of a pixel differ: the variance of what they show, summed over the channels.
     fn spread(&self, pixel: usize, rng: &mut Rng) -> f32 {
         let rays = self.rays(SPREAD_RAYS, rng);
-        let colors: Vec<[f32; 3]> =
-            rays.iter().map(|ray| self.shown(pixel, std::slice::from_ref(ray))).collect();
-        let mean =
-            |value: &dyn Fn(&[f32; 3]) -> f32| colors.iter().map(value).sum::<f32>() / colors.len() as f32;
+        let width = self.scene.picture_size().0;
+        let passes = |i: &usize| self.volume.passes_rim(pixel % width, pixel / width, &rays.green()[*i]);
+        let passing = (0..SPREAD_RAYS).filter(passes);
+        let colors: Vec<[f32; 3]> = passing.map(|i| self.shown(pixel, &rays.single(i))).collect();
+        let mean = |value: &dyn Fn(&[f32; 3]) -> f32| {
+            colors.iter().map(value).sum::<f32>() / colors.len().max(1) as f32
+        };
         let variance = |k: usize| {
             let centre = mean(&|color| color[k]);
             mean(&|color| (color[k] - centre).powi(2))
@@ -279,7 +282,7 @@ impl Look<'_> {
     }
 
     /// What `rays` show at a pixel.
-    fn shown(&self, pixel: usize, rays: &[View]) -> [f32; 3] {
+    fn shown(&self, pixel: usize, rays: &Rays) -> [f32; 3] {
         let width = self.scene.picture_size().0;
         shown(self.volume.pixel(pixel % width, pixel / width, rays))
     }
@@ -291,9 +294,9 @@ impl Look<'_> {
     }
 
     /// Rays of a pixel, unlike any others.
-    fn rays(&self, count: usize, rng: &mut Rng) -> Vec<View> {
+    fn rays(&self, count: usize, rng: &mut Rng) -> Rays {
         let (angle, shift) = (rng.f32() * TAU, Vec2::new(rng.f32(), rng.f32()));
-        moved_views(count, self.plan.aperture, angle, shift)
+        self.plan.optics.moved_rays(count, angle, shift)
     }
 }
 

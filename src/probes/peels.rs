@@ -11,6 +11,7 @@
 //! Cost: the rays, once for each number of layers. Memory: next to none. Limits: of errors in few places only some are seen.
 
 use super::{Look, Places, SEED, StratumErrors, mean_error};
+use crate::lens::Rays;
 use crate::methods::Volume;
 use crate::scene::{EffectKind, Plan, Scene};
 use fastrand::Rng;
@@ -112,7 +113,7 @@ fn seen(all: &Look<'_>, fewer: &[Look<'_>], pixel: usize, seed: u64) -> Seen {
         (0..3).map(|channel| difference(0, channel) * difference(1, channel)).sum::<f64>() / 3.0
     };
     let width = all.scene.picture_size().0;
-    let lost = |rays| all.volume.lost_rays(pixel % width, pixel / width, rays);
+    let lost = |rays: &Rays| all.volume.lost_rays(pixel % width, pixel / width, rays.green());
     Seen {
         errors: fewer.iter().map(error).collect(),
         lost_rays: halves.iter().map(|rays| lost(rays)).sum::<f64>() / 2.0,

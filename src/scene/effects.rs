@@ -5,7 +5,7 @@
 use super::facts::{BrightStep, bright_step_floor};
 use super::plan::{Effect, EffectKind};
 use super::{Abilities, Facts};
-use crate::lens::Aperture;
+use crate::lens::{Falloff, Optics, RimShares};
 use crate::settings::{MethodParameters, ShearParameters};
 use crate::stack::StackKind;
 use std::f32::consts::PI;
@@ -31,6 +31,9 @@ const OUT_OF_FOCUS_FROM_PX: f32 = 1.5;
 /// A change of the aperture's outline by less than this shows nowhere: in pixels, at the largest CoC radius.
 const LEAST_OUTLINE_PX: f32 = 0.01;
 
+/// A place that keeps more of its light than this is as bright as ever.
+const MOST_LIGHT: f32 = 0.999;
+
 /// What the effects are decided from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Given<'a> {
@@ -42,13 +45,13 @@ pub(super) struct Given<'a> {
     pub(super) views: Option<usize>,
     /// See [`super::Plan::jitter`].
     pub(super) jitter: f32,
-    /// The aperture with all that was asked for.
-    pub(super) aperture: Aperture,
+    /// The lens with all that was asked for.
+    pub(super) optics: &'a Optics,
 }
 
 impl EffectKind {
     /// Every effect, in the order of plans.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 16] = [
         Self::Blur,
         Self::Merge,
         Self::Highlights,
@@ -59,6 +62,12 @@ impl EffectKind {
         Self::Resolve,
         Self::BladeCurvature,
         Self::Squeeze,
+        Self::ApertureImage,
+        Self::CatsEye,
+        Self::SphericalAberration,
+        Self::AxialColor,
+        Self::LateralColor,
+        Self::Vignetting,
     ];
 
     /// Its name in reports and flags.
@@ -74,20 +83,34 @@ impl EffectKind {
             Self::Resolve => "resolve",
             Self::BladeCurvature => "blade-curvature",
             Self::Squeeze => "squeeze",
+            Self::ApertureImage => "aperture-image",
+            Self::CatsEye => "cats-eye",
+            Self::SphericalAberration => "spherical-aberration",
+            Self::AxialColor => "axial-color",
+            Self::LateralColor => "lateral-color",
+            Self::Vignetting => "vignetting",
         }
     }
 
     /// Whether it is a step that some methods have and others lack.
     pub(super) fn is_step(self) -> bool {
         match self {
-            Self::Blur | Self::Translucency | Self::OpenBackground => false,
+            Self::Blur
+            | Self::Translucency
+            | Self::OpenBackground
+            | Self::LateralColor
+            | Self::Vignetting => false,
             Self::Merge
             | Self::Highlights
             | Self::Fill
             | Self::Prefilter
             | Self::Resolve
             | Self::BladeCurvature
-            | Self::Squeeze => true,
+            | Self::Squeeze
+            | Self::ApertureImage
+            | Self::CatsEye
+            | Self::SphericalAberration
+            | Self::AxialColor => true,
         }
     }
 }
@@ -96,7 +119,7 @@ impl EffectKind {
 pub(super) fn decide(given: &Given<'_>, abilities: &Abilities) -> (f32, Vec<Effect>) {
     let (threshold, highlights) = highlights(given);
     let effects = [
-        blur(given),
+        blur(given, abilities),
         merge(given.facts),
         highlights,
         fill(given),
@@ -106,6 +129,12 @@ pub(super) fn decide(given: &Given<'_>, abilities: &Abilities) -> (f32, Vec<Effe
         resolve(given),
         blade_curvature(given),
         squeeze(given),
+        aperture_image(given),
+        cats_eye(given),
+        spherical_aberration(given),
+        axial_color(given),
+        lateral_color(given),
+        vignetting(given),
     ];
     let of_method = |effect: Effect| {
         if !effect.name.is_step() || abilities.effects.contains(&effect.name) {
@@ -134,7 +163,8 @@ fn percent(part: usize, whole: usize) -> f64 {
 }
 
 fn blade_curvature(given: &Given<'_>) -> Effect {
-    let (curved, straight) = (given.aperture, given.aperture.simplified(false, true));
+    let aperture = given.optics.aperture;
+    let (curved, straight) = (aperture, aperture.simplified(false, true));
     let bulge_px = (curved.apothem() - straight.apothem()) * largest_coc_px(given.facts);
     let (on, reason) = if curved == straight {
         (false, "the aperture is a disc or has straight sides".to_owned())
@@ -154,7 +184,7 @@ fn blade_curvature(given: &Given<'_>) -> Effect {
 }
 
 fn squeeze(given: &Given<'_>) -> Effect {
-    let ratio = given.aperture.squeeze();
+    let ratio = given.optics.aperture.squeeze();
     let narrower_px = (1.0 - 1.0 / ratio) * largest_coc_px(given.facts);
     let on = narrower_px > LEAST_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
@@ -168,9 +198,118 @@ fn squeeze(given: &Given<'_>) -> Effect {
     new(EffectKind::Squeeze, on, reason, change)
 }
 
-fn blur(given: &Given<'_>) -> Effect {
+fn aperture_image(given: &Given<'_>) -> Effect {
+    let Some(image) = &given.optics.image else {
+        return new(
+            EffectKind::ApertureImage,
+            false,
+            "no picture of the aperture is given",
+            "with it, nothing",
+        );
+    };
+    let largest = largest_coc_px(given.facts);
+    let light = 100.0 * image.mean();
+    let reason = format!(
+        "its picture lets {light:.0} % of the light through; at most {largest:.1} px across half of it"
+    );
+    let change = "without it, every blurred point would have the outline of the blades, or of a disc";
+    new(EffectKind::ApertureImage, largest > LEAST_OUTLINE_PX, reason, change)
+}
+
+fn cats_eye(given: &Given<'_>) -> Effect {
+    let rim = given.optics.cats_eye;
+    if rim == 0.0 {
+        return new(
+            EffectKind::CatsEye,
+            false,
+            "the rim cuts nothing off: cats_eye is 0",
+            "with it, nothing",
+        );
+    }
+    let cut_px = rim * largest_coc_px(given.facts);
+    let left = 100.0 * RimShares::new(given.optics).at(glam::Vec2::X);
+    let reason = format!(
+        "the rim leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
+    );
+    let change = "without it, blurred points would be as round in the corners as in the middle";
+    new(EffectKind::CatsEye, cut_px > LEAST_OUTLINE_PX, reason, change)
+}
+
+/// How far a lens with spherical aberration alone moves a ray.
+fn spherical_shift_px(optics: &Optics) -> f32 {
+    Optics { axial_px: [0.0; 3], ..optics.clone() }.longest_shift_px()
+}
+
+fn spherical_aberration(given: &Given<'_>) -> Effect {
+    let kind = EffectKind::SphericalAberration;
+    let size = given.optics.spherical_px;
+    if size == 0.0 {
+        return new(kind, false, "the whole aperture focuses in one place", "with it, nothing");
+    }
+    let shift = spherical_shift_px(given.optics);
+    let [soft, hard] = if size > 0.0 { ["behind", "in front of"] } else { ["in front of", "behind"] };
+    let reason = format!("rays land up to {shift:.2} px astray: soft discs {soft} focus, rings {hard} it");
+    let change = format!(
+        "without it, discs would be even, and what is in focus sharper by {:.2} px",
+        size.abs() / 6.0
+    );
+    new(kind, shift > LEAST_OUTLINE_PX, reason, change)
+}
+
+fn axial_color(given: &Given<'_>) -> Effect {
+    let kind = EffectKind::AxialColor;
+    if !given.optics.has_axial_color() {
+        return new(kind, false, "all colours focus in one place", "with it, nothing");
+    }
+    let [red, _, blue] = given.optics.axial_px;
+    let reason = format!(
+        "where green is in focus, the CoC radius of red is {red:.2} px and that of blue {blue:.2} px"
+    );
+    let change = "without it, no colour fringes, and one set of lens samples in place of three";
+    new(kind, red.abs().max(blue.abs()) > LEAST_OUTLINE_PX, reason, change)
+}
+
+fn lateral_color(given: &Given<'_>) -> Effect {
+    let [red, _, blue] = given.optics.lateral_px;
+    if red == 0.0 && blue == 0.0 {
+        return new(EffectKind::LateralColor, false, "all colours are one size", "with it, nothing");
+    }
+    let reason = format!("in the corners red lies {red:.2} px and blue {blue:.2} px farther out than green");
+    let change = "without it, no colour fringes towards the corners";
+    new(EffectKind::LateralColor, red.abs().max(blue.abs()) > LEAST_OUTLINE_PX, reason, change)
+}
+
+fn vignetting(given: &Given<'_>) -> Effect {
+    let (optics, field) = (given.optics, given.facts.field);
+    if optics.vignetting == 0.0 {
+        let full = Optics { vignetting: 1.0, ..optics.clone() };
+        let left = 100.0 * Falloff::new(&full, field).at(field.far_out());
+        let change = format!("at its full strength, the corners would keep {left:.0} % of their light");
+        return new(
+            EffectKind::Vignetting,
+            false,
+            "brightness is that of a corrected lens: vignetting is 0",
+            change,
+        );
+    }
+    let left = Falloff::new(optics, field).at(field.far_out());
+    let reason = format!("the corners keep {:.1} % of their light", 100.0 * left);
+    let change = "without it, they would be as bright as the middle";
+    new(EffectKind::Vignetting, left < MOST_LIGHT, reason, change)
+}
+
+/// How far the aberrations that a method with these `abilities` follows move a ray.
+fn longest_shift_px(given: &Given<'_>, abilities: &Abilities) -> f32 {
+    let able = |kind| abilities.effects.contains(&kind);
+    let spherical_px = if able(EffectKind::SphericalAberration) { given.optics.spherical_px } else { 0.0 };
+    let axial_px = if able(EffectKind::AxialColor) { given.optics.axial_px } else { [0.0; 3] };
+    Optics { spherical_px, axial_px, ..given.optics.clone() }.longest_shift_px()
+}
+
+fn blur(given: &Given<'_>, abilities: &Abilities) -> Effect {
     let facts = given.facts;
-    let largest = largest_coc_px(facts);
+    let shift = longest_shift_px(given, abilities);
+    let largest = largest_coc_px(facts) + shift;
     let [near, far] = facts.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason =
@@ -186,7 +325,9 @@ fn blur(given: &Given<'_>) -> Effect {
         "without it, about {share:.1} % of the fragments would be sharp and not up to {:.1} px wide",
         2.0 * largest
     );
-    new(EffectKind::Blur, true, format!("CoC radii from {near:.1} (near) to {far:.1} px (far)"), change)
+    let astray = if shift > 0.0 { format!(", aberrations of up to {shift:.2} px") } else { String::new() };
+    let reason = format!("CoC radii from {near:.1} (near) to {far:.1} px (far){astray}");
+    new(EffectKind::Blur, true, reason, change)
 }
 
 /// The share of a pixel's lens rays that end outside of its square, where it and all around it have CoC radius `coc_px` and rays

@@ -4,6 +4,7 @@
 
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
+use crate::lens::Field;
 use crate::stack::StackKind;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -47,6 +48,9 @@ pub struct Facts {
     pub limited_fragments: usize,
     /// How far it spreads, and where.
     pub spread: Spread,
+    /// Where in the lens's field the picture lies.
+    #[serde(skip)]
+    pub field: Field,
 }
 
 /// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
@@ -99,6 +103,7 @@ impl Scene {
             bright: tally.bright,
             limited_fragments: self.limited_fragments,
             spread,
+            field: self.field,
         }
     }
 

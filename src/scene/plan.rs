@@ -4,9 +4,10 @@ use super::effects::{self, Given};
 use super::sampling::{Goal, Sampling};
 use super::{Facts, bright_step_floor};
 use crate::error::Error;
-use crate::lens::Aperture;
-use crate::settings::{MethodParameters, Settings};
+use crate::lens::{Aperture, ApertureImage, Field, Optics};
+use crate::settings::{CATS_EYES, MethodParameters, Settings, VIGNETTINGS};
 use crate::stack::StackKind;
+use std::sync::Arc;
 
 /// An effect that a plan switches on or off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -32,6 +33,18 @@ pub enum EffectKind {
     BladeCurvature,
     /// An aperture that is narrower than high.
     Squeeze,
+    /// An aperture with the shape of a picture.
+    ApertureImage,
+    /// A rim that cuts into the aperture towards the frame's corners.
+    CatsEye,
+    /// An aperture whose rim focuses elsewhere than its middle.
+    SphericalAberration,
+    /// Red and blue that focus elsewhere than green.
+    AxialColor,
+    /// Red and blue pictures larger or smaller than that of green.
+    LateralColor,
+    /// Corners that are darker than the middle.
+    Vignetting,
 }
 
 /// One decision, with its reason in words and numbers.
@@ -82,11 +95,11 @@ pub struct Plan {
     /// Width of the square that a fragment stands for, in picture pixels; 0 when its colour is an average over the pixel,
     /// which has softened every edge already.
     pub fragment_px: f32,
-    /// The aperture's shape.
-    pub aperture: Aperture,
+    /// What rays know of the lens beside its focus: the aperture's shape, what cuts it off, aberrations.
+    pub optics: Optics,
     /// The same with all that was asked for, whether it shows or not.
     #[serde(skip)]
-    pub aperture_asked_for: Aperture,
+    pub optics_asked_for: Optics,
     /// Smallest and largest signed CoC radius in picture pixels.
     pub coc_range_px: [f32; 2],
     /// Brightness from which a fragment is drawn as an exact disc; infinite when none is.
@@ -124,9 +137,8 @@ impl Plan {
         }
         let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
         let settled = if goal.is_none() { views } else { None };
-        let aperture_asked_for = aperture(settings)?;
-        let given =
-            Given { facts, parameters: &parameters, views: settled, jitter, aperture: aperture_asked_for };
+        let optics = optics(settings, &facts.field)?;
+        let given = Given { facts, parameters: &parameters, views: settled, jitter, optics: &optics };
         let (highlight_threshold, effects) = effects::decide(&given, &abilities);
         let plan = Self {
             method: abilities.method,
@@ -139,8 +151,8 @@ impl Plan {
                 StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
                 StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
             },
-            aperture: aperture_asked_for,
-            aperture_asked_for,
+            optics: optics.clone(),
+            optics_asked_for: optics,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
             effects,
@@ -162,20 +174,55 @@ impl Plan {
         self.effects.iter().any(|effect| effect.name == kind && effect.on)
     }
 
-    /// The plan with the aperture as its effects have it.
+    /// The plan with the lens as its effects have it.
     pub(super) fn outlined(mut self) -> Self {
-        let [curved, squeezed] =
-            [EffectKind::BladeCurvature, EffectKind::Squeeze].map(|kind| self.does(kind));
-        self.aperture = self.aperture_asked_for.simplified(curved, squeezed);
+        let does = |kind| self.does(kind);
+        let asked = &self.optics_asked_for;
+        let strength = |kind, strength: f32| if does(kind) { strength } else { 0.0 };
+        let colors = |kind, colors: [f32; 3]| if does(kind) { colors } else { [0.0; 3] };
+        self.optics = Optics {
+            aperture: asked.aperture.simplified(does(EffectKind::BladeCurvature), does(EffectKind::Squeeze)),
+            image: asked.image.clone().filter(|_| does(EffectKind::ApertureImage)),
+            cats_eye: strength(EffectKind::CatsEye, asked.cats_eye),
+            spherical_px: strength(EffectKind::SphericalAberration, asked.spherical_px),
+            axial_px: colors(EffectKind::AxialColor, asked.axial_px),
+            lateral_px: colors(EffectKind::LateralColor, asked.lateral_px),
+            vignetting: strength(EffectKind::Vignetting, asked.vignetting),
+        };
         self
     }
 }
 
-/// The aperture that `settings` ask for.
-fn aperture(settings: &Settings) -> Result<Aperture, Error> {
+/// The lens that `settings` ask for, before a picture that lies there in its `field`.
+fn optics(settings: &Settings, field: &Field) -> Result<Optics, Error> {
     let lens = &settings.lens;
     let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
-    straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)
+    let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
+    let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
+    let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
+    // What is that far out of focus along the axis blurs to a CoC of that over the f-number.
+    let coc_px = |along_axis_um: f32| 0.5 * along_axis_um / lens.f_number.value * px_per_um;
+    let [red_axial, blue_axial] = lens.axial_color_um.value.map(|farther| -coc_px(farther));
+    let [red_lateral, blue_lateral] = lens.lateral_color_um.value.map(|farther| farther * px_per_um);
+    Ok(Optics {
+        aperture,
+        image: image.transpose()?.map(Arc::new),
+        cats_eye: checked("the cat's eye", lens.cats_eye.value, CATS_EYES, "--cats-eye")?,
+        spherical_px: coc_px(lens.spherical_um.value),
+        axial_px: [red_axial, 0.0, blue_axial],
+        lateral_px: [red_lateral, 0.0, blue_lateral],
+        vignetting: checked("vignetting", lens.vignetting.value, VIGNETTINGS, "--vignetting")?,
+    })
+}
+
+/// `value`, if it lies within its range.
+fn checked(what: &str, value: f32, [least, most]: [f32; 2], flag: &str) -> Result<f32, Error> {
+    if (least..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(Error::settings(format!("{what} is a number from {least} to {most}"))
+        .with("found", value.to_string())
+        .help(format!("set it with {flag}")))
 }
 
 #[cfg(test)]
@@ -212,6 +259,7 @@ mod tests {
             bright: [BrightStep::default(); BRIGHT_STEPS],
             limited_fragments: 0,
             spread: crate::scene::Spread::default(),
+            field: Field::of_picture(100, 100),
         }
     }
 

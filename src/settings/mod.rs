@@ -17,6 +17,8 @@ pub use preset::{BUILT_IN, BuiltIn, Preset};
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Where a value came from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -83,6 +85,28 @@ pub const BLADE_CURVATURES: [f32; 2] = [0.0, 1.0];
 /// The least and the most squeeze: see [`Values::squeeze`].
 pub const SQUEEZES: [f32; 2] = [1.0, 4.0];
 
+/// The least and the most cat's eye: see [`Values::cats_eye`].
+pub const CATS_EYES: [f32; 2] = [0.0, 1.2];
+
+/// The least and the most vignetting: see [`Values::vignetting`].
+pub const VIGNETTINGS: [f32; 2] = [0.0, 1.0];
+
+/// The least and the most of any aberration, in micrometres.
+pub const ABERRATIONS_UM: [f32; 2] = [-5000.0, 5000.0];
+
+/// How much light passes each point of an aperture, as a picture has it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mask {
+    /// Where it is from.
+    pub name: String,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Light by row, in linear units.
+    pub values: Vec<f32>,
+}
+
 /// How depth is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -118,6 +142,18 @@ pub struct Values {
     pub blade_curvature: Option<f32>,
     /// Height of the aperture over its width, as an anamorphic lens shows it.
     pub squeeze: Option<f32>,
+    /// Picture of the aperture, in place of blades.
+    pub aperture_image: Option<PathBuf>,
+    /// How far aside of the aperture the lens's rim stands, seen from the frame's corners, in aperture radii.
+    pub cats_eye: Option<f32>,
+    /// How much of the lens's falloff of brightness shows: the power to which it is raised.
+    pub vignetting: Option<f32>,
+    /// How much nearer to the lens the aperture's rim focuses than its middle, along the axis, in micrometres at the sensor.
+    pub spherical_um: Option<f32>,
+    /// How much farther from the lens than green red and blue focus, along the axis, in micrometres at the sensor.
+    pub axial_color_um: Option<[f32; 2]>,
+    /// How much farther from the axis than green red and blue show what is in the frame's corners, in micrometres at the sensor.
+    pub lateral_color_um: Option<[f32; 2]>,
     /// How depth is written; `None` also when the preset says `auto`.
     pub convention: Option<DepthConvention>,
     /// Length of one depth unit in metres.
@@ -157,6 +193,18 @@ pub struct LensSettings {
     pub blade_curvature: Sourced<f32>,
     /// See [`Values::squeeze`].
     pub squeeze: Sourced<f32>,
+    /// See [`Values::aperture_image`].
+    pub aperture_image: Sourced<Option<PathBuf>>,
+    /// See [`Values::cats_eye`].
+    pub cats_eye: Sourced<f32>,
+    /// See [`Values::vignetting`].
+    pub vignetting: Sourced<f32>,
+    /// See [`Values::spherical_um`].
+    pub spherical_um: Sourced<f32>,
+    /// See [`Values::axial_color_um`].
+    pub axial_color_um: Sourced<[f32; 2]>,
+    /// See [`Values::lateral_color_um`].
+    pub lateral_color_um: Sourced<[f32; 2]>,
     /// See [`Values::metres_per_unit`].
     pub metres_per_unit: Sourced<f32>,
     /// See [`Values::near_clip`].
@@ -180,6 +228,9 @@ pub struct Settings {
     pub parameters: MethodParameters,
     /// Effects that are to be on or off whatever the scene calls for.
     pub switches: Switches,
+    /// What the aperture image shows, once it is read.
+    #[serde(skip)]
+    pub mask: Option<Arc<Mask>>,
 }
 
 /// Effects by their names in reports, switched by the user.
@@ -228,6 +279,12 @@ impl Settings {
                 rotation_deg: pick(layers, 0.0, |v| v.rotation_deg),
                 blade_curvature: pick(layers, 0.0, |v| v.blade_curvature),
                 squeeze: pick(layers, 1.0, |v| v.squeeze),
+                aperture_image: pick(layers, None, |v| v.aperture_image.clone().map(Some)),
+                cats_eye: pick(layers, 0.0, |v| v.cats_eye),
+                vignetting: pick(layers, 0.0, |v| v.vignetting),
+                spherical_um: pick(layers, 0.0, |v| v.spherical_um),
+                axial_color_um: pick(layers, [0.0; 2], |v| v.axial_color_um),
+                lateral_color_um: pick(layers, [0.0; 2], |v| v.lateral_color_um),
                 metres_per_unit: pick(layers, 1.0, |v| v.metres_per_unit),
                 near_clip: pick(layers, 0.0, |v| v.near_clip),
                 near: pick(layers, 0.0, |v| v.near),
@@ -237,6 +294,7 @@ impl Settings {
             effort: pick(layers, None, |v| v.effort.map(Some)),
             parameters,
             switches: Switches::default(),
+            mask: None,
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use super::Finding;
 use crate::settings::{
-    BLADE_CURVATURES, DepthConvention, Focus, MOST_BLADES, SQUEEZES, SensorDistance, Values,
+    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Focus, MOST_BLADES, SQUEEZES,
+    SensorDistance, VIGNETTINGS, Values,
 };
 use exr::meta::attribute::{AttributeValue, Text};
 
@@ -53,6 +54,12 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
         rotation_deg: from.number("thinlens.rotation_deg", Range::Any),
         blade_curvature: from.number("thinlens.blade_curvature", Range::Within(BLADE_CURVATURES)),
         squeeze: from.number("thinlens.squeeze", Range::Within(SQUEEZES)),
+        aperture_image: None,
+        cats_eye: from.number("thinlens.cats_eye", Range::Within(CATS_EYES)),
+        vignetting: from.number("thinlens.vignetting", Range::Within(VIGNETTINGS)),
+        spherical_um: from.number("thinlens.spherical_um", Range::Within(ABERRATIONS_UM)),
+        axial_color_um: from.pair("thinlens.axial_color_um", ABERRATIONS_UM),
+        lateral_color_um: from.pair("thinlens.lateral_color_um", ABERRATIONS_UM),
         convention: from.word(
             "thinlens.depth_convention",
             &[
@@ -104,6 +111,21 @@ impl Lookup<'_> {
         });
         if sensible.is_none() {
             let found = number.map_or_else(|| "no number".to_owned(), |number| number.to_string());
+            self.ignore(name, &found);
+        }
+        sensible
+    }
+
+    /// Two numbers, each within `ends`.
+    fn pair(&mut self, name: &'static str, [least, most]: [f32; 2]) -> Option<[f32; 2]> {
+        let (_, value) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
+        let pair = match value {
+            AttributeValue::FloatVec2(pair) => Some([pair.x(), pair.y()]),
+            _ => None,
+        };
+        let sensible = pair.filter(|pair| pair.iter().all(|number| (least..=most).contains(number)));
+        if sensible.is_none() {
+            let found = pair.map_or_else(|| "no pair of numbers".to_owned(), |pair| format!("{pair:?}"));
             self.ignore(name, &found);
         }
         sensible

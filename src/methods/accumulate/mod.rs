@@ -21,7 +21,7 @@ use super::shared::{RaySampler, Tracer};
 use super::{LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
 use crate::image::Image;
-use crate::lens::{View, views};
+use crate::lens::Rays;
 use crate::scene::{EffectKind, Layer, Plan, Scene};
 use crate::settings::MethodParameters;
 
@@ -36,7 +36,14 @@ impl Method for Accumulate {
             source: "Haeberli & Akeley 1990; Cook, Porter & Carpenter 1984",
             role: "reference",
             summary: "lens rays against the stack, one by one, no shortcut",
-            effects: &[EffectKind::BladeCurvature, EffectKind::Squeeze],
+            effects: &[
+                EffectKind::BladeCurvature,
+                EffectKind::Squeeze,
+                EffectKind::ApertureImage,
+                EffectKind::CatsEye,
+                EffectKind::SphericalAberration,
+                EffectKind::AxialColor,
+            ],
             steps: &["16", "64", "256"],
             deviations: &[],
         }
@@ -65,17 +72,17 @@ impl LensSampling for Accumulate {
 #[derive(Debug)]
 struct Accumulation {
     volume: Volume<Layer>,
-    samples: Vec<View>,
+    rays: Rays,
 }
 
 impl Tracer for Accumulation {
     type Scratch = ();
 
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
-        Self { volume: Volume::owning(scene, plan), samples: views(rays, plan.aperture) }
+        Self { volume: Volume::owning(scene, plan), rays: plan.optics.rays(rays) }
     }
 
     fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
-        self.volume.pixel(x, y, &self.samples)
+        self.volume.pixel(x, y, &self.rays)
     }
 }

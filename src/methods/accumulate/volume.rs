@@ -1,7 +1,7 @@
 //! The stack as a set of boxes in `(x, y, c)`, and the way of a ray through them.
 
 use super::tiles::{Passage, TILE, Tiles};
-use crate::lens::View;
+use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::RaySum;
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use glam::{IVec2, Vec2};
@@ -20,6 +20,13 @@ pub struct Volume<L> {
     coc_range_px: [f32; 2],
     jitter: f32,
     open_background: bool,
+    optics: Optics,
+    field: Field,
+}
+
+/// The middle of picture pixel `x, y`.
+fn centre(x: usize, y: usize) -> Vec2 {
+    Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
 /// From where to where the fragment `x, y` of `layer` reaches in CoC depth: less than half of [`JOIN_PX`] either way.
@@ -79,19 +86,19 @@ impl<'a> Volume<&'a Layer> {
 
     /// The boxes of the first `count` layers of `scene`.
     pub fn of_first(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
-        Self::of(scene.layers.iter().take(count).collect(), scene.supersample, plan)
+        Self::of(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
     }
 }
 
 impl Volume<Layer> {
     /// The boxes of `scene`, which it keeps.
     pub(super) fn owning(scene: Scene, plan: &Plan) -> Self {
-        Self::of(scene.layers, scene.supersample, plan)
+        Self::of(scene.layers, (scene.supersample, scene.field), plan)
     }
 }
 
 impl<L: Borrow<Layer>> Volume<L> {
-    fn of(layers: Vec<L>, supersample: usize, plan: &Plan) -> Self {
+    fn of(layers: Vec<L>, (supersample, field): (usize, Field), plan: &Plan) -> Self {
         let first = layers.first().map(Borrow::borrow);
         let size = first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]);
         Self {
@@ -102,34 +109,54 @@ impl<L: Borrow<Layer>> Volume<L> {
             coc_range_px: plan.coc_range_px,
             jitter: if supersample > 1 { 1.0 } else { plan.jitter },
             open_background: plan.does(EffectKind::OpenBackground),
+            optics: plan.optics.clone(),
+            field,
         }
     }
 
-    /// The mean over the rays `samples` of picture pixel `x, y`.
-    pub fn pixel(&self, x: usize, y: usize, samples: &[View]) -> [f32; 4] {
-        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-        let mut sum = RaySum::default();
-        for view in samples {
-            sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
+    /// The mean over `rays` of picture pixel `x, y`: of those of each colour.
+    pub fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
+        let mut pixel = [0.0; 4];
+        for (views, channels) in rays.sets() {
+            let seen = self.seen(x, y, views);
+            channels.iter().for_each(|&channel| pixel[channel] = seen[channel]);
         }
-        sum.mean(samples.len(), self.open_background)
+        pixel
+    }
+
+    /// The mean over the rays of those of `views` that pass the lens's rim from picture pixel `x, y`.
+    fn seen(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
+        let centre = centre(x, y);
+        let height = self.field.height(centre);
+        let (mut sum, mut rays) = (RaySum::default(), 0);
+        for view in views.iter().filter(|view| self.optics.passes(view.lens, height)) {
+            sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
+            rays += 1;
+        }
+        sum.mean(rays, self.open_background)
+    }
+
+    /// Whether the ray of `view` passes the lens's rim from picture pixel `x, y`.
+    pub fn passes_rim(&self, x: usize, y: usize, view: &View) -> bool {
+        self.optics.passes(view.lens, self.field.height(centre(x, y)))
     }
 
     /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last
     /// layer: what a further layer may hold is lost to them.
     pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
-        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let centre = centre(x, y);
         let lost = |view: &View| {
             let ray = self.ray(centre, view);
             let missed = self.follow(&ray, &mut RaySum::default());
             if missed > 0.0 && self.passes_last_layer(&ray) { f64::from(missed) } else { 0.0 }
         };
-        samples.iter().map(lost).sum::<f64>() / samples.len() as f64
+        let passing = samples.iter().filter(|view| self.passes_rim(x, y, view));
+        passing.map(lost).sum::<f64>() / samples.len() as f64
     }
 
     /// The ray of `view` through the pixel whose centre is at `centre`, a place in the picture.
     fn ray(&self, centre: Vec2, view: &View) -> Ray {
-        let point = centre + self.jitter * view.jitter;
+        let point = centre + self.jitter * view.jitter + view.shift;
         Ray::new(point * self.supersample, view.lens * self.supersample)
     }
 
@@ -273,6 +300,7 @@ impl Ray {
 mod tests {
     use super::*;
     use crate::image::Plane;
+    use crate::lens::Aperture;
 
     #[test]
     fn a_ray_leaves_a_cell_where_its_line_meets_the_side_it_heads_for() {
@@ -330,8 +358,11 @@ mod tests {
                 coc_range_px: [-1.0, 2.0],
                 jitter: 0.0,
                 open_background: false,
+                optics: Optics::of(Aperture::DISC),
+                field: Field::of_picture(3, 3),
             };
-            let seen = volume.pixel(1, 1, &[View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO }]);
+            let view = View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO, shift: Vec2::ZERO };
+            let seen = volume.pixel(1, 1, &Rays::alike(vec![view]));
             assert_eq!(seen, [0.2, 0.2, 0.2, 1.0], "{order}");
         }
     }

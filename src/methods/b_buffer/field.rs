@@ -30,7 +30,7 @@ fn level_variance(n: usize) -> f32 {
 
 impl Field {
     pub(super) fn new(side: Side, plan: &Plan, frame: (usize, usize)) -> Self {
-        let second_moment = plan.aperture.second_moments().element_sum() * 0.5;
+        let second_moment = plan.optics.aperture.second_moments().element_sum() * 0.5;
         let [nearest, farthest] = plan.coc_range_px;
         let largest = match side {
             Side::Near => nearest.min(0.0),

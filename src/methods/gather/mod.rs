@@ -74,7 +74,7 @@ impl Method for Gather {
             .collect();
         let last_box = samples.iter().flatten().flatten().map(|sample| sample.reads_box).max().unwrap_or(0);
         let channels = visible.content.len();
-        let source = Source::new(visible, plan.aperture, last_box);
+        let source = Source::new(visible, plan.optics.aperture, last_box);
         let arch = Arch::new();
         let new_sums = || Sums::new(width, channels);
         let planes = planes_from_rows((width, height), progress, new_sums, |sums, y, planes: &mut [_; 4]| {
@@ -100,7 +100,7 @@ impl Method for Gather {
 fn samples(radius_px: f32, plan: &Plan) -> Vec<Sample> {
     let [far, near] = [1.0, -1.0].map(|side| {
         // Distance from the centre, measured across the nearest side of the aperture.
-        move |offset: Vec2| plan.aperture.apothem() - plan.aperture.depth_inside(offset, side)
+        move |offset: Vec2| plan.optics.aperture.apothem() - plan.optics.aperture.depth_inside(offset, side)
     });
     let sample = |(offset, area_px): (glam::IVec2, f32)| Sample {
         offset,

@@ -128,9 +128,9 @@ impl Tracer for LayerTracer {
         let supersample = scene.supersample as f32;
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
-        let distance = cones::sample_distance(rays, plan.aperture.area());
+        let distance = cones::sample_distance(rays, plan.optics.aperture.area());
         Self {
-            samples: Samples::new(rays, plan.aperture, parameters.jitter),
+            samples: Samples::new(rays, plan.optics.aperture, parameters.jitter),
             cull: Cull::new(&fragments, spacing, supersample),
             cones: parameters.cones.then(|| Cones::new(&fragments, spacing, distance * supersample)),
             fragments,

@@ -31,8 +31,11 @@ impl Samples {
     pub(super) fn new(count: usize, aperture: Aperture, jitter: bool) -> Self {
         let disc = views(count, Aperture::DISC);
         let set = |moved: fn(Vec2) -> Vec2| {
-            let view =
-                |view: &View| View { lens: aperture.from_disc(moved(view.lens)), jitter: moved(view.jitter) };
+            let view = |view: &View| View {
+                lens: aperture.from_disc(moved(view.lens)),
+                jitter: moved(view.jitter),
+                ..*view
+            };
             disc.iter().map(view).collect()
         };
         let number = if jitter { SYMMETRIES.len() } else { 1 };

@@ -112,7 +112,7 @@ fn scatter<const N: usize>(
 ) -> Vec<Plane> {
     let parameters = &plan.parameters.point_splat;
     let hiding = Hiding::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
-    let sprites = Sprites::new(plan.aperture, &parameters.intensity);
+    let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
     let visible_px = visible_coc_px(&peels, (width, height));
     let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);
     let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();

@@ -49,7 +49,7 @@ impl Method for Scatter {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let Visible { content, coc_px } = shared::visible(scene, plan);
         let (width, height) = (coc_px.width(), coc_px.height());
-        let bins = bins::sort(&coc_px, plan.aperture);
+        let bins = bins::sort(&coc_px, plan.optics.aperture);
         let saturation = f64::from(plan.parameters.scatter.saturation);
         let channels = content.len();
         let arch = Arch::new();

@@ -1,15 +1,13 @@
 //! Bright points as exact discs: a few views would show a point a thousand times brighter than its surroundings as dots.
 //!
 //! [`extract`] takes the excess of a bright, blurred fragment over its surroundings out of its surface; [`draw`] adds it
-//! back as the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel and of the fragment, energy
-//! `e / (A c²)` a pixel (`A` the aperture's area at radius 1; softening keeps the area). Each row of a disc is clipped by the
-//! runs of nearer bins, seen from the highlight: the ray of picture point `p` and highlight `q` passes CoC depth `c_k` at
+//! back in the shape that [`super::bokeh`] gives it. Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray of picture point `p` and highlight `q` passes CoC depth `c_k` at
 //! `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine in `p`: a run stays a run.
 
 use super::bins::Bins;
+use super::bokeh::{Bokeh, Shape};
 use super::runs::{Run, Runs};
 use crate::image::Image;
-use crate::lens::{Aperture, Outline};
 use crate::scene::{Layer, Plan};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -22,9 +20,6 @@ const SURROUNDINGS: usize = 4;
 
 /// Rows that one task draws.
 const STRIP: usize = 16;
-
-/// Rows in which a pixel at an edge is measured.
-const EDGE_ROWS: usize = 16;
 
 /// The excess light of one fragment.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,7 +108,12 @@ pub(super) struct Occluders<'a> {
 }
 
 /// Adds the discs of `highlights`, each in the shape of `bokeh`, to `image`.
-pub(super) fn draw(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh, occluders: &Occluders<'_>) {
+pub(super) fn draw(
+    image: &mut Image,
+    highlights: &[Highlight],
+    bokeh: &Bokeh<'_>,
+    occluders: &Occluders<'_>,
+) {
     let (width, height) = (image.width(), image.height());
     let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, bokeh)).collect();
     let [red, green, blue, _] = &mut image.planes;
@@ -136,84 +136,42 @@ pub(super) fn draw(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh, o
         });
 }
 
-/// The shape of a blurred point.
-#[derive(Debug)]
-pub(super) struct Bokeh {
-    aperture: Aperture,
-    outline: Outline,
-    /// Width of the fragment, see [`Plan::fragment_px`].
-    fragment_px: f32,
-    /// Rows across the softening of an edge: their offsets, and the share of it that each stands for.
-    edge_rows: [(f32, f32); EDGE_ROWS],
-}
-
-impl Bokeh {
-    /// The shape that `aperture` gives fragments `fragment_px` wide.
-    pub(super) fn new(aperture: Aperture, fragment_px: f32) -> Self {
-        let height = (1.0 + fragment_px) / EDGE_ROWS as f32;
-        let edge_rows = std::array::from_fn(|i| {
-            let top = i as f32 * height - 0.5 * (1.0 + fragment_px);
-            (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
-        });
-        Self { aperture, outline: aperture.outline(), fragment_px, edge_rows }
-    }
-
-    /// Radius within which the shape of radius `coc_px` and its edge lie.
-    fn reach(&self, coc_px: f32) -> f32 {
-        // Half the diagonals of pixel and fragment past the edge.
-        coc_px.abs() + std::f32::consts::FRAC_1_SQRT_2 * (1.0 + self.fragment_px)
-    }
-
-    /// Share of a pixel that the shape of radius `coc_px` covers, `offset` from the pixel to the point, seen through the
-    /// squares of the pixel and of the fragment.
-    fn coverage(&self, offset: Vec2, coc_px: f32) -> f32 {
-        let depth = self.aperture.depth_inside(offset, coc_px); // q − p = c·u
-        if depth.abs() >= self.reach(0.0) {
-            return f32::from(u8::from(depth > 0.0));
-        }
-        // Exact along x, row by row along y.
-        let row = |&(shift, share): &(f32, f32)| {
-            self.outline.row(offset.y + shift, coc_px).map_or(0.0, |[left, right]| {
-                let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
-                share * (step(right) - step(left))
-            })
-        };
-        self.edge_rows.iter().map(row).sum()
-    }
-}
-
 /// A highlight about to be drawn.
 struct Disc<'a> {
     highlight: &'a Highlight,
-    bokeh: &'a Bokeh,
-    /// Light of one fully covered pixel.
-    light: [f32; 3],
+    bokeh: &'a Bokeh<'a>,
+    /// Its shape, in each set of colours that share one.
+    shapes: Vec<Shape>,
 }
 
 impl<'a> Disc<'a> {
-    fn new(highlight: &'a Highlight, bokeh: &'a Bokeh) -> Self {
-        let pixels = bokeh.aperture.area() * highlight.coc_px * highlight.coc_px;
-        Self { highlight, bokeh, light: highlight.energy.map(|energy| energy / pixels) }
-    }
-
-    fn reach(&self) -> f32 {
-        self.bokeh.reach(self.highlight.coc_px)
-    }
-
-    /// Share of the pixel at `x, y` that the unhidden disc covers.
-    fn coverage(&self, x: usize, y: usize) -> f32 {
-        self.bokeh.coverage(self.highlight.place - Vec2::new(x as f32, y as f32), self.highlight.coc_px)
+    fn new(highlight: &'a Highlight, bokeh: &'a Bokeh<'a>) -> Self {
+        Self { highlight, bokeh, shapes: bokeh.shapes(highlight.coc_px) }
     }
 
     fn touches(&self, first_row: usize, end_row: usize) -> bool {
-        let (y, reach) = (self.highlight.place.y, self.reach());
+        let reach = self.shapes.iter().fold(0.0, |reach: f32, shape| reach.max(self.bokeh.reach_px(shape)));
+        let y = self.highlight.place.y;
         y + reach >= first_row as f32 && y - reach <= (end_row - 1) as f32
     }
 
     fn draw_row(&self, y: usize, mut row: [&mut [f32]; 3], occluders: &Occluders<'_>, seen: &mut Vec<f32>) {
+        for shape in &self.shapes {
+            self.draw_shape(shape, y, &mut row, occluders, seen);
+        }
+    }
+
+    fn draw_shape(
+        &self,
+        shape: &Shape,
+        y: usize,
+        row: &mut [&mut [f32]; 3],
+        occluders: &Occluders<'_>,
+        seen: &mut Vec<f32>,
+    ) {
         let place = self.highlight.place;
-        let dy = y as f32 - place.y;
-        let half_width_squared = self.reach() * self.reach() - dy * dy;
+        let (dy, reach) = (y as f32 - place.y, self.bokeh.reach_px(shape));
+        let half_width_squared = reach * reach - dy * dy;
         if half_width_squared <= 0.0 {
             return;
         }
@@ -226,19 +184,19 @@ impl<'a> Disc<'a> {
         }
         seen.clear();
         seen.resize(end - first, 1.0);
-        self.hide(y, first, seen, occluders);
+        self.hide(shape, y, first, seen, occluders);
         for (x, &seen) in (first..end).zip(seen.iter()) {
-            let share = seen * self.coverage(x, y);
+            let share = seen * self.bokeh.share(shape, place, Vec2::new(x as f32, y as f32));
             if share > 0.0 {
-                for (plane, light) in row.iter_mut().zip(self.light) {
-                    plane[x] += light * share;
+                for &channel in shape.colors {
+                    row[channel][x] += self.highlight.energy[channel] * share;
                 }
             }
         }
     }
 
     /// Takes from `seen`, columns from `first` of row `y`, what nearer fragments hide.
-    fn hide(&self, y: usize, first: usize, seen: &mut [f32], occluders: &Occluders<'_>) {
+    fn hide(&self, shape: &Shape, y: usize, first: usize, seen: &mut [f32], occluders: &Occluders<'_>) {
         let Highlight { place, coc_px, .. } = *self.highlight;
         let height = occluders.runs.rows.len();
         // Nearer by less than this is the highlight's own layer.
@@ -247,7 +205,8 @@ impl<'a> Disc<'a> {
             if bin_coc >= coc_px - own {
                 break;
             }
-            let f = bin_coc / coc_px;
+            // Where the rays of these colours focus elsewhere, all CoC radii are others by as much.
+            let f = (bin_coc + shape.axial_px) / shape.coc_px;
             let row = ((y as f32) * (1.0 - f) + place.y * f + 0.5).floor();
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
@@ -257,15 +216,6 @@ impl<'a> Disc<'a> {
             }
         }
     }
-}
-
-/// A step at 0, seen through a box 1 wide and one `size_px` wide: the integral of the trapezoid that the two make.
-fn soft_step(depth: f32, size_px: f32) -> f32 {
-    let (flat, end) = (0.5 * (1.0 - size_px), 0.5 * (1.0 + size_px));
-    let from_end = (end - depth.abs()).max(0.0);
-    let sloped = depth.abs() > flat && size_px > 0.0;
-    let outer = if sloped { from_end * from_end / (2.0 * size_px) } else { (0.5 - depth.abs()).max(0.0) };
-    if depth > 0.0 { 1.0 - outer } else { outer }
 }
 
 /// `p = offset + scale · s`: where a column of an occluder's row lies in the picture, seen from the highlight.
@@ -316,12 +266,13 @@ fn hide_behind(
 mod tests {
     use super::*;
     use crate::image::Plane;
+    use crate::lens::{Aperture, Field, Optics};
     use crate::methods::shear::runs;
 
     const SIZE: usize = 64;
 
     /// The disc of one highlight of energy 1 at the middle, behind a wall of CoC radius −10 where `wall` says so.
-    fn drawn(coc_px: f32, size_px: f32, aperture: Aperture, wall: impl Fn(usize) -> f32) -> Image {
+    fn drawn(coc_px: f32, size_px: f32, optics: &Optics, wall: impl Fn(usize) -> f32) -> Image {
         let zeros = || Plane::zeros(SIZE, SIZE);
         let alpha = Plane::from_fn(SIZE, SIZE, |x, _| wall(x));
         let near = Plane::filled(SIZE, SIZE, -10.0);
@@ -333,10 +284,14 @@ mod tests {
         draw(
             &mut image,
             &[highlight],
-            &Bokeh::new(aperture, size_px),
+            &Bokeh::new(optics, Field::of_picture(SIZE, SIZE), size_px),
             &Occluders { width: SIZE, runs: &runs, bins: &bins, layers: &layers },
         );
         image
+    }
+
+    fn disc() -> Optics {
+        Optics::of(Aperture::DISC)
     }
 
     fn energy(image: &Image) -> f32 {
@@ -352,7 +307,7 @@ mod tests {
         {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
-                    let sum = energy(&drawn(coc, size, aperture, |_| 0.0));
+                    let sum = energy(&drawn(coc, size, &Optics::of(aperture), |_| 0.0));
                     // Rows 2/16 px high, midpoint rule: the smallest disc, all edge, is off by less than their square.
                     assert!((sum - 1.0).abs() < 5e-3, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
                 }
@@ -364,8 +319,8 @@ mod tests {
     fn a_wall_before_the_right_half_of_the_view_hides_half_of_the_disc() {
         // A wall from column 32 on, its edge at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10 / 20: it
         // meets the edge from p = (31.5 + 16) / 1.5 = 31 ⅔ on, which leaves column 32 a sixth of its width.
-        let free = drawn(20.0, 1.0, Aperture::DISC, |_| 0.0);
-        let hidden = drawn(20.0, 1.0, Aperture::DISC, |x| f32::from(u8::from(x >= 32)));
+        let free = drawn(20.0, 1.0, &disc(), |_| 0.0);
+        let hidden = drawn(20.0, 1.0, &disc(), |x| f32::from(u8::from(x >= 32)));
         for x in 0..SIZE {
             let share = [1.0, 1.0 / 6.0, 0.0][(x + 1).saturating_sub(32).min(2)];
             let off = (hidden.pixel(x, 32)[0] - share * free.pixel(x, 32)[0]).abs();
@@ -375,30 +330,13 @@ mod tests {
 
     #[test]
     fn a_veil_dims_the_disc_by_its_coverage() {
-        let (free, veiled) =
-            (drawn(12.0, 0.0, Aperture::DISC, |_| 0.0), drawn(12.0, 0.0, Aperture::DISC, |_| 0.25));
+        let (free, veiled) = (drawn(12.0, 0.0, &disc(), |_| 0.0), drawn(12.0, 0.0, &disc(), |_| 0.25));
         assert!((energy(&veiled) / energy(&free) - 0.75).abs() < 1e-4, "three quarters pass");
     }
 
     #[test]
     fn a_highlight_before_the_wall_is_not_hidden_by_it() {
-        let sum = energy(&drawn(-14.0, 1.0, Aperture::DISC, |_| 1.0));
+        let sum = energy(&drawn(-14.0, 1.0, &disc(), |_| 1.0));
         assert!((sum - 1.0).abs() < 1e-2, "all of it: {sum}");
-    }
-
-    #[test]
-    fn a_soft_step_rises_from_nothing_to_everything_through_a_half() {
-        for size in [0.0, 0.25, 1.0] {
-            assert_eq!(
-                [soft_step(-2.0, size), soft_step(0.0, size), soft_step(2.0, size)],
-                [0.0, 0.5, 1.0],
-                "size {size}"
-            );
-            let steps: Vec<f32> = (-20..=20).map(|i| soft_step(i as f32 * 0.1, size)).collect();
-            assert!(
-                steps.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 0.11),
-                "size {size}: {steps:?}"
-            );
-        }
     }
 }

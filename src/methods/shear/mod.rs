@@ -15,13 +15,14 @@
 //! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`mod@paint`] | the views |
-//! | draw | [`highlights`] | the discs |
+//! | draw | [`highlights`], [`bokeh`] | the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
 //! Cost: rows × views × (bins + pixels). Memory: the scene, in which it works, the runs, and the picture. Limits: knows only what the
 //! peels know; content past the frame is its border repeated.
 
 mod bins;
+mod bokeh;
 mod highlights;
 mod paint;
 mod prefilter;
@@ -58,6 +59,10 @@ impl Method for Shear {
                 EffectKind::Resolve,
                 EffectKind::BladeCurvature,
                 EffectKind::Squeeze,
+                EffectKind::ApertureImage,
+                EffectKind::CatsEye,
+                EffectKind::SphericalAberration,
+                EffectKind::AxialColor,
             ],
             steps: &["16", "64", "256"],
             deviations: &[Deviation {
@@ -83,8 +88,8 @@ impl Method for Shear {
 
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
-        let size = scene.picture_size();
-        Box::new(ShearSampler::new(plan, size, load(scene, plan)))
+        let frame = (scene.picture_size(), scene.field);
+        Box::new(ShearSampler::new(plan, frame, load(scene, plan)))
     }
 
     /// More than rays gain: the prefilter.

@@ -16,8 +16,9 @@
 use super::bins::Bins;
 use super::runs::{Run, Runs};
 use crate::image::MARGIN;
-use crate::lens::View;
+use crate::lens::{Field, Optics, View};
 use crate::scene::Layer;
+use glam::Vec2;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -37,7 +38,7 @@ const LEAST_HIT: f32 = 1e-3;
 const FOCUSED_BELOW_PX: f32 = 1.01;
 
 /// What the painter reads.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Canvas<'a> {
     /// The layers, nearest first.
     pub(super) layers: &'a [Layer],
@@ -45,13 +46,24 @@ pub(super) struct Canvas<'a> {
     pub(super) runs: &'a Runs,
     /// The bins of the runs.
     pub(super) bins: &'a Bins,
+    /// What cuts views off.
+    pub(super) rim: Option<Rim<'a>>,
+    /// How far aberrations move a view, at most.
+    pub(super) astray_px: f32,
+}
+
+/// The rim of a lens, which hides some lens points from some places of the picture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rim<'a> {
+    pub(super) optics: &'a Optics,
+    pub(super) field: Field,
 }
 
 impl Canvas<'_> {
     /// The bins that any view can bring to output row `y`, nearest first.
     pub(super) fn bins_in_reach(&self, y: usize) -> Vec<u16> {
         let in_reach = |(bin, coc): (usize, &f32)| {
-            let reach = coc.abs().ceil() as i32 + 1;
+            let reach = (coc.abs() + self.astray_px).ceil() as i32 + 1;
             self.runs.occurs(bin, y as i32 - reach..=y as i32 + reach).then_some(bin as u16)
         };
         self.bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
@@ -72,6 +84,8 @@ struct Shift {
 /// One view: how far it moves each bin, the same for every row.
 #[derive(Debug)]
 pub(super) struct Shear {
+    /// Point on the lens.
+    lens: Vec2,
     shifts: Vec<Shift>,
 }
 
@@ -80,12 +94,13 @@ impl Shear {
     pub(super) fn new(view: &View, bins: &Bins) -> Self {
         // Ties round up: half a pixel is the same way on every machine.
         let rounded = |value: f32| (value + 0.5).floor() as i32;
+        let place = view.jitter + view.shift;
         let shift = |&coc: &f32| Shift {
-            rows: rounded(coc * view.lens.y + view.jitter.y),
-            columns: rounded(coc * view.lens.x + view.jitter.x),
+            rows: rounded(coc * view.lens.y + place.y),
+            columns: rounded(coc * view.lens.x + place.x),
             focused: coc.abs() < FOCUSED_BELOW_PX,
         };
-        Self { shifts: bins.centers_px().iter().map(shift).collect() }
+        Self { lens: view.lens, shifts: bins.centers_px().iter().map(shift).collect() }
     }
 
     /// Whether it moves none of `bins`.
@@ -147,6 +162,8 @@ pub(super) struct RowSums {
     unwanted: Vec<Mask>,
     /// From the first column that is asked for to past the last.
     wanted: Range<i32>,
+    /// Views that the rim hides from each column.
+    hidden: Vec<u32>,
     /// Of the go at hand.
     sums: Sums,
     /// Of all goes before it.
@@ -174,6 +191,7 @@ impl RowSums {
             views: 0,
             unwanted,
             wanted: 0..width as i32,
+            hidden: vec![0; width],
             sums: Sums::blank(words),
             settled: Sums::blank(words),
             stopped: vec![0; words],
@@ -198,8 +216,14 @@ impl RowSums {
     /// Makes the row blank again.
     pub(super) fn clear(&mut self) {
         self.views = 0;
+        self.hidden.fill(0);
         self.sums.clear();
         self.settled.clear();
+    }
+
+    /// How many views column `x` has seen so far.
+    fn views_at(&self, x: usize) -> f32 {
+        (self.views - self.hidden[x] as usize) as f32
     }
 
     /// Adds the views `shears` of output row `y`, to which they bring `bins` at most, with the instructions of `arch`.
@@ -235,7 +259,7 @@ impl RowSums {
     /// and left out of the mean where it is closed.
     pub(super) fn pixel(&self, x: usize, open_background: bool) -> [f32; 4] {
         let (word, lane) = (x / LANES, x % LANES);
-        let views = self.views as f32;
+        let views = self.views_at(x);
         let hit = views - (self.settled.missed[word].0[lane] + self.sums.missed[word].0[lane]);
         if hit <= LEAST_HIT {
             return [0.0; 4];
@@ -248,14 +272,33 @@ impl RowSums {
     /// Share of pixel `x`'s rays that met something in focus.
     pub(super) fn focused_share(&self, x: usize) -> f32 {
         let (word, lane) = (x / LANES, x % LANES);
-        (self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane]) / self.views as f32
+        let focused = self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane];
+        focused / self.views_at(x).max(1.0)
     }
 
     /// Lets all rays of the row go, and says how many words have any.
     fn start_view(&mut self) -> usize {
         self.stopped.copy_from_slice(&self.unwanted);
         self.dimmed.fill(0);
-        self.unwanted.iter().filter(|unwanted| **unwanted != Mask::MAX).count()
+        self.words_on_their_way()
+    }
+
+    /// Lets the rays of `columns` go, from which the rim does not hide the view, and says how many words have any.
+    fn start_view_of(&mut self, columns: Range<i32>) -> usize {
+        let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
+        let [start, end] = [inside(columns.start), inside(columns.end.max(columns.start))];
+        let (before, rest) = self.hidden.split_at_mut(start);
+        before.iter_mut().chain(&mut rest[end - start..]).for_each(|hidden| *hidden += 1);
+        for (word, (stopped, unwanted)) in self.stopped.iter_mut().zip(&self.unwanted).enumerate() {
+            let lanes_before = |x: usize| (1u32 << x.saturating_sub(word * LANES).min(LANES)) - 1;
+            *stopped = unwanted | (lanes_before(start) | !lanes_before(end)) as Mask;
+        }
+        self.dimmed.fill(0);
+        self.words_on_their_way()
+    }
+
+    fn words_on_their_way(&self) -> usize {
+        self.stopped.iter().filter(|stopped| **stopped != Mask::MAX).count()
     }
 
     /// Counts the rays that nothing stopped.
@@ -291,7 +334,12 @@ impl WithSimd for AddViews<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         for shear in self.shears {
-            let words_left = self.row.start_view();
+            let words_left = match self.canvas.rim {
+                None => self.row.start_view(),
+                Some(Rim { optics, field }) => {
+                    self.row.start_view_of(optics.columns(shear.lens, self.y, &field))
+                }
+            };
             let mut brush = Brush { simd, words_left, row: self.row };
             brush.paint_view(self.canvas, self.y, &shear.shifts, self.bins);
             self.row.count_missed();
@@ -515,7 +563,7 @@ mod tests {
         let runs = runs::find(&layers, &bins);
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
-        paint(&Canvas { layers: &layers, runs: &runs, bins: &bins }, &shears)
+        paint(&Canvas { layers: &layers, runs: &runs, bins: &bins, rim: None, astray_px: 0.0 }, &shears)
     }
 
     fn rows(canvas: &Canvas<'_>, goes: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {

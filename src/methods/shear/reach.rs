@@ -2,6 +2,7 @@
 //! in vain would be most of the work.
 
 use super::bins::Bins;
+use super::paint::Canvas;
 use super::runs::Runs;
 
 /// Rows of the picture that are looked at together.
@@ -35,10 +36,10 @@ impl Reach {
         reach
     }
 
-    /// The bins of `bins` that any view can bring to one of `columns` of output row `y`, nearest first.
-    pub(super) fn bins(&self, bins: &Bins, y: usize, columns: &[usize]) -> Vec<u16> {
+    /// The bins of `canvas` that any view can bring to one of `columns` of output row `y`, nearest first.
+    pub(super) fn bins(&self, canvas: &Canvas<'_>, y: usize, columns: &[usize]) -> Vec<u16> {
         let in_reach = |(bin, coc): (usize, &f32)| {
-            let reach = coc.abs().ceil() as usize + 1;
+            let reach = (coc.abs() + canvas.astray_px).ceil() as usize + 1;
             let around = |at: usize, length: usize| [at.saturating_sub(reach), (at + reach).min(length - 1)];
             let [top, bottom] = around(y, self.size.1);
             let blocks = &self.columns[bin * self.blocks..][top / ROWS..=bottom / ROWS];
@@ -49,7 +50,7 @@ impl Reach {
             };
             (occurs != 0 && columns.iter().any(within)).then_some(bin as u16)
         };
-        bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
+        canvas.bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
     }
 
     /// The bits of columns `first ..= last`.
@@ -78,12 +79,16 @@ mod tests {
         };
         let layers = [layer(0.0, &|_, _| true), layer(10.0, &there)];
         let bins = Bins::new([0.0, 10.0], 0.5);
-        let reach = Reach::of(&runs::find(&layers, &bins), &bins, (width, height));
+        let runs = runs::find(&layers, &bins);
+        let reach = Reach::of(&runs, &bins, (width, height));
+        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins, rim: None, astray_px: 0.0 };
         let (sharp, blurred) = (bins.index(0.0), bins.index(10.0));
-        assert_eq!(reach.bins(&bins, 20, &[52]), [sharp, blurred], "within its radius");
-        assert_eq!(reach.bins(&bins, 29, &[60]), [sharp, blurred], "and below it");
-        assert_eq!(reach.bins(&bins, 20, &[5, 66]), [sharp, blurred], "for one column of several");
-        assert_eq!(reach.bins(&bins, 20, &[30]), [sharp], "not far beside it");
-        assert_eq!(reach.bins(&bins, 45, &[60]), [sharp], "nor far below");
+        assert_eq!(reach.bins(&canvas, 20, &[52]), [sharp, blurred], "within its radius");
+        assert_eq!(reach.bins(&canvas, 29, &[60]), [sharp, blurred], "and below it");
+        assert_eq!(reach.bins(&canvas, 20, &[5, 66]), [sharp, blurred], "for one column of several");
+        assert_eq!(reach.bins(&canvas, 20, &[30]), [sharp], "not far beside it");
+        assert_eq!(reach.bins(&canvas, 45, &[60]), [sharp], "nor far below");
+        let astray = Canvas { astray_px: 16.0, ..canvas };
+        assert_eq!(reach.bins(&astray, 45, &[60]), [sharp, blurred], "unless aberrations bring it there");
     }
 }

@@ -1,15 +1,16 @@
 //! At work on a scene: what each number of views needs, once, then pixels or the picture.
 
 use super::bins::Bins;
-use super::highlights::{self, Bokeh, Highlight, Occluders};
-use super::paint::{Canvas, RowSums, Shear};
+use super::bokeh::Bokeh;
+use super::highlights::{self, Highlight, Occluders};
+use super::paint::{Canvas, Rim, RowSums, Shear};
 use super::prefilter;
 use super::reach::Reach;
 use super::resolve;
 use super::runs::{self, Runs};
 use super::saved::SavedColors;
 use crate::image::{Image, Plane};
-use crate::lens::{View, views};
+use crate::lens::{Field, View};
 use crate::methods::{Progress, Sampler, planes_from_rows};
 use crate::scene::{EffectKind, Layer, Plan};
 use pulp::Arch;
@@ -28,6 +29,8 @@ pub(super) struct ShearSampler<'p> {
     plan: &'p Plan,
     /// Width and height of the picture.
     size: (usize, usize),
+    /// Where in the lens's field it lies.
+    field: Field,
     /// What was taken out of the layers, to be drawn as discs.
     highlights: Vec<Highlight>,
     work: Work,
@@ -47,7 +50,8 @@ struct Ready {
     views: usize,
     bins: Bins,
     runs: Runs,
-    shears: Vec<Shear>,
+    /// The views of each set of colours, and the channels that they make: see [`crate::lens::Rays`].
+    shears: Vec<(Vec<Shear>, &'static [usize])>,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
 }
@@ -78,33 +82,42 @@ impl Ready {
         if plan.does(EffectKind::Prefilter) {
             prefilter::smooth(&mut layers, count, plan.parameters.shear.prefilter);
         }
-        let shears = views(count, plan.aperture)
-            .into_iter()
-            .map(|view| Shear::new(&View { jitter: view.jitter * plan.jitter, ..view }, &bins))
-            .collect();
+        let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, &bins);
+        let rays = plan.optics.rays(count);
+        let shears =
+            rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect();
         Self { views: count, bins, runs, shears, layers }
     }
 
-    fn canvas(&self) -> Canvas<'_> {
-        Canvas { layers: &self.layers, runs: &self.runs, bins: &self.bins }
+    fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
+        let Self { layers, runs, bins, .. } = self;
+        let optics = &plan.optics;
+        let rim = (optics.cats_eye > 0.0).then_some(Rim { optics, field });
+        Canvas { layers, runs, bins, rim, astray_px: optics.longest_shift_px() }
     }
 
     /// Paints all views: the picture, and for each pixel the share of rays that met something in focus.
-    fn paint(&self, size: (usize, usize), open: bool, progress: &Progress<'_>) -> (Image, Plane) {
-        let (canvas, arch) = (self.canvas(), Arch::new());
+    fn paint(
+        &self,
+        canvas: &Canvas<'_>,
+        size: (usize, usize),
+        open: bool,
+        progress: &Progress<'_>,
+    ) -> (Image, Plane) {
+        let arch = Arch::new();
         let new_row = || RowSums::new(size.0);
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
-                sums.clear();
                 let bins = canvas.bins_in_reach(y);
-                let is_still = self.shears.iter().all(|shear| shear.keeps_still(&bins));
-                // What no view moves, every view sees alike: one says it all.
-                let shears = if is_still { &self.shears[..1] } else { &self.shears };
-                sums.add(&canvas, (y, &bins), shears, arch);
-                for x in 0..size.0 {
-                    let [r, g, b, a] = sums.pixel(x, open);
-                    for (plane, value) in planes.iter_mut().zip([r, g, b, a, sums.focused_share(x)]) {
-                        plane[x] = value;
+                for (shears, channels) in &self.shears {
+                    sums.clear();
+                    add_row(sums, canvas, (y, &bins), shears, arch);
+                    for x in 0..size.0 {
+                        let pixel = sums.pixel(x, open);
+                        channels.iter().for_each(|&channel| planes[channel][x] = pixel[channel]);
+                        if channels.contains(&ALPHA) {
+                            planes[FOCUSED_SHARE][x] = sums.focused_share(x);
+                        }
                     }
                 }
             });
@@ -114,11 +127,12 @@ impl Ready {
     /// Paints all views of `pixels` alone, `y · width + x` each: what [`Ready::paint`] has there.
     fn paint_pixels(
         &self,
+        canvas: &Canvas<'_>,
         (reach, width): (&Reach, usize),
         open: bool,
         pixels: impl Iterator<Item = usize>,
     ) -> Painted {
-        let (canvas, arch) = (self.canvas(), Arch::new());
+        let arch = Arch::new();
         let mut rows: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
         for pixel in pixels {
             rows.entry(pixel / width).or_default().insert(pixel % width);
@@ -128,18 +142,46 @@ impl Ready {
         rows.into_par_iter()
             .flat_map_iter(|(y, columns)| {
                 let mut sums = RowSums::only(width, &columns);
-                sums.add(&canvas, (y, &reach.bins(&self.bins, y, &columns)), &self.shears, arch);
-                let painted = move |x| (y * width + x, (sums.pixel(x, open), sums.focused_share(x)));
-                columns.into_iter().map(painted)
+                let bins = reach.bins(canvas, y, &columns);
+                let mut painted = vec![([0.0; 4], 0.0); columns.len()];
+                for (shears, channels) in &self.shears {
+                    sums.clear();
+                    sums.add(canvas, (y, &bins), shears, arch);
+                    for (&x, (color, focused_share)) in columns.iter().zip(&mut painted) {
+                        let pixel = sums.pixel(x, open);
+                        channels.iter().for_each(|&channel| color[channel] = pixel[channel]);
+                        *focused_share = sums.focused_share(x);
+                    }
+                }
+                columns.into_iter().map(move |x| y * width + x).zip(painted)
             })
             .collect()
     }
 
     /// Adds the discs of `highlights` to `image`.
-    fn draw(&self, image: &mut Image, highlights: &[Highlight], plan: &Plan) {
+    fn draw(&self, image: &mut Image, highlights: &[Highlight], plan: &Plan, field: Field) {
         let Self { bins, runs, layers, .. } = self;
         let occluders = Occluders { width: image.width(), runs, bins, layers };
-        highlights::draw(image, highlights, &Bokeh::new(plan.aperture, plan.fragment_px), &occluders);
+        highlights::draw(image, highlights, &Bokeh::new(&plan.optics, field, plan.fragment_px), &occluders);
+    }
+}
+
+/// The plane of alpha, and of the share of rays that met something in focus.
+const ALPHA: usize = 3;
+const FOCUSED_SHARE: usize = 4;
+
+/// Adds the views `shears` to a row. What no view moves, every view sees alike: one says it all.
+fn add_row(
+    sums: &mut RowSums,
+    canvas: &Canvas<'_>,
+    (y, bins): (usize, &[u16]),
+    shears: &[Shear],
+    arch: Arch,
+) {
+    if shears.iter().all(|shear| shear.keeps_still(bins)) {
+        sums.add(&Canvas { rim: None, ..*canvas }, (y, bins), &shears[..1], arch);
+    } else {
+        sums.add(canvas, (y, bins), shears, arch);
     }
 }
 
@@ -159,10 +201,12 @@ impl Sampler for ShearSampler<'_> {
         let open = self.plan.does(EffectKind::OpenBackground);
         let weight = self.plan.parameters.shear.resolve;
         let reach = Reach::of(&ready.runs, &ready.bins, self.size);
-        let own = ready.paint_pixels((&reach, width), open, pixels.iter().copied());
+        let canvas = ready.canvas(self.plan, self.field);
+        let own = ready.paint_pixels(&canvas, (&reach, width), open, pixels.iter().copied());
         let softens = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
         let softened = pixels.iter().copied().filter(|&pixel| softens(pixel));
         let beside = ready.paint_pixels(
+            &canvas,
             (&reach, width),
             open,
             softened.flat_map(|pixel| neighbours(pixel, width, height)),
@@ -188,13 +232,14 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, highlights, work } = *self;
+        let Self { plan, size, field, highlights, work } = *self;
         let ready = match work {
             Work::Loaded(layers) => Ready::new(layers, plan, views),
             Work::Ready(ready, saved) => ready.again(&saved, plan, views),
         };
-        let (mut image, focused_share) = ready.paint(size, plan.does(EffectKind::OpenBackground), progress);
-        ready.draw(&mut image, &highlights, plan);
+        let open = plan.does(EffectKind::OpenBackground);
+        let (mut image, focused_share) = ready.paint(&ready.canvas(plan, field), size, open, progress);
+        ready.draw(&mut image, &highlights, plan, field);
         if plan.does(EffectKind::Resolve) {
             resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
         }
@@ -206,10 +251,10 @@ impl<'p> ShearSampler<'p> {
     /// At work on `layers`, which `highlights` were taken out of.
     pub(super) fn new(
         plan: &'p Plan,
-        size: (usize, usize),
+        (size, field): ((usize, usize), Field),
         (layers, highlights): (Vec<Layer>, Vec<Highlight>),
     ) -> Self {
-        Self { plan, size, highlights, work: Work::Loaded(layers) }
+        Self { plan, size, field, highlights, work: Work::Loaded(layers) }
     }
 
     /// The discs of the highlights over nothing, if there are any.
@@ -218,7 +263,7 @@ impl<'p> ShearSampler<'p> {
             return None;
         }
         let mut discs = Image::from_fn(self.size.0, self.size.1, |_, _| [0.0; 4]);
-        ready.draw(&mut discs, &self.highlights, self.plan);
+        ready.draw(&mut discs, &self.highlights, self.plan, self.field);
         Some(discs)
     }
 }

@@ -175,6 +175,12 @@ impl<'a> Entry<'a> {
         self.number_where(&wanted, |x| (least..=most).contains(&x))
     }
 
+    /// Two numbers from the first to the second of `ends`.
+    pub(super) fn pair(&self, [least, most]: [f32; 2], meaning: &str) -> Result<[f32; 2], Error> {
+        let wanted = format!("two numbers from {least} to {most}: {meaning}");
+        self.two_numbers(&wanted, |x| (least..=most).contains(&x))
+    }
+
     pub(super) fn finite(&self) -> Result<f32, Error> {
         self.number_where("a number", f32::is_finite)
     }
@@ -185,10 +191,15 @@ impl<'a> Entry<'a> {
     }
 
     pub(super) fn point(&self) -> Result<[f32; 2], Error> {
-        let wanted = || self.unsuitable("a pixel, [x, y]");
+        self.two_numbers("a pixel, [x, y]", f32::is_finite)
+    }
+
+    /// A list of two numbers that satisfy `suits`.
+    fn two_numbers(&self, wanted: &str, suits: impl Fn(f32) -> bool) -> Result<[f32; 2], Error> {
+        let wanted = || self.unsuitable(wanted);
         let items = self.value.get_ref().as_array().ok_or_else(wanted)?;
         let numbers: Vec<f32> =
-            items.iter().filter_map(|item| number(item.get_ref())).filter(|x| x.is_finite()).collect();
+            items.iter().filter_map(|item| number(item.get_ref())).filter(|&x| suits(x)).collect();
         let point = numbers.try_into().map_err(|_| wanted())?;
         if items.len() == 2 { Ok(point) } else { Err(wanted()) }
     }

@@ -8,7 +8,7 @@ mod schema;
 use super::{MethodParameters, Values, nearest};
 use crate::error::Error;
 use entry::Document;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 /// A preset as read.
@@ -85,7 +85,11 @@ impl Preset {
                 .caused_by(cause)
                 .help("give the path of a TOML file, or a name that `thinlens presets` lists")
         })?;
-        Self::parse(&text, name)
+        let mut preset = Self::parse(&text, name)?;
+        let beside =
+            |image: PathBuf| path.parent().map_or_else(|| image.clone(), |folder| folder.join(&image));
+        preset.values.aperture_image = preset.values.aperture_image.take().map(beside);
+        Ok(preset)
     }
 
     /// Reads a preset from TOML; `source` names it in errors.
@@ -136,11 +140,18 @@ mod tests {
             focus_point = [10, 20.5]
             sensor_width_mm = 36.0
             sensor_distance = 'thin_lens'
+            vignetting = 0.5
             [aperture]
             blades = 6
             rotation_deg = -15.5
             blade_curvature = 0.5
             squeeze = 1.33
+            image = 'heart.png'
+            cats_eye = 0.6
+            [aberrations]
+            spherical_um = -80
+            axial_color_um = [30, 45.5]
+            lateral_color_um = [-4, 6]
             [depth]
             convention = 'ray'
             metres_per_unit = 0.01
@@ -161,6 +172,12 @@ mod tests {
             rotation_deg: Some(-15.5),
             blade_curvature: Some(0.5),
             squeeze: Some(1.33),
+            aperture_image: Some("heart.png".into()),
+            cats_eye: Some(0.6),
+            vignetting: Some(0.5),
+            spherical_um: Some(-80.0),
+            axial_color_um: Some([30.0, 45.5]),
+            lateral_color_um: Some([-4.0, 6.0]),
             convention: Some(DepthConvention::Ray),
             metres_per_unit: Some(0.01),
             near_clip: Some(0.1),

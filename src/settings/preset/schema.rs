@@ -2,8 +2,8 @@
 //! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
 use super::super::{
-    BLADE_CURVATURES, DepthConvention, Effort, Focus, MethodParameters, Quality, SQUEEZES, SensorDistance,
-    Values,
+    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Effort, Focus, MethodParameters, Quality,
+    SQUEEZES, SensorDistance, VIGNETTINGS, Values,
 };
 use super::entry::Entry;
 use crate::error::Error;
@@ -17,7 +17,7 @@ pub(super) struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables.
-pub(super) static SCHEMA: [Key; 21] = {
+pub(super) static SCHEMA: [Key; 27] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -34,6 +34,9 @@ pub(super) static SCHEMA: [Key; 21] = {
         key("lens", "sensor_distance", |v, e| {
             e.one_of(&SENSOR_DISTANCES).map(|x| v.sensor_distance = Some(x))
         }),
+        key("lens", "vignetting", |v, e| {
+            e.within(VIGNETTINGS, "0 for none, 1 for the lens's own").map(|x| v.vignetting = Some(x))
+        }),
         key("aperture", "blades", |v, e| e.blades().map(|x| v.blades = Some(x))),
         key("aperture", "rotation_deg", |v, e| e.finite().map(|x| v.rotation_deg = Some(x))),
         key("aperture", "blade_curvature", |v, e| {
@@ -41,6 +44,20 @@ pub(super) static SCHEMA: [Key; 21] = {
         }),
         key("aperture", "squeeze", |v, e| {
             e.within(SQUEEZES, "height over width").map(|x| v.squeeze = Some(x))
+        }),
+        key("aperture", "image", |v, e| e.text().map(|x| v.aperture_image = Some(x.into()))),
+        key("aperture", "cats_eye", |v, e| {
+            e.within(CATS_EYES, "how far the rim stands aside in the corners, in aperture radii")
+                .map(|x| v.cats_eye = Some(x))
+        }),
+        key("aberrations", "spherical_um", |v, e| {
+            e.within(ABERRATIONS_UM, "micrometres").map(|x| v.spherical_um = Some(x))
+        }),
+        key("aberrations", "axial_color_um", |v, e| {
+            e.pair(ABERRATIONS_UM, RED_BLUE).map(|x| v.axial_color_um = Some(x))
+        }),
+        key("aberrations", "lateral_color_um", |v, e| {
+            e.pair(ABERRATIONS_UM, RED_BLUE).map(|x| v.lateral_color_um = Some(x))
         }),
         key("depth", "convention", |v, e| e.one_of(&CONVENTIONS).map(|x| v.convention = x)),
         key("depth", "metres_per_unit", |v, e| e.positive().map(|x| v.metres_per_unit = Some(x))),
@@ -57,6 +74,9 @@ pub(super) static SCHEMA: [Key; 21] = {
         }),
     ]
 };
+
+/// What the two numbers of a colour error are.
+const RED_BLUE: &str = "micrometres of red and of blue";
 
 const SENSOR_DISTANCES: [(&str, SensorDistance); 2] =
     [("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)];

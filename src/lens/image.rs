@@ -1,0 +1,207 @@
+//! A picture for an aperture: how much light passes each point of the lens.
+//!
+//! The picture's inscribed circle is the aperture's; what lies outside of it is not used. It is read upright, as a point behind
+//! focus shows it.
+
+use crate::error::Error;
+use crate::settings::Mask;
+use glam::Vec2;
+use std::f32::consts::TAU;
+
+/// Directions that light is counted in, for lens samples.
+const ANGLES: usize = 512;
+
+/// Rings of equal area that it is counted in.
+const RINGS: usize = 256;
+
+/// The light that passes each point of an aperture, 0 … 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ApertureImage {
+    /// Width and height in pixels.
+    size: [usize; 2],
+    /// Turn in radians, anticlockwise as seen in a blurred point behind focus.
+    turn: f32,
+    /// Sums over all pixels left of and above a corner, a row and a column more than the picture has.
+    sums: Vec<f64>,
+    /// Share of the light in directions before each.
+    angles: Vec<f32>,
+    /// In each direction the share of its light within each ring.
+    rings: Vec<Vec<f32>>,
+    /// Mean over the circle.
+    mean: f32,
+}
+
+impl ApertureImage {
+    /// The aperture that `mask` shows, its brightest pixel letting all light through, turned anticlockwise by `rotation_deg`.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for a mask that is black within its circle.
+    pub fn new(mask: &Mask, rotation_deg: f32) -> Result<Self, Error> {
+        let most = mask.values.iter().copied().fold(0.0, f32::max);
+        let mut image = Self {
+            size: [mask.width, mask.height],
+            turn: rotation_deg.to_radians(),
+            sums: sums(mask, 1.0 / most.max(f32::MIN_POSITIVE)),
+            angles: Vec::new(),
+            rings: Vec::new(),
+            mean: 0.0,
+        };
+        image.count_light();
+        if image.mean > 0.0 {
+            return Ok(image);
+        }
+        Err(Error::settings("the aperture image lets no light through")
+            .with("found", format!("{} is black within its inscribed circle", mask.name))
+            .help("paint the opening white, in the middle of the picture"))
+    }
+
+    /// Sums the light of each direction and ring.
+    fn count_light(&mut self) {
+        let side = 1.0 / RINGS as f32;
+        let mut total = 0.0;
+        for i in 0..ANGLES {
+            let direction = Vec2::from_angle(self.turn + (i as f32 + 0.5) * TAU / ANGLES as f32);
+            let mut sum = 0.0;
+            let ring = |k: usize| {
+                sum += self.around(((k as f32 + 0.5) * side).sqrt() * direction, 2.0 * side);
+                sum
+            };
+            let mut light: Vec<f32> = (0..RINGS).map(ring).collect();
+            light.iter_mut().for_each(|within| *within /= sum.max(f32::MIN_POSITIVE));
+            self.rings.push(light);
+            total += sum;
+            self.angles.push(total);
+        }
+        self.angles.iter_mut().for_each(|before| *before /= total.max(f32::MIN_POSITIVE));
+        self.mean = total / (ANGLES * RINGS) as f32;
+    }
+
+    /// Mean light over the aperture's circle.
+    pub fn mean(&self) -> f32 {
+        self.mean
+    }
+
+    /// Mean light over what the picture has of a square of `side` about `point`, both in aperture radii; x to the right and y up as a point behind focus
+    /// shows it.
+    pub fn around(&self, point: Vec2, side: f32) -> f32 {
+        let [width, height] = self.size.map(|pixels| pixels as f32);
+        let radius = 0.5 * width.min(height);
+        let upright = Vec2::from_angle(-self.turn).rotate(point);
+        let centre = 0.5 * Vec2::new(width, height) + radius * Vec2::new(upright.x, -upright.y);
+        let half = 0.5 * (side * radius).max(1.0);
+        let [left, right] = [-half, half].map(|to| (centre.x + to).clamp(0.0, width));
+        let [top, bottom] = [-half, half].map(|to| (centre.y + to).clamp(0.0, height));
+        let area = (right - left) * (bottom - top);
+        let light =
+            self.sum(right, bottom) - self.sum(left, bottom) - self.sum(right, top) + self.sum(left, top);
+        if area > 0.0 { (light / f64::from(area)) as f32 } else { 0.0 }
+    }
+
+    /// Light left of `x` and above `y`, in pixels.
+    fn sum(&self, x: f32, y: f32) -> f64 {
+        let [width, height] = self.size;
+        let (x, y) = (x.clamp(0.0, width as f32), y.clamp(0.0, height as f32));
+        let (column, row) = ((x as usize).min(width - 1), (y as usize).min(height - 1));
+        let (right, down) = (f64::from(x - column as f32), f64::from(y - row as f32));
+        let at = |column: usize, row: usize| self.sums[row * (width + 1) + column];
+        let across = |row: usize| at(column, row) * (1.0 - right) + at(column + 1, row) * right;
+        across(row) * (1.0 - down) + across(row + 1) * down
+    }
+
+    /// Carries a point of the unit disc to where the light is: a uniform disc becomes the picture, and with an even one stays as
+    /// it was.
+    pub fn from_disc(&self, point: Vec2) -> Vec2 {
+        let share = ((point.to_angle() - self.turn) / TAU).rem_euclid(1.0);
+        let (angle, along) = quantile(&self.angles, share);
+        let (ring, across) = quantile(&self.rings[angle], point.length_squared().min(1.0));
+        let radius = ((ring as f32 + across) / RINGS as f32).sqrt();
+        radius * Vec2::from_angle(self.turn + (angle as f32 + along) * TAU / ANGLES as f32)
+    }
+}
+
+/// Sums over all pixels of `mask`, times `scale`, left of and above each corner.
+fn sums(mask: &Mask, scale: f32) -> Vec<f64> {
+    let stride = mask.width + 1;
+    let mut sums = vec![0.0; stride * (mask.height + 1)];
+    for (y, row) in mask.values.chunks(mask.width).enumerate() {
+        let mut sum = 0.0;
+        for (x, value) in row.iter().enumerate() {
+            sum += f64::from(value.max(0.0) * scale);
+            sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + sum;
+        }
+    }
+    sums
+}
+
+/// In which of the steps of rising `shares` the share `wanted` is reached, and how far along it.
+fn quantile(shares: &[f32], wanted: f32) -> (usize, f32) {
+    let step = shares.partition_point(|share| *share <= wanted).min(shares.len() - 1);
+    let before = if step == 0 { 0.0 } else { shares[step - 1] };
+    let width = shares[step] - before;
+    (step, if width > 0.0 { ((wanted - before) / width).clamp(0.0, 1.0) } else { 0.5 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(value: impl Fn(f32, f32) -> f32) -> ApertureImage {
+        let (width, height) = (200, 160);
+        let at = |i: usize| value((i % width) as f32 - 99.5, 79.5 - (i / width) as f32);
+        let values = (0..width * height).map(at).collect();
+        ApertureImage::new(&Mask { name: "test".to_owned(), width, height, values }, 0.0).unwrap()
+    }
+
+    #[test]
+    fn an_even_picture_is_the_disc() {
+        let white = image(|_, _| 0.3);
+        assert!((white.mean() - 1.0).abs() < 1e-5, "its brightest point lets all light through");
+        for point in [Vec2::new(0.3, -0.4), Vec2::new(-0.9, 0.1), Vec2::ZERO, Vec2::new(0.0, -1.0)] {
+            assert!((white.from_disc(point) - point).length() < 2e-3, "{point}: {}", white.from_disc(point));
+        }
+    }
+
+    #[test]
+    fn points_go_where_the_light_is_in_proportion_to_it() {
+        // Light only to the right of a quarter of the radius, twice as much above the middle.
+        let picture = image(|x, y| if x < 20.0 { 0.0 } else { 0.5 + 0.5 * f32::from(u8::from(y > 0.0)) });
+        let golden = |i: usize| Vec2::from_angle(i as f32 * 2.399_963) * ((i as f32 + 0.5) / 10_000.0).sqrt();
+        let points: Vec<Vec2> = (0..10_000).map(|i| picture.from_disc(golden(i))).collect();
+        assert!(points.iter().all(|point| point.x > 0.25 - 0.02), "none in the dark");
+        let above = points.iter().filter(|point| point.y > 0.0).count() as f32 / 1e4;
+        assert!((above - 2.0 / 3.0).abs() < 5e-3, "{above}");
+        // The segment beyond a quarter: acos t − t √(1 − t²) of π, at three quarters of the light on the mean.
+        let t = 0.25f32;
+        let share = 0.75 * (t.acos() - t * (1.0 - t * t).sqrt()) / std::f32::consts::PI;
+        assert!((picture.mean() - share).abs() < 5e-3, "{}, expected {share}", picture.mean());
+    }
+
+    #[test]
+    fn the_mean_around_a_point_is_that_of_its_pixels() {
+        let halves = image(|x, _| f32::from(u8::from(x > 0.0)));
+        for (x, expected) in [(-0.5, 0.0), (0.5, 1.0), (0.0, 0.5), (0.05, 0.75)] {
+            let found = halves.around(Vec2::new(x, 0.2), 0.2);
+            assert!((found - expected).abs() < 1e-5, "{x}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_picture_without_light_is_refused() {
+        let mask = Mask { name: "dark.png".to_owned(), width: 4, height: 4, values: vec![0.0; 16] };
+        let error = ApertureImage::new(&mask, 0.0).unwrap_err().to_string();
+        assert!(error.contains("dark.png") && error.contains("no light"), "{error}");
+    }
+
+    #[test]
+    fn a_turned_picture_is_turned_anticlockwise() {
+        let right = Mask {
+            name: "right".to_owned(),
+            width: 60,
+            height: 60,
+            values: (0..3600).map(|i| f32::from(u8::from(i % 60 >= 45))).collect(),
+        };
+        let up = ApertureImage::new(&right, 90.0).unwrap();
+        assert!(up.around(Vec2::new(0.0, 0.75), 0.1) > 0.99, "what was to the right is above");
+        assert!(up.from_disc(Vec2::new(0.1, 0.2)).y > 0.45, "points too");
+    }
+}

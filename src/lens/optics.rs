@@ -1,0 +1,259 @@
+//! What the rays of a lens know of it beside its focus: the aperture's shape, the rim that cuts it off towards the frame's corners,
+//! and how far aberrations move a ray in the picture.
+//!
+//! A ray of picture point `p` through lens point `u` passes CoC depth `c` at `p + ε(u) + c·u`. Without aberrations `ε` is 0. To the
+//! third order (Welford 1986, "Aberrations of Optical Systems", chapter 7):
+//!
+//! * *Spherical aberration* focuses the aperture's rim elsewhere than its middle: `ε = s (|u|² − ⅔) u`, `s` the CoC radius of the
+//!   rim's rays where those of the middle meet. The term −⅔ is where a photographer would focus: it makes the blur of what is in focus
+//!   the least, `s / 6` on the root mean square.
+//! * *Axial colour* focuses red and blue elsewhere than green: `ε = a·u`, `a` each colour's CoC radius where green is in focus.
+//! * *The cat's eye*: seen from a place `h` of the field (1 in the frame's corners), a rim as wide as the aperture stands `κ·h`
+//!   aside of it, and only rays with `|u − κ·h| ≤ 1` pass.
+//!
+//! What changes the picture as a whole, whatever the blur, is here too: *lateral colour*, by which red and blue are larger or
+//! smaller pictures than green, and the *falloff* of brightness towards the corners: the fourth power of the cosine of the field angle,
+//! times what the rim leaves of the aperture.
+
+use super::views::{moved_views, views};
+use super::{Aperture, ApertureImage, Field, View};
+use glam::Vec2;
+use std::f32::consts::PI;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Spherical aberration is measured from the plane in which it blurs least: see the module's head.
+const BEST_FOCUS: f32 = 2.0 / 3.0;
+
+/// What rays know of a lens beside its focus.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Optics {
+    /// The aperture's outline; with an image, its squeeze alone counts.
+    pub aperture: Aperture,
+    /// How much light passes each point of the aperture; all of it within the outline, if none.
+    #[serde(skip)]
+    pub image: Option<Arc<ApertureImage>>,
+    /// How far aside of the aperture the rim stands, seen from the frame's corners, in aperture radii.
+    pub cats_eye: f32,
+    /// CoC radius in picture pixels of the rim's rays where those of the middle meet.
+    pub spherical_px: f32,
+    /// CoC radius of red, green and blue where green is in focus, in picture pixels.
+    pub axial_px: [f32; 3],
+    /// How much farther from the axis red, green and blue show what is in the frame's corners, in picture pixels.
+    pub lateral_px: [f32; 3],
+    /// The power to which the falloff of brightness is raised: 1 for the lens, 0 for none of it.
+    pub vignetting: f32,
+}
+
+/// The lens samples of a picture: one set for all colours, or one for each of red, green and blue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rays {
+    sets: Vec<Vec<View>>,
+}
+
+impl Rays {
+    /// The same views for all colours.
+    pub fn alike(views: Vec<View>) -> Self {
+        Self { sets: vec![views] }
+    }
+
+    /// The sets, each with the channels that it makes: 0, 1, 2 for red, green, blue, and 3 for alpha, which goes with green.
+    pub fn sets(&self) -> impl Iterator<Item = (&[View], &'static [usize])> {
+        let channels: &[&[usize]] =
+            if self.sets.len() == 1 { &[&[0, 1, 2, 3]] } else { &[&[0], &[1, 3], &[2]] };
+        self.sets.iter().map(Vec::as_slice).zip(channels.iter().copied())
+    }
+
+    /// View `i` of every set alone.
+    pub fn single(&self, i: usize) -> Self {
+        Self { sets: self.sets.iter().map(|views| vec![views[i]]).collect() }
+    }
+
+    /// Those of green.
+    pub fn green(&self) -> &[View] {
+        &self.sets[self.sets.len() / 2]
+    }
+}
+
+impl Optics {
+    /// A lens without faults and with this aperture.
+    pub fn of(aperture: Aperture) -> Self {
+        Self {
+            aperture,
+            image: None,
+            cats_eye: 0.0,
+            spherical_px: 0.0,
+            axial_px: [0.0; 3],
+            lateral_px: [0.0; 3],
+            vignetting: 0.0,
+        }
+    }
+
+    /// `count` views, evenly spread over the aperture's light.
+    pub fn rays(&self, count: usize) -> Rays {
+        self.aberrated(&views(count, Aperture::DISC))
+    }
+
+    /// `count` views turned by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].
+    pub fn moved_rays(&self, count: usize, angle: f32, shift: Vec2) -> Rays {
+        self.aberrated(&moved_views(count, angle, shift))
+    }
+
+    /// The rays of the views `disc` of a round aperture.
+    fn aberrated(&self, disc: &[View]) -> Rays {
+        let on_lens: Vec<View> =
+            disc.iter().map(|view| View { lens: self.from_disc(view.lens), ..*view }).collect();
+        let of_color = |axial_px: f32| {
+            on_lens.iter().map(|view| View { shift: self.shift(view.lens, axial_px), ..*view }).collect()
+        };
+        if self.has_axial_color() {
+            Rays { sets: self.axial_px.map(of_color).into() }
+        } else {
+            Rays::alike(of_color(0.0))
+        }
+    }
+
+    /// Whether the colours have rays of their own.
+    pub fn has_axial_color(&self) -> bool {
+        self.axial_px != [0.0; 3]
+    }
+
+    /// Carries a point of the unit disc to where the aperture's light is, so that equal areas get equal light.
+    pub(super) fn from_disc(&self, point: Vec2) -> Vec2 {
+        match &self.image {
+            Some(image) => {
+                // As the camera sees the lens: see the head of `aperture`.
+                let seen = image.from_disc(point);
+                Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
+            }
+            None => self.aperture.from_disc(point),
+        }
+    }
+
+    /// How far aberrations move the ray through `lens` in the picture, in pixels.
+    fn shift(&self, lens: Vec2, axial_px: f32) -> Vec2 {
+        (self.spherical_px * (lens.length_squared() - BEST_FOCUS) + axial_px) * lens
+    }
+
+    /// The longest way that aberrations move a ray in the picture, in pixels.
+    pub fn longest_shift_px(&self) -> f32 {
+        // |ρ³ − ⅔ρ| is largest at the rim.
+        let axial = self.axial_px.iter().fold(0.0, |most: f32, axial| most.max(axial.abs()));
+        (1.0 - BEST_FOCUS) * self.spherical_px.abs() + axial
+    }
+
+    /// The CoC radius by which the middle of the aperture blurs where its rim and middle together blur least, and how much that
+    /// grows with the square of the distance from the middle: a ray of `|u|` lands `(first + second·|u|²)·|u|` away.
+    pub fn spherical_terms(&self) -> [f32; 2] {
+        [-BEST_FOCUS * self.spherical_px, self.spherical_px]
+    }
+
+    /// Whether the ray through `lens` passes the rim, seen from the place `height` of the field.
+    pub fn passes(&self, lens: Vec2, height: Vec2) -> bool {
+        (lens - self.cats_eye * height).length_squared() <= 1.0
+    }
+
+    /// The columns of picture row `y` from which a ray through `lens` passes the rim.
+    pub fn columns(&self, lens: Vec2, y: usize, field: &Field) -> Range<i32> {
+        let height = field.height(Vec2::new(0.0, y as f32 + 0.5));
+        let across = 1.0 - (lens.y - self.cats_eye * height.y).powi(2);
+        if across <= 0.0 {
+            return 0..0;
+        }
+        let edge = |x: f32| {
+            let place = field.axis_px.x + x / self.cats_eye * field.half_diagonal_px;
+            (place - 0.5).clamp(-1e9, 1e9)
+        };
+        edge(lens.x - across.sqrt()).ceil() as i32..edge(lens.x + across.sqrt()).floor() as i32 + 1
+    }
+
+    /// Light that the aperture lets through, as an area in squared aperture radii.
+    pub fn area(&self) -> f32 {
+        self.image
+            .as_ref()
+            .map_or_else(|| self.aperture.area(), |image| PI * image.mean() / self.aperture.squeeze())
+    }
+
+    /// How much light passes about the lens point `lens`: the mean over a square of `side`, both in aperture radii.
+    pub fn light_around(&self, lens: Vec2, side: f32) -> f32 {
+        match &self.image {
+            Some(image) => image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side),
+            None => (self.aperture.depth_inside(lens, 1.0) / side + 0.5).clamp(0.0, 1.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(change: impl FnOnce(&mut Optics)) -> Optics {
+        let mut optics = Optics::of(Aperture::DISC);
+        change(&mut optics);
+        optics
+    }
+
+    #[test]
+    fn a_lens_without_faults_has_the_views_of_its_aperture_for_all_colours() {
+        let rays = Optics::of(Aperture::DISC).rays(64);
+        assert_eq!(rays, Rays::alike(views(64, Aperture::DISC)));
+        assert_eq!(rays.sets().map(|(_, channels)| channels).collect::<Vec<_>>(), [[0, 1, 2, 3]]);
+    }
+
+    #[test]
+    fn what_is_in_focus_blurs_by_a_sixth_of_the_spherical_aberration_and_by_more_before_and_behind() {
+        let optics = lens(|lens| lens.spherical_px = 6.0);
+        let rms = |defocus_px: f32| {
+            let views = optics.rays(1024);
+            let land = |view: &View| (view.shift + defocus_px * view.lens).length_squared();
+            (views.green().iter().map(land).sum::<f32>() / 1024.0).sqrt()
+        };
+        assert!((rms(0.0) - 1.0).abs() < 0.01, "{}", rms(0.0));
+        assert!(rms(0.5) > rms(0.0) && rms(-0.5) > rms(0.0), "{} and {}", rms(-0.5), rms(0.5));
+        let longest = optics.rays(1024).green().iter().map(|view| view.shift.length()).fold(0.0, f32::max);
+        assert!((longest - optics.longest_shift_px()).abs() < 0.1, "{longest}");
+    }
+
+    #[test]
+    fn axial_colour_is_a_focus_of_its_own() {
+        let optics = lens(|lens| lens.axial_px = [-2.0, 0.0, 1.5]);
+        let rays = optics.rays(32);
+        let sets: Vec<_> = rays.sets().collect();
+        for ((views, channels), (axial, channel)) in sets.into_iter().zip([(-2.0, 0), (0.0, 1), (1.5, 2)]) {
+            assert_eq!(channels[0], channel);
+            assert!(views.iter().all(|view| (view.shift - axial * view.lens).length() < 1e-6), "{axial}");
+        }
+        assert_eq!(optics.longest_shift_px(), 2.0);
+    }
+
+    #[test]
+    fn the_columns_of_a_view_are_those_from_which_it_passes_the_rim() {
+        let optics = lens(|lens| lens.cats_eye = 0.9);
+        let field = Field::of_picture(64, 36);
+        for view in views(32, Aperture::DISC) {
+            for y in [0, 17, 35] {
+                let columns = optics.columns(view.lens, y, &field);
+                for x in 0..64 {
+                    let height = field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+                    let beyond = (view.lens - 0.9 * height).length() - 1.0;
+                    if beyond.abs() > 1e-4 {
+                        assert_eq!(columns.contains(&x), beyond < 0.0, "{view:?} at {x}, {y}");
+                        assert_eq!(optics.passes(view.lens, height), beyond < 0.0, "{view:?} at {x}, {y}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_is_upright_behind_focus() {
+        // Light above the middle only: behind focus a point q lights p = q − c·u, and up in the picture is −y.
+        let values = (0..400).map(|i| f32::from(u8::from(i / 20 < 8))).collect();
+        let mask = crate::settings::Mask { name: "up".to_owned(), width: 20, height: 20, values };
+        let image = ApertureImage::new(&mask, 0.0).unwrap();
+        let optics = lens(|lens| lens.image = Some(Arc::new(image)));
+        assert!(optics.rays(64).green().iter().all(|view| view.lens.y > 0.15), "p.y < q.y");
+        assert!(optics.light_around(Vec2::new(0.0, 0.6), 0.1) > 0.99);
+        assert!(optics.light_around(Vec2::new(0.0, -0.6), 0.1) < 0.01);
+    }
+}

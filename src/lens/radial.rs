@@ -1,0 +1,164 @@
+//! Where the rays of a point land that is out of focus behind a lens with spherical aberration, and how many of them.
+//!
+//! A ray through the lens at distance `ρ` from its middle lands `R(ρ) = a·ρ + b·ρ³` from the point, on the other side where that is
+//! negative. Rays are even over the lens, so the share of them between two distances is the difference of `ρ²`. Where `R` turns back,
+//! rays crowd: the bright ring. Cut where it turns and where it passes 0, every stretch of `ρ` rises or falls throughout, and gives one
+//! `ρ` for a distance.
+
+/// Steps of `ρ` along a stretch, between which `R` is taken as straight.
+const STEPS: usize = 64;
+
+/// Where the rays of each distance from the middle of the lens land.
+#[derive(Debug, Clone)]
+pub struct Radial {
+    stretches: Vec<Stretch>,
+}
+
+/// Distances from the lens's middle over which the distance from the point rises, or falls, and stays on one side of it.
+#[derive(Debug, Clone)]
+struct Stretch {
+    /// Least and greatest `ρ`.
+    from: f32,
+    to: f32,
+    /// `|R|` at equal steps from `from` to `to`, or from `to` to `from` where it falls: rising.
+    distances_px: [f32; STEPS + 1],
+    falls: bool,
+    /// Whether the rays land on the other side of the point.
+    crossed: bool,
+}
+
+/// The rays that land within a ring about the point: of one of the ways to get there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Landing {
+    /// Their share of all rays of the disc.
+    pub share: f32,
+    /// How far from the lens's middle they pass, on the mean; negative where they land on the other side.
+    pub lens_distance: f32,
+    /// By how much that grows with each pixel from the point.
+    pub per_px: f32,
+}
+
+impl Radial {
+    /// For a lens whose rays land `first·ρ + third·ρ³` pixels from the point.
+    pub fn new(first: f32, third: f32) -> Self {
+        let within = |square: f32| (square > 0.0 && square < 1.0).then(|| square.sqrt());
+        // Where it turns, then where it passes 0: later, as the square is three times as large.
+        let cuts = [-first / (3.0 * third), -first / third].into_iter().filter_map(within);
+        let ends: Vec<f32> = std::iter::once(0.0).chain(cuts).chain([1.0]).collect();
+        let radius = |rho: f32| (first + third * rho * rho) * rho;
+        Self { stretches: ends.windows(2).map(|ends| Stretch::new(ends[0], ends[1], radius)).collect() }
+    }
+
+    /// How far from the point rays land at most.
+    pub fn reach_px(&self) -> f32 {
+        self.stretches.iter().fold(0.0, |reach, stretch| reach.max(stretch.distances_px[STEPS]))
+    }
+
+    /// The rays that land from `inner` to `outer` pixels from the point.
+    pub fn between(&self, inner: f32, outer: f32) -> impl Iterator<Item = Landing> {
+        self.stretches.iter().filter_map(move |stretch| stretch.between(inner, outer))
+    }
+}
+
+impl Stretch {
+    fn new(from: f32, to: f32, radius: impl Fn(f32) -> f32) -> Self {
+        let falls = radius(from).abs() > radius(to).abs();
+        let crossed = radius(0.5 * (from + to)) < 0.0;
+        let stretch = Self { from, to, distances_px: [0.0; STEPS + 1], falls, crossed };
+        let distances_px = std::array::from_fn(|i| radius(stretch.lens_distance(i as f32)).abs());
+        Self { distances_px, ..stretch }
+    }
+
+    /// `ρ` at step `step`, not always a whole one.
+    fn lens_distance(&self, step: f32) -> f32 {
+        let share = step / STEPS as f32;
+        let share = if self.falls { 1.0 - share } else { share };
+        self.from + share * (self.to - self.from)
+    }
+
+    fn between(&self, inner: f32, outer: f32) -> Option<Landing> {
+        let (inner, outer) = (inner.max(self.distances_px[0]), outer.min(self.distances_px[STEPS]));
+        if inner >= outer {
+            return None;
+        }
+        let [a, b] = [inner, outer].map(|distance| self.lens_distance(self.step_of(distance)));
+        let side = if self.crossed { -1.0 } else { 1.0 };
+        Some(Landing {
+            share: (b * b - a * a).abs(),
+            lens_distance: side * 0.5 * (a + b),
+            per_px: (b - a).abs() / (outer - inner),
+        })
+    }
+
+    /// The step at which rays land `distance` pixels away, which lies between the least and the greatest.
+    fn step_of(&self, distance: f32) -> f32 {
+        let after = self.distances_px.partition_point(|known| *known <= distance).clamp(1, STEPS);
+        let (low, high) = (self.distances_px[after - 1], self.distances_px[after]);
+        let along = if high > low { ((distance - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+        (after - 1) as f32 + along
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Light of a pixel's width about each distance, as a share of all, over the area of its ring.
+    fn density(radial: &Radial, distance: f32) -> f32 {
+        let (inner, outer) = (distance - 0.5, distance + 0.5);
+        radial.between(inner, outer).map(|landing| landing.share).sum::<f32>()
+            / (outer * outer - inner * inner)
+    }
+
+    #[test]
+    fn without_aberration_light_is_even_up_to_the_rim() {
+        for size in [20.0f32, -20.0] {
+            let radial = Radial::new(size, 0.0);
+            assert_eq!(radial.reach_px(), 20.0);
+            for distance in [1.0, 7.0, 18.0] {
+                assert!((density(&radial, distance) * 400.0 - 1.0).abs() < 1e-3, "at {distance}");
+            }
+            let landing = radial.between(9.5, 10.5).next().unwrap();
+            assert!((landing.lens_distance * size - 10.0).abs() < 1e-3, "halfway, on the side of {size}");
+            assert!((landing.per_px - 0.05).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn every_ray_lands_somewhere() {
+        for (first, third) in
+            [(20.0, 5.0), (20.0, -5.0), (20.0, -12.0), (20.0, -40.0), (-3.0, 8.0), (0.0, 4.0)]
+        {
+            let radial = Radial::new(first, third);
+            let all: f32 = (0..40)
+                .flat_map(|ring| radial.between(ring as f32, (ring + 1) as f32))
+                .map(|landing| landing.share)
+                .sum();
+            assert!((all - 1.0).abs() < 1e-4, "{first}, {third}: {all}");
+        }
+    }
+
+    #[test]
+    fn light_is_as_dense_as_the_slope_of_the_map_says() {
+        // dρ² / dR² = 1 / ((a + bρ²)(a + 3bρ²)), R = aρ + bρ³: here the rim is brighter than the middle, there darker.
+        for (first, third) in [(20.0f32, -4.0f32), (20.0, 6.0)] {
+            let radial = Radial::new(first, third);
+            for rho in [0.3f32, 0.6, 0.9] {
+                let square = rho * rho;
+                let expected = 1.0 / ((first + third * square) * (first + 3.0 * third * square));
+                let found = density(&radial, (first + third * square) * rho);
+                assert!((found / expected - 1.0).abs() < 0.02, "{third}, ρ = {rho}: {found}, {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn rays_that_cross_the_point_come_from_the_other_side_of_the_lens() {
+        // R = 10ρ − 30ρ³ passes 0 at ρ = 0.577 and reaches −20 at the rim.
+        let radial = Radial::new(10.0, -30.0);
+        assert_eq!(radial.reach_px(), 20.0);
+        let landings: Vec<Landing> = radial.between(1.0, 2.0).collect();
+        assert_eq!(landings.len(), 3, "rising, falling, crossed: {landings:?}");
+        assert_eq!(landings.iter().filter(|landing| landing.lens_distance < 0.0).count(), 1);
+    }
+}

@@ -1,0 +1,136 @@
+//! What the rim of a lens leaves of its aperture, and of the brightness of the picture.
+
+use super::{Aperture, Field, Optics};
+use glam::Vec2;
+use std::f32::consts::PI;
+
+/// What the rim leaves of the aperture's light, by direction and distance from the axis.
+#[derive(Debug, Clone)]
+pub struct RimShares {
+    cats_eye: f32,
+    /// By direction, and within one by how far aside the rim stands: 0 … 2 aperture radii. None for a disc, which has a closed form.
+    table: Option<Vec<[f32; Self::STEPS + 1]>>,
+}
+
+impl RimShares {
+    const DIRECTIONS: usize = 64;
+    const STEPS: usize = 64;
+
+    /// Points of the aperture that are counted.
+    const POINTS: usize = 4096;
+
+    /// Half of the width of the edge that a point's share fades over, so that counts are smooth.
+    const EDGE: f32 = 0.04;
+
+    /// Those of the lens of `optics`.
+    pub fn new(optics: &Optics) -> Self {
+        let cats_eye = optics.cats_eye;
+        if cats_eye <= 0.0 || (optics.image.is_none() && optics.aperture == Aperture::DISC) {
+            return Self { cats_eye, table: None };
+        }
+        let points: Vec<Vec2> =
+            (0..Self::POINTS).map(|i| optics.from_disc(sunflower(i, Self::POINTS))).collect();
+        let share = |rim: Vec2| {
+            let inside =
+                |point: &Vec2| ((1.0 - (*point - rim).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
+            points.iter().map(inside).sum::<f32>() / Self::POINTS as f32
+        };
+        let direction = |i: usize| Vec2::from_angle(i as f32 * 2.0 * PI / Self::DIRECTIONS as f32);
+        let along = |i: usize| {
+            let middle = share(Vec2::ZERO);
+            std::array::from_fn(|k| share(k as f32 * 2.0 / Self::STEPS as f32 * direction(i)) / middle)
+        };
+        Self { cats_eye, table: Some((0..Self::DIRECTIONS).map(along).collect()) }
+    }
+
+    /// What is left at the place `height` of the field: 1 on the axis.
+    pub fn at(&self, height: Vec2) -> f32 {
+        let rim = self.cats_eye * height;
+        let aside = rim.length();
+        let Some(table) = &self.table else { return lens_share(aside) };
+        let (step, along) = split(aside * 0.5 * Self::STEPS as f32, Self::STEPS);
+        let turn = (rim.to_angle() / (2.0 * PI)).rem_euclid(1.0) * Self::DIRECTIONS as f32;
+        let (direction, between) = split(turn, Self::DIRECTIONS);
+        let of = |direction: usize| {
+            let row = &table[direction % Self::DIRECTIONS];
+            row[step] + along * (row[step + 1] - row[step])
+        };
+        of(direction) + between * (of(direction + 1) - of(direction))
+    }
+}
+
+/// The brightness that a lens leaves of each place in its field.
+#[derive(Debug, Clone)]
+pub struct Falloff {
+    shares: RimShares,
+    field: Field,
+    power: f32,
+}
+
+impl Falloff {
+    /// That of the lens of `optics` in its `field`.
+    pub fn new(optics: &Optics, field: Field) -> Self {
+        Self { shares: RimShares::new(optics), field, power: optics.vignetting }
+    }
+
+    /// What is left at `place`, in picture pixels from the picture's corner: 1 on the axis.
+    pub fn at(&self, place: Vec2) -> f32 {
+        let share = self.shares.at(self.field.height(place));
+        (share * self.field.cosine(place).powi(4)).powf(self.power)
+    }
+}
+
+/// The cell of `count` that `position` lies in, and how far into it.
+fn split(position: f32, count: usize) -> (usize, f32) {
+    let cell = (position as usize).min(count - 1);
+    (cell, (position - cell as f32).min(1.0))
+}
+
+/// Share of a disc that lies within another one as large, their centres `aside` radii apart.
+fn lens_share(aside: f32) -> f32 {
+    let half = (0.5 * aside).min(1.0);
+    2.0 * (half.acos() - half * (1.0 - half * half).sqrt()) / PI
+}
+
+/// Point `i` of `count` spread evenly over the unit disc.
+fn sunflower(i: usize, count: usize) -> Vec2 {
+    const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+    let angle = (i as f64 * GOLDEN_ANGLE).rem_euclid(std::f64::consts::TAU) as f32;
+    Vec2::from_angle(angle) * ((i as f32 + 0.5) / count as f32).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rim_leaves_of_a_disc_what_two_discs_share_and_of_blades_what_is_counted() {
+        let disc = Optics { cats_eye: 1.0, ..Optics::of(Aperture::DISC) };
+        let polygon = Optics { aperture: Aperture::new(6, 10.0).unwrap(), ..disc.clone() };
+        for height in [Vec2::ZERO, Vec2::new(0.5, 0.0), Vec2::new(-0.3, 0.8), Vec2::new(0.0, -1.1)] {
+            for optics in [&disc, &polygon] {
+                let count = 200_000;
+                let within =
+                    |i: &usize| optics.passes(optics.aperture.from_disc(sunflower(*i, count)), height);
+                let counted = (0..count).filter(within).count() as f32 / count as f32;
+                let share = RimShares::new(optics).at(height);
+                assert!((share - counted).abs() < 4e-3, "{height}: {share}, counted {counted}");
+            }
+        }
+        let half = RimShares::new(&disc).at(Vec2::X);
+        assert!((half - 0.391).abs() < 1e-3, "two unit discs a radius apart share 39.1 %: {half}");
+    }
+
+    #[test]
+    fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_what_the_rim_takes() {
+        let field = Field { focal_length_px: 50.0, ..Field::of_picture(80, 60) };
+        let optics = Optics { vignetting: 1.0, ..Optics::of(Aperture::DISC) };
+        // 50 px from the axis, as far as the picture from the lens: cos⁴ 45° = 1/4.
+        assert!((Falloff::new(&optics, field).at(Vec2::ZERO) - 0.25).abs() < 1e-6);
+        let rim = Optics { cats_eye: 1.0, ..optics.clone() };
+        assert!((Falloff::new(&rim, field).at(Vec2::ZERO) - 0.25 * 0.391).abs() < 1e-3);
+        let half = Optics { vignetting: 0.5, ..optics };
+        assert!((Falloff::new(&half, field).at(Vec2::ZERO) - 0.5).abs() < 1e-6);
+        assert_eq!(Falloff::new(&rim, field).at(field.axis_px), 1.0, "on the axis");
+    }
+}
