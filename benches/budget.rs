@@ -9,16 +9,13 @@
 
 mod scene;
 
-use scene::{made, scaled};
-use std::path::PathBuf;
+use scene::{median, scaled, wanted};
 use std::process::Command;
 use thinlens::dial;
 use thinlens::methods;
 use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
-use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Goal, Plan, Scene};
-use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
-use thinlens::stack::Source;
+use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Values};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";
@@ -28,7 +25,7 @@ fn main() {
     if std::env::args().any(|argument| argument == MEMORY_FLAG) {
         return measure_memory();
     }
-    let (scene, read_seconds) = wanted_scene();
+    let (scene, _, read_seconds) = wanted();
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
     println!("views    CPU s   wall s");
     for views in [16, 64, 256] {
@@ -90,10 +87,6 @@ fn timed(scene: &Scene, work: impl Fn(Scene)) -> (f64, f64) {
             (watch.cpu_seconds(), watch.seconds())
         })
         .collect();
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[RUNS / 2]
-    };
     (median(runs.iter().map(|run| run.0).collect()), median(runs.iter().map(|run| run.1).collect()))
 }
 
@@ -101,19 +94,6 @@ fn plan(scene: &Scene, effort: Effort) -> Plan {
     let values = Values { effort: Some(effort), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
     methods::plan(&scene.facts(), &settings).expect("defaults make a plan")
-}
-
-/// The scene to measure with, and the wall seconds of reading it if it was read.
-fn wanted_scene() -> (Scene, Option<f64>) {
-    let Ok(stack) = std::env::var("THINLENS_STACK") else { return (made(1920, 1080), None) };
-    let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
-        preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)
-            .unwrap_or_else(|error| panic!("{error}")),
-        name: path,
-    });
-    let job = Job { sources: vec![Source::File(PathBuf::from(stack))], preset, ..Job::default() };
-    let prepared = prepare(&job).unwrap_or_else(|error| panic!("{error}"));
-    (prepared.scene, Some(prepared.clock.seconds().read))
 }
 
 /// Runs this program again for memory alone, so that nothing measured before counts.
@@ -128,7 +108,7 @@ fn memory() {
 
 /// Blurs once, with a given number of views or for a target, and compares the process's peak memory with the decoded stack.
 fn measure_memory() {
-    let (scene, _) = wanted_scene();
+    let (scene, ..) = wanted();
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     if std::env::args().any(|argument| argument == TARGET_FLAG) {
         let plan = plan(&scene, Effort::TargetDb(45.0));

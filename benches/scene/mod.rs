@@ -1,8 +1,35 @@
 //! The scene that benchmarks measure with where they are given none.
 
+#![allow(dead_code, reason = "each of the programs that include this uses a part of it")]
+
+use std::path::PathBuf;
 use thinlens::image::Plane;
+use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Layer, Scene};
-use thinlens::stack::StackKind;
+use thinlens::settings::{MethodParameters, Preset, Settings};
+use thinlens::stack::{Source, StackKind};
+
+/// The scene to measure with, its settings, and the wall seconds of reading it if it was read.
+pub(crate) fn wanted() -> (Scene, Settings, Option<f64>) {
+    let Ok(stack) = std::env::var("THINLENS_STACK") else {
+        return (made(1920, 1080), Settings::resolve(&[], MethodParameters::default()), None);
+    };
+    let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
+        preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)
+            .unwrap_or_else(|error| panic!("{error}")),
+        name: path,
+    });
+    let job = Job { sources: vec![Source::File(PathBuf::from(stack))], preset, ..Job::default() };
+    let prepared = prepare(&job).unwrap_or_else(|error| panic!("{error}"));
+    let read_seconds = prepared.clock.seconds().read;
+    (prepared.scene, prepared.settings, Some(read_seconds))
+}
+
+/// The middle one of `values`.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
 
 /// Four layers: rows of upright bars before and behind focus over a slanted floor and a far wall.
 pub(crate) fn made(width: usize, height: usize) -> Scene {

@@ -242,6 +242,22 @@ impl Aperture {
         depth / (normal * Vec2::new(self.squeeze, 1.0)).length()
     }
 
+    /// The same as a disc, squeezed as much.
+    #[must_use]
+    pub(super) fn without_blades(self) -> Self {
+        Self { squeeze: self.squeeze, ..Self::DISC }
+    }
+
+    /// Distance of the outline from the centre along the unit vector `direction`.
+    pub(super) fn distance(&self, direction: Vec2) -> f32 {
+        let upright = direction * Vec2::new(self.squeeze, 1.0);
+        let distance = self.side().map_or(1.0, |side| {
+            let angle = self.angle_from_side(upright);
+            side.distance(angle - 2.0 * side.half_angle * (0.5 * angle / side.half_angle).round())
+        });
+        distance / upright.length()
+    }
+
     /// Least distance of the outline from the centre; a disc's is its radius.
     pub fn apothem(&self) -> f32 {
         self.side().map_or(1.0, |side| side.apothem) / self.squeeze.max(1.0)
@@ -441,6 +457,15 @@ mod tests {
                 let middle = Vec2::new(0.5 * (ends[0] + ends[1]), y);
                 assert!(shape.depth_inside(middle, scale) > 0.0, "{shape:?}: between the ends");
             }
+        }
+    }
+
+    #[test]
+    fn the_outline_is_as_far_as_its_distance_in_every_direction() {
+        for (shape, turn) in shapes().flat_map(|shape| [0.0, 0.7, 2.9, 4.4].map(|turn| (shape, turn))) {
+            let direction = Vec2::from_angle(turn);
+            let depth = shape.depth_inside(shape.distance(direction) * direction, 1.0);
+            assert!(depth.abs() < 1e-4, "{shape:?}, towards {direction}: {depth}");
         }
     }
 

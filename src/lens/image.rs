@@ -110,7 +110,7 @@ impl ApertureImage {
 
     /// Carries a point of the unit disc to where the light is: a uniform disc becomes the picture, and with an even one stays as
     /// it was.
-    pub fn from_disc(&self, point: Vec2) -> Vec2 {
+    pub fn lit_point(&self, point: Vec2) -> Vec2 {
         let share = ((point.to_angle() - self.turn) / TAU).rem_euclid(1.0);
         let (angle, along) = quantile(&self.angles, share);
         let (ring, across) = quantile(&self.rings[angle], point.length_squared().min(1.0));
@@ -157,7 +157,7 @@ mod tests {
         let white = image(|_, _| 0.3);
         assert!((white.mean() - 1.0).abs() < 1e-5, "its brightest point lets all light through");
         for point in [Vec2::new(0.3, -0.4), Vec2::new(-0.9, 0.1), Vec2::ZERO, Vec2::new(0.0, -1.0)] {
-            assert!((white.from_disc(point) - point).length() < 2e-3, "{point}: {}", white.from_disc(point));
+            assert!((white.lit_point(point) - point).length() < 2e-3, "{point}: {}", white.lit_point(point));
         }
     }
 
@@ -166,7 +166,7 @@ mod tests {
         // Light only to the right of a quarter of the radius, twice as much above the middle.
         let picture = image(|x, y| if x < 20.0 { 0.0 } else { 0.5 + 0.5 * f32::from(u8::from(y > 0.0)) });
         let golden = |i: usize| Vec2::from_angle(i as f32 * 2.399_963) * ((i as f32 + 0.5) / 10_000.0).sqrt();
-        let points: Vec<Vec2> = (0..10_000).map(|i| picture.from_disc(golden(i))).collect();
+        let points: Vec<Vec2> = (0..10_000).map(|i| picture.lit_point(golden(i))).collect();
         assert!(points.iter().all(|point| point.x > 0.25 - 0.02), "none in the dark");
         let above = points.iter().filter(|point| point.y > 0.0).count() as f32 / 1e4;
         assert!((above - 2.0 / 3.0).abs() < 5e-3, "{above}");
@@ -202,6 +202,6 @@ mod tests {
         };
         let up = ApertureImage::new(&right, 90.0).unwrap();
         assert!(up.around(Vec2::new(0.0, 0.75), 0.1) > 0.99, "what was to the right is above");
-        assert!(up.from_disc(Vec2::new(0.1, 0.2)).y > 0.45, "points too");
+        assert!(up.lit_point(Vec2::new(0.1, 0.2)).y > 0.45, "points too");
     }
 }

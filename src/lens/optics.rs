@@ -102,7 +102,7 @@ impl Optics {
     /// The rays of the views `disc` of a round aperture.
     fn aberrated(&self, disc: &[View]) -> Rays {
         let on_lens: Vec<View> =
-            disc.iter().map(|view| View { lens: self.from_disc(view.lens), ..*view }).collect();
+            disc.iter().map(|view| View { lens: self.lens_point(view.lens), ..*view }).collect();
         let of_color = |axial_px: f32| {
             on_lens.iter().map(|view| View { shift: self.shift(view.lens, axial_px), ..*view }).collect()
         };
@@ -119,11 +119,11 @@ impl Optics {
     }
 
     /// Carries a point of the unit disc to where the aperture's light is, so that equal areas get equal light.
-    pub(super) fn from_disc(&self, point: Vec2) -> Vec2 {
+    pub(super) fn lens_point(&self, point: Vec2) -> Vec2 {
         match &self.image {
             Some(image) => {
                 // As the camera sees the lens: see the head of `aperture`.
-                let seen = image.from_disc(point);
+                let seen = image.lit_point(point);
                 Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
             }
             None => self.aperture.from_disc(point),
@@ -148,15 +148,16 @@ impl Optics {
         [-BEST_FOCUS * self.spherical_px, self.spherical_px]
     }
 
-    /// Whether the ray through `lens` passes the rim, seen from the place `height` of the field.
-    pub fn passes(&self, lens: Vec2, height: Vec2) -> bool {
-        (lens - self.cats_eye * height).length_squared() <= 1.0
+    /// How far within the rim the ray through `lens` passes, seen from the place `height` of the field, in aperture radii; negative
+    /// where it does not pass.
+    pub fn within_rim(&self, lens: Vec2, height: Vec2) -> f32 {
+        1.0 - (lens - self.cats_eye * height).length()
     }
 
-    /// The columns of picture row `y` from which a ray through `lens` passes the rim.
-    pub fn columns(&self, lens: Vec2, y: usize, field: &Field) -> Range<i32> {
+    /// The columns of picture row `y` from which a ray through `lens` passes `within` the rim, or farther within it.
+    pub fn columns(&self, lens: Vec2, y: usize, field: &Field, within: f32) -> Range<i32> {
         let height = field.height(Vec2::new(0.0, y as f32 + 0.5));
-        let across = 1.0 - (lens.y - self.cats_eye * height.y).powi(2);
+        let across = (1.0 - within).powi(2) - (lens.y - self.cats_eye * height.y).powi(2);
         if across <= 0.0 {
             return 0..0;
         }
@@ -174,12 +175,29 @@ impl Optics {
             .map_or_else(|| self.aperture.area(), |image| PI * image.mean() / self.aperture.squeeze())
     }
 
-    /// How much light passes about the lens point `lens`: the mean over a square of `side`, both in aperture radii.
+    /// How much light passes about the lens point `lens`: the mean over a square of `side`, both in aperture radii. Without an image
+    /// all of it, within the outline.
     pub fn light_around(&self, lens: Vec2, side: f32) -> f32 {
-        match &self.image {
-            Some(image) => image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side),
-            None => (self.aperture.depth_inside(lens, 1.0) / side + 0.5).clamp(0.0, 1.0),
+        self.image
+            .as_ref()
+            .map_or(1.0, |image| image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side))
+    }
+
+    /// From where to where light passes on the line through the lens's middle along the unit vector `direction`, seen from the place
+    /// `height` of the field: within the outline, or with an image its circle, and within the rim.
+    pub fn open_along(&self, direction: Vec2, height: Vec2) -> [f32; 2] {
+        let outline = if self.image.is_some() { self.aperture.without_blades() } else { self.aperture };
+        let [before, behind] = [-outline.distance(-direction), outline.distance(direction)];
+        if self.cats_eye <= 0.0 {
+            return [before, behind];
         }
+        let rim = self.cats_eye * height;
+        let middle = direction.dot(rim);
+        let half_squared = 1.0 - rim.length_squared() + middle * middle;
+        if half_squared <= 0.0 {
+            return [0.0; 2];
+        }
+        [before.max(middle - half_squared.sqrt()), behind.min(middle + half_squared.sqrt())]
     }
 }
 
@@ -230,15 +248,14 @@ mod tests {
     fn the_columns_of_a_view_are_those_from_which_it_passes_the_rim() {
         let optics = lens(|lens| lens.cats_eye = 0.9);
         let field = Field::of_picture(64, 36);
-        for view in views(32, Aperture::DISC) {
-            for y in [0, 17, 35] {
-                let columns = optics.columns(view.lens, y, &field);
+        for (view, y) in views(32, Aperture::DISC).iter().flat_map(|view| [0, 17, 35].map(|y| (view, y))) {
+            for least in [0.0, -0.1, 0.2] {
+                let columns = optics.columns(view.lens, y, &field, least);
                 for x in 0..64 {
-                    let height = field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-                    let beyond = (view.lens - 0.9 * height).length() - 1.0;
-                    if beyond.abs() > 1e-4 {
-                        assert_eq!(columns.contains(&x), beyond < 0.0, "{view:?} at {x}, {y}");
-                        assert_eq!(optics.passes(view.lens, height), beyond < 0.0, "{view:?} at {x}, {y}");
+                    let within =
+                        optics.within_rim(view.lens, field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
+                    if (within - least).abs() > 1e-4 {
+                        assert_eq!(columns.contains(&x), within > least, "{view:?} at {x}, {y}");
                     }
                 }
             }

@@ -30,12 +30,19 @@ struct Stretch {
 /// The rays that land within a ring about the point: of one of the ways to get there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Landing {
-    /// Their share of all rays of the disc.
-    pub share: f32,
-    /// How far from the lens's middle they pass, on the mean; negative where they land on the other side.
-    pub lens_distance: f32,
+    /// From where to where they pass on a line through the lens's middle that runs as the line from the point to where they land does:
+    /// rays that land on the other side pass where it is negative.
+    pub lens: [f32; 2],
     /// By how much that grows with each pixel from the point.
     pub per_px: f32,
+}
+
+impl Landing {
+    /// The share of all rays of the disc that this is, as far as it lies within `open`.
+    pub fn share_within(&self, open: [f32; 2]) -> f32 {
+        let [from, to] = self.lens.map(|distance| distance.clamp(open[0], open[1].max(open[0])));
+        (to * to - from * from).abs()
+    }
 }
 
 impl Radial {
@@ -52,6 +59,14 @@ impl Radial {
     /// How far from the point rays land at most.
     pub fn reach_px(&self) -> f32 {
         self.stretches.iter().fold(0.0, |reach, stretch| reach.max(stretch.distances_px[STEPS]))
+    }
+
+    /// Whether rays begin or cease to land anywhere between `inner` and `outer` pixels from the point.
+    pub fn ends_between(&self, inner: f32, outer: f32) -> bool {
+        let within = |end: f32| end > 0.0 && end >= inner && end <= outer;
+        self.stretches
+            .iter()
+            .any(|stretch| within(stretch.distances_px[0]) || within(stretch.distances_px[STEPS]))
     }
 
     /// The rays that land from `inner` to `outer` pixels from the point.
@@ -82,12 +97,9 @@ impl Stretch {
             return None;
         }
         let [a, b] = [inner, outer].map(|distance| self.lens_distance(self.step_of(distance)));
-        let side = if self.crossed { -1.0 } else { 1.0 };
-        Some(Landing {
-            share: (b * b - a * a).abs(),
-            lens_distance: side * 0.5 * (a + b),
-            per_px: (b - a).abs() / (outer - inner),
-        })
+        let [least, most] = [a.min(b), a.max(b)];
+        let lens = if self.crossed { [-most, -least] } else { [least, most] };
+        Some(Landing { lens, per_px: (most - least) / (outer - inner) })
     }
 
     /// The step at which rays land `distance` pixels away, which lies between the least and the greatest.
@@ -106,7 +118,7 @@ mod tests {
     /// Light of a pixel's width about each distance, as a share of all, over the area of its ring.
     fn density(radial: &Radial, distance: f32) -> f32 {
         let (inner, outer) = (distance - 0.5, distance + 0.5);
-        radial.between(inner, outer).map(|landing| landing.share).sum::<f32>()
+        radial.between(inner, outer).map(|landing| landing.share_within([-1.0, 1.0])).sum::<f32>()
             / (outer * outer - inner * inner)
     }
 
@@ -119,7 +131,9 @@ mod tests {
                 assert!((density(&radial, distance) * 400.0 - 1.0).abs() < 1e-3, "at {distance}");
             }
             let landing = radial.between(9.5, 10.5).next().unwrap();
-            assert!((landing.lens_distance * size - 10.0).abs() < 1e-3, "halfway, on the side of {size}");
+            let middle = 0.5 * (landing.lens[0] + landing.lens[1]);
+            assert!((middle * size - 10.0).abs() < 1e-3, "halfway, on the side of {size}");
+            assert_eq!(landing.share_within([-0.2, 0.2]), 0.0, "all of it farther out");
             assert!((landing.per_px - 0.05).abs() < 1e-4);
         }
     }
@@ -132,7 +146,7 @@ mod tests {
             let radial = Radial::new(first, third);
             let all: f32 = (0..40)
                 .flat_map(|ring| radial.between(ring as f32, (ring + 1) as f32))
-                .map(|landing| landing.share)
+                .map(|landing| landing.share_within([-1.0, 1.0]))
                 .sum();
             assert!((all - 1.0).abs() < 1e-4, "{first}, {third}: {all}");
         }
@@ -159,6 +173,6 @@ mod tests {
         assert_eq!(radial.reach_px(), 20.0);
         let landings: Vec<Landing> = radial.between(1.0, 2.0).collect();
         assert_eq!(landings.len(), 3, "rising, falling, crossed: {landings:?}");
-        assert_eq!(landings.iter().filter(|landing| landing.lens_distance < 0.0).count(), 1);
+        assert_eq!(landings.iter().filter(|landing| landing.lens[1] < 0.0).count(), 1);
     }
 }

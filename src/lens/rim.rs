@@ -29,7 +29,7 @@ impl RimShares {
             return Self { cats_eye, table: None };
         }
         let points: Vec<Vec2> =
-            (0..Self::POINTS).map(|i| optics.from_disc(sunflower(i, Self::POINTS))).collect();
+            (0..Self::POINTS).map(|i| optics.lens_point(sunflower(i, Self::POINTS))).collect();
         let share = |rim: Vec2| {
             let inside =
                 |point: &Vec2| ((1.0 - (*point - rim).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
@@ -110,8 +110,9 @@ mod tests {
         for height in [Vec2::ZERO, Vec2::new(0.5, 0.0), Vec2::new(-0.3, 0.8), Vec2::new(0.0, -1.1)] {
             for optics in [&disc, &polygon] {
                 let count = 200_000;
-                let within =
-                    |i: &usize| optics.passes(optics.aperture.from_disc(sunflower(*i, count)), height);
+                let within = |i: &usize| {
+                    optics.within_rim(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
+                };
                 let counted = (0..count).filter(within).count() as f32 / count as f32;
                 let share = RimShares::new(optics).at(height);
                 assert!((share - counted).abs() < 4e-3, "{height}: {share}, counted {counted}");

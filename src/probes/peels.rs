@@ -114,10 +114,7 @@ fn seen(all: &Look<'_>, fewer: &[Look<'_>], pixel: usize, seed: u64) -> Seen {
     };
     let width = all.scene.picture_size().0;
     let lost = |rays: &Rays| all.volume.lost_rays(pixel % width, pixel / width, rays.green());
-    Seen {
-        errors: fewer.iter().map(error).collect(),
-        lost_rays: halves.iter().map(|rays| lost(rays)).sum::<f64>() / 2.0,
-    }
+    Seen { errors: fewer.iter().map(error).collect(), lost_rays: halves.iter().map(lost).sum::<f64>() / 2.0 }
 }
 
 #[cfg(test)]

@@ -129,7 +129,7 @@ impl<L: Borrow<Layer>> Volume<L> {
         let centre = centre(x, y);
         let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
-        for view in views.iter().filter(|view| self.optics.passes(view.lens, height)) {
+        for view in views.iter().filter(|view| self.optics.within_rim(view.lens, height) >= 0.0) {
             sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
             rays += 1;
         }
@@ -138,7 +138,7 @@ impl<L: Borrow<Layer>> Volume<L> {
 
     /// Whether the ray of `view` passes the lens's rim from picture pixel `x, y`.
     pub fn passes_rim(&self, x: usize, y: usize, view: &View) -> bool {
-        self.optics.passes(view.lens, self.field.height(centre(x, y)))
+        self.optics.within_rim(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
     /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last

@@ -2,16 +2,20 @@
 //! fragment.
 //!
 //! A point of light `e` brings `e / (A c²)` to each pixel that is fully within its shape, `A` the aperture's area at radius 1;
-//! softening keeps the area. Where the lens has no faults that is the aperture's outline, exact along rows. Otherwise the light of a
-//! pixel is that of the ring through it ([`Radial`]: spherical aberration), times what the aperture lets through there (its image or its
-//! outline) and whether the rim is in the way, over what the rim leaves: as a picture is the mean over the rays that pass.
+//! softening keeps the area. As a rule the shape is the aperture's outline, exact along rows. With spherical aberration or an image the
+//! light of a place is that of the ring through it ([`Radial`]), times what the aperture lets through there; where that changes within
+//! a pixel, it is asked for at [`GRID`] × [`GRID`] places. Either way what does not pass the lens's rim is missing, and the rest is over
+//! what the rim leaves: as a picture is the mean over the rays that pass.
 
-use crate::lens::{Aperture, Field, Landing, Optics, Outline, Radial, RimShares};
+use crate::lens::{Field, Landing, Optics, Outline, Radial, RimShares};
 use glam::Vec2;
 use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Rows in which a pixel at an edge is measured.
 const EDGE_ROWS: usize = 16;
+
+/// Places along each side of a pixel where light is asked for that is not even over it.
+const GRID: usize = 6;
 
 /// Least CoC radius of a shape, in picture pixels: what is sharper is a dot of about a pixel all the same.
 const LEAST_COC_PX: f32 = 0.7;
@@ -27,6 +31,10 @@ pub(super) struct Bokeh<'a> {
     fragment_px: f32,
     /// Rows across the softening of an edge: their offsets, and the share of it that each stands for.
     edge_rows: [(f32, f32); EDGE_ROWS],
+    /// Offsets along an axis that stand for equal shares of what the squares of pixel and fragment spread.
+    grid: [f32; GRID],
+    /// Half the width of the ring that is taken about each of these.
+    half_px: f32,
 }
 
 /// The shape of one point, in a set of colours.
@@ -51,7 +59,11 @@ impl<'a> Bokeh<'a> {
             (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
         });
         let (shares, outline) = (RimShares::new(optics), optics.aperture.outline());
-        Self { optics, field, shares, outline, fragment_px, edge_rows }
+        let grid = std::array::from_fn(|i| quantile((i as f32 + 0.5) / GRID as f32, fragment_px));
+        let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
+        // A box of this half width has the rest of the variance.
+        let half_px = (0.25 * (1.0 + fragment_px * fragment_px) - 3.0 * spread).max(0.0).sqrt();
+        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, half_px }
     }
 
     /// The shapes of a point of CoC radius `coc_px`, one for each set of colours that share it.
@@ -66,12 +78,11 @@ impl<'a> Bokeh<'a> {
         sets.iter().map(shape).collect()
     }
 
-    /// Where the rays of a point of CoC radius `coc_px` land; none where its outline says it all.
+    /// Where the rays of a point of CoC radius `coc_px` land; none where the aperture's outline says it.
     fn radial(&self, coc_px: f32) -> Option<Radial> {
-        let Optics { image, cats_eye, spherical_px, .. } = self.optics;
-        let has_faults = image.is_some() || *cats_eye > 0.0 || *spherical_px != 0.0;
+        let needed = self.optics.image.is_some() || self.optics.spherical_px != 0.0;
         let [first, third] = self.optics.spherical_terms();
-        has_faults.then(|| Radial::new(coc_px + first, third))
+        needed.then(|| Radial::new(coc_px + first, third))
     }
 
     /// Radius within which `shape` and its edge lie.
@@ -83,63 +94,112 @@ impl<'a> Bokeh<'a> {
 
     /// The share of the light of a point at `place` that its `shape` brings to `pixel`, both with pixel centres at whole numbers.
     pub(super) fn share(&self, shape: &Shape, place: Vec2, pixel: Vec2) -> f32 {
-        let offset = place - pixel;
-        match &shape.radial {
-            None => self.covered(offset, shape.coc_px) / (self.optics.area() * shape.coc_px * shape.coc_px),
-            Some(radial) => self.landed(radial, offset, self.field.height(pixel + 0.5)),
-        }
+        let (offset, height) = (place - pixel, self.field.height(pixel + 0.5));
+        let share = match &shape.radial {
+            None => self.covered(offset, shape.coc_px, height) / (shape.coc_px * shape.coc_px),
+            Some(radial) => self.landed(radial, offset, height),
+        };
+        let left = if self.optics.cats_eye > 0.0 { self.shares.at(height) } else { 1.0 };
+        if left > 0.0 { share / (left * self.optics.area()) } else { 0.0 }
     }
 
-    /// Share of a pixel that the aperture's shape of radius `coc_px` covers, `offset` from the pixel to the point, seen through the
-    /// squares of the pixel and of the fragment.
-    fn covered(&self, offset: Vec2, coc_px: f32) -> f32 {
+    /// Share of a pixel at the place `height` of the field that the aperture's shape of radius `coc_px` covers, `offset` from the pixel
+    /// to the point, seen through the squares of the pixel and of the fragment.
+    fn covered(&self, offset: Vec2, coc_px: f32, height: Vec2) -> f32 {
         let depth = self.optics.aperture.depth_inside(offset, coc_px); // q − p = c·u
+        let depth = depth.min(coc_px.abs() * self.within_rim(offset / coc_px, height));
         if depth.abs() >= FRAC_1_SQRT_2 * (1.0 + self.fragment_px) {
             return f32::from(u8::from(depth > 0.0));
         }
         // Exact along x, row by row along y.
         let row = |&(shift, share): &(f32, f32)| {
-            self.outline.row(offset.y + shift, coc_px).map_or(0.0, |[left, right]| {
-                let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
-                share * (step(right) - step(left))
-            })
+            let outline = self.outline.row(offset.y + shift, coc_px);
+            outline.and_then(|row| self.past_rim(row, offset.y + shift, coc_px, height)).map_or(
+                0.0,
+                |[left, right]| {
+                    let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
+                    share * (step(right) - step(left))
+                },
+            )
         };
         self.edge_rows.iter().map(row).sum()
     }
 
-    /// The share of a point's light that lands on a pixel at the place `height` of the field, `offset` from the pixel to the point.
-    fn landed(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
-        let (distance, half) = (offset.length(), 0.5 * 1f32.hypot(self.fragment_px));
-        let (inner, outer) = ((distance - half).max(0.0), distance + half);
-        let direction = offset / distance.max(f32::MIN_POSITIVE);
-        let light = |landing: Landing| {
-            let lens = landing.lens_distance * direction;
-            let side = 2.0 * half * landing.per_px;
-            landing.share * self.let_through(lens, side) * self.passing(lens, side, height)
-        };
-        let light: f32 = radial.between(inner, outer).map(light).sum();
-        // The share of the rays of a disc, over the ring's area: those of the aperture are fewer.
-        light / (self.optics.area() * (outer * outer - inner * inner))
+    /// How far within the rim the lens point `lens` lies, seen from the place `height` of the field.
+    fn within_rim(&self, lens: Vec2, height: Vec2) -> f32 {
+        if self.optics.cats_eye > 0.0 { self.optics.within_rim(lens, height) } else { f32::INFINITY }
     }
 
-    /// How much light the aperture lets through about `lens`.
-    fn let_through(&self, lens: Vec2, side: f32) -> f32 {
-        if self.optics.image.is_none() && self.optics.aperture == Aperture::DISC {
-            // Past the disc's rim there are no rays.
-            return 1.0;
-        }
-        self.optics.light_around(lens, side)
-    }
-
-    /// How much of the light about `lens` passes the rim, over what passes it of all.
-    fn passing(&self, lens: Vec2, side: f32, height: Vec2) -> f32 {
+    /// What of `row`, at `y` from the middle of a shape of radius `coc_px`, passes the rim seen from the place `height` of the field.
+    fn past_rim(&self, row: [f32; 2], y: f32, coc_px: f32, height: Vec2) -> Option<[f32; 2]> {
         if self.optics.cats_eye <= 0.0 {
-            return 1.0;
+            return Some(row);
         }
-        let within = 1.0 - (lens - self.optics.cats_eye * height).length();
-        let left = self.shares.at(height);
-        if left > 0.0 { (within / side + 0.5).clamp(0.0, 1.0) / left } else { 0.0 }
+        let middle = coc_px * self.optics.cats_eye * height;
+        let half_squared = coc_px * coc_px - (y - middle.y).powi(2);
+        if half_squared <= 0.0 {
+            return None;
+        }
+        let half = half_squared.sqrt();
+        let [left, right] = [row[0].max(middle.x - half), row[1].min(middle.x + half)];
+        (left < right).then_some([left, right])
     }
+
+    /// The density of the light that lands on a pixel at the place `height` of the field, `offset` from the pixel to the point, over that
+    /// on the lens.
+    fn landed(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
+        let reach = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
+        if let Some(light) = self.even_light(radial, offset, height, reach) {
+            return light;
+        }
+        let columns = self.grid.iter().flat_map(|&x| self.grid.iter().map(move |&y| Vec2::new(x, y)));
+        let sum: f32 = columns.map(|shift| self.light(radial, offset + shift, height, self.half_px)).sum();
+        sum / (GRID * GRID) as f32
+    }
+
+    /// The light `offset` from a point, if it is even `reach` around.
+    fn even_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
+        let distance = offset.length();
+        let (inner, outer) = (distance - reach, distance + reach);
+        if self.optics.image.is_some() || radial.ends_between(inner, outer) {
+            return None;
+        }
+        // Ends that lie askew come nearer within the pixel.
+        let wide = |landing: Landing| {
+            let margin = 2.0 * reach * landing.per_px;
+            [landing.lens[0] - margin, landing.lens[1] + margin]
+        };
+        let open = self.optics.open_along(offset / distance.max(f32::MIN_POSITIVE), height);
+        let holds_no_end = |[from, to]: [f32; 2]| open.iter().all(|end| *end <= from || *end >= to);
+        radial
+            .between(inner, outer)
+            .all(|landing| holds_no_end(wide(landing)))
+            .then(|| self.light(radial, offset, height, self.half_px))
+    }
+
+    /// The light `offset` from a point, of the ring of half width `half_px` through there.
+    fn light(&self, radial: &Radial, offset: Vec2, height: Vec2, half_px: f32) -> f32 {
+        let distance = offset.length();
+        let (inner, outer) = ((distance - half_px).max(0.0), distance + half_px);
+        let direction = offset / distance.max(f32::MIN_POSITIVE);
+        let open = self.optics.open_along(direction, height);
+        let light = |landing: Landing| {
+            let middle = 0.5 * (landing.lens[0] + landing.lens[1]);
+            let let_through = self.optics.light_around(middle * direction, 2.0 * half_px * landing.per_px);
+            landing.share_within(open) * let_through
+        };
+        radial.between(inner, outer).map(light).sum::<f32>() / (outer * outer - inner * inner)
+    }
+}
+
+/// Where the step through a box 1 wide and one `size_px` wide reaches `share`: the inverse of [`soft_step`].
+fn quantile(share: f32, size_px: f32) -> f32 {
+    let end = 0.5 * (1.0 + size_px);
+    let halved = |[low, high]: [f32; 2], _| {
+        let middle = 0.5 * (low + high);
+        if soft_step(middle, size_px) < share { [middle, high] } else { [low, middle] }
+    };
+    (0..24).fold([-end, end], halved)[0]
 }
 
 /// A step at 0, seen through a box 1 wide and one `size_px` wide: the integral of the trapezoid that the two make.
@@ -154,6 +214,7 @@ fn soft_step(depth: f32, size_px: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lens::Aperture;
 
     #[test]
     fn a_soft_step_rises_from_nothing_to_everything_through_a_half() {

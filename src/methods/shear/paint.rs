@@ -57,6 +57,21 @@ pub(super) struct Canvas<'a> {
 pub(super) struct Rim<'a> {
     pub(super) optics: &'a Optics,
     pub(super) field: Field,
+    /// Over how many aperture radii a view fades in at the rim: where few views come and go, steps would show.
+    pub(super) softness: f32,
+}
+
+impl Rim<'_> {
+    /// The columns of row `y` from which any of the view through `lens` passes, and those from which all of it does.
+    fn columns(&self, lens: Vec2, y: usize) -> [Range<i32>; 2] {
+        [-0.5, 0.5].map(|within| self.optics.columns(lens, y, &self.field, within * self.softness))
+    }
+
+    /// How much of the view through `lens` passes, seen from pixel `x, y`.
+    fn passing(&self, lens: Vec2, x: usize, y: usize) -> f32 {
+        let height = self.field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        (self.optics.within_rim(lens, height) / self.softness + 0.5).clamp(0.0, 1.0)
+    }
 }
 
 impl Canvas<'_> {
@@ -163,7 +178,7 @@ pub(super) struct RowSums {
     /// From the first column that is asked for to past the last.
     wanted: Range<i32>,
     /// Views that the rim hides from each column.
-    hidden: Vec<u32>,
+    hidden: Vec<f32>,
     /// Of the go at hand.
     sums: Sums,
     /// Of all goes before it.
@@ -191,7 +206,7 @@ impl RowSums {
             views: 0,
             unwanted,
             wanted: 0..width as i32,
-            hidden: vec![0; width],
+            hidden: vec![0.0; width],
             sums: Sums::blank(words),
             settled: Sums::blank(words),
             stopped: vec![0; words],
@@ -216,14 +231,14 @@ impl RowSums {
     /// Makes the row blank again.
     pub(super) fn clear(&mut self) {
         self.views = 0;
-        self.hidden.fill(0);
+        self.hidden.fill(0.0);
         self.sums.clear();
         self.settled.clear();
     }
 
     /// How many views column `x` has seen so far.
     fn views_at(&self, x: usize) -> f32 {
-        (self.views - self.hidden[x] as usize) as f32
+        self.views as f32 - self.hidden[x]
     }
 
     /// Adds the views `shears` of output row `y`, to which they bring `bins` at most, with the instructions of `arch`.
@@ -273,7 +288,7 @@ impl RowSums {
     pub(super) fn focused_share(&self, x: usize) -> f32 {
         let (word, lane) = (x / LANES, x % LANES);
         let focused = self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane];
-        focused / self.views_at(x).max(1.0)
+        focused / self.views_at(x).max(LEAST_HIT)
     }
 
     /// Lets all rays of the row go, and says how many words have any.
@@ -283,17 +298,26 @@ impl RowSums {
         self.words_on_their_way()
     }
 
-    /// Lets the rays of `columns` go, from which the rim does not hide the view, and says how many words have any.
-    fn start_view_of(&mut self, columns: Range<i32>) -> usize {
+    /// Lets the rays of the view through `lens` go, as far as they pass `rim`, and says how many words of row `y` have any.
+    fn start_view_past(&mut self, rim: &Rim<'_>, lens: Vec2, y: usize) -> usize {
         let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
-        let [start, end] = [inside(columns.start), inside(columns.end.max(columns.start))];
-        let (before, rest) = self.hidden.split_at_mut(start);
-        before.iter_mut().chain(&mut rest[end - start..]).for_each(|hidden| *hidden += 1);
+        let [[first, end], [first_whole, end_whole]] =
+            rim.columns(lens, y).map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
+        self.hidden[..first].iter_mut().for_each(|hidden| *hidden += 1.0);
+        self.hidden[end..].iter_mut().for_each(|hidden| *hidden += 1.0);
         for (word, (stopped, unwanted)) in self.stopped.iter_mut().zip(&self.unwanted).enumerate() {
             let lanes_before = |x: usize| (1u32 << x.saturating_sub(word * LANES).min(LANES)) - 1;
-            *stopped = unwanted | (lanes_before(start) | !lanes_before(end)) as Mask;
+            *stopped = unwanted | (lanes_before(first) | !lanes_before(end)) as Mask;
         }
         self.dimmed.fill(0);
+        let [first_whole, end_whole] =
+            if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
+        for x in (first..first_whole).chain(end_whole..end) {
+            let passing = rim.passing(lens, x, y);
+            self.hidden[x] += 1.0 - passing;
+            self.dimmed[x / LANES] |= 1 << (x % LANES);
+            self.left[x / LANES].0[x % LANES] = passing;
+        }
         self.words_on_their_way()
     }
 
@@ -336,9 +360,7 @@ impl WithSimd for AddViews<'_> {
         for shear in self.shears {
             let words_left = match self.canvas.rim {
                 None => self.row.start_view(),
-                Some(Rim { optics, field }) => {
-                    self.row.start_view_of(optics.columns(shear.lens, self.y, &field))
-                }
+                Some(rim) => self.row.start_view_past(&rim, shear.lens, self.y),
             };
             let mut brush = Brush { simd, words_left, row: self.row };
             brush.paint_view(self.canvas, self.y, &shear.shifts, self.bins);

@@ -16,12 +16,16 @@ use crate::scene::{EffectKind, Layer, Plan};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::f32::consts::PI;
 
 /// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
 const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
 
 /// From this number of views on, bins are narrow.
 const MANY_VIEWS: usize = 128;
+
+/// Views fade in at the rim over this share of the gap between them.
+const RIM_SOFTNESS: f32 = 0.5;
 
 /// What the stack has to paint, and what was made of it for the last number of views that was asked for.
 #[derive(Debug)]
@@ -92,7 +96,8 @@ impl Ready {
     fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
         let Self { layers, runs, bins, .. } = self;
         let optics = &plan.optics;
-        let rim = (optics.cats_eye > 0.0).then_some(Rim { optics, field });
+        let softness = RIM_SOFTNESS * (PI / self.views as f32).sqrt();
+        let rim = (optics.cats_eye > 0.0).then_some(Rim { optics, field, softness });
         Canvas { layers, runs, bins, rim, astray_px: optics.longest_shift_px() }
     }
 
@@ -112,13 +117,13 @@ impl Ready {
                 for (shears, channels) in &self.shears {
                     sums.clear();
                     add_row(sums, canvas, (y, &bins), shears, arch);
-                    for x in 0..size.0 {
+                    (0..size.0).for_each(|x| {
                         let pixel = sums.pixel(x, open);
                         channels.iter().for_each(|&channel| planes[channel][x] = pixel[channel]);
                         if channels.contains(&ALPHA) {
                             planes[FOCUSED_SHARE][x] = sums.focused_share(x);
                         }
-                    }
+                    });
                 }
             });
         (Image { planes: [red, green, blue, alpha] }, focused_share)
