@@ -212,6 +212,7 @@ mod tests {
             bright: [BrightStep::default(); BRIGHT_STEPS],
             limited_fragments: 0,
             spread: crate::scene::Spread::default(),
+            peels: Vec::new(),
         }
     }
 
