@@ -1,5 +1,5 @@
-//! What a render may cost: CPU seconds of the blur, how they grow with the blur's size, what it adds to look for the number of
-//! views that reaches a target, and memory.
+//! What a render may cost: CPU seconds of the look at the scene and of the blur, how they grow with the blur's size, what it adds
+//! to look for the number of views that reaches a target, and memory.
 //!
 //! `cargo bench --bench budget` makes a 1080p stack of four peels; with the environment variable `THINLENS_STACK` it takes
 //! that file, with its lens from `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
@@ -10,6 +10,7 @@
 mod scene;
 
 use scene::{median, scaled, wanted};
+use std::hint::black_box;
 use std::process::Command;
 use thinlens::dial;
 use thinlens::methods;
@@ -27,6 +28,7 @@ fn main() {
     }
     let (scene, _, read_seconds) = wanted();
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
+    println!("look     {:6.4} CPU s", look(&scene));
     println!("views    CPU s   wall s");
     for views in [16, 64, 256] {
         let (cpu, wall) = blur(&scene, views);
@@ -88,6 +90,21 @@ fn timed(scene: &Scene, work: impl Fn(Scene)) -> (f64, f64) {
         })
         .collect();
     (median(runs.iter().map(|run| run.0).collect()), median(runs.iter().map(|run| run.1).collect()))
+}
+
+/// Median CPU seconds of looking at `scene`.
+fn look(scene: &Scene) -> f64 {
+    let run = |_| {
+        let watch = Stopwatch::start();
+        black_box(scene.facts());
+        watch.cpu_seconds()
+    };
+    median((0..RUNS).map(run).collect())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[RUNS / 2]
 }
 
 fn plan(scene: &Scene, effort: Effort) -> Plan {

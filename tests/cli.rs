@@ -313,6 +313,9 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(!text.contains("gather"), "one method alone: {text}");
+    let peels: Vec<&str> = text.lines().skip(1).take_while(|line| line.starts_with("  ")).collect();
+    assert!(text.starts_with("peels ") && peels.len() == 4, "one line a peel: {text}");
+    assert!(peels[0].starts_with("  1 ") && peels[0].contains(" 100.0 % "), "the first covers all: {text}");
     assert_eq!(names(folder.path()), [""; 0], "without a calibration nothing is kept");
     let json = stdout(&plan(
         folder.path(),
@@ -320,6 +323,8 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
         &["--json", "--all-methods", "--uncalibrated", "--views", "64"],
     ));
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let covered = |peel: usize| json["peels"][peel]["covered"].as_f64().unwrap();
+    assert!(covered(0) == 1.0 && (0.01..0.1).contains(&covered(3)), "{}", json["peels"]);
     let costs = json["costs"].as_array().unwrap();
     let steps: usize = METHODS.iter().map(|method| method.info().steps.len()).sum();
     assert_eq!(costs.len(), steps, "the default is one of the steps");

@@ -12,7 +12,7 @@ use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Prepared, prepare};
-use thinlens::scene::{Facts, FocusShares, Plan};
+use thinlens::scene::{Facts, FocusShares, PeelFacts, Plan};
 use thinlens::settings::{Focus, LensSettings, Sourced};
 use thinlens::stack::{Carry, Stack, Window};
 
@@ -102,8 +102,9 @@ fn to_text(Inspected { prepared, focus, peels }: &Inspected) -> Result<String, f
     write_lens(&mut text, &settings.lens, lens)?;
     write_focus(&mut text, sharpness, focus)?;
     write_ranges(&mut text, facts, lens)?;
+    write_peels(&mut text, &facts.peels)?;
     if let Some(peels) = peels {
-        write_peels(&mut text, peels)?;
+        write_peels_seen(&mut text, peels)?;
     }
     write_plan(&mut text, plan)?;
     line(&mut text, "device", &device.name)?;
@@ -207,8 +208,31 @@ fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Resul
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
 }
 
+/// What each peel shows, one a line.
+pub(super) fn write_peels(text: &mut String, peels: &[PeelFacts]) -> fmt::Result {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    writeln!(
+        text,
+        "peels  {:>20}{:>10}{:>13}{:>10}{:>9}{:>20}",
+        "CoC radius, px", "covered", "translucent", "in focus", "jumps", "light of highlights"
+    )?;
+    for (number, peel) in peels.iter().enumerate() {
+        let PeelFacts { coc_range_px: [near, far], covered, translucent, in_focus, .. } = *peel;
+        let range = format!("{near:.1} … {far:.1}");
+        let [covered, translucent, in_focus, jumps] =
+            [covered, translucent, in_focus, peel.jumps].map(percent);
+        writeln!(
+            text,
+            "  {:<5}{range:>20}{covered:>10}{translucent:>13}{in_focus:>10}{jumps:>9}{:>20.1}",
+            number + 1,
+            peel.highlight_light
+        )?;
+    }
+    Ok(())
+}
+
 /// How many peels the lens sees, and what to export.
-fn write_peels(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
+fn write_peels_seen(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
     let PeelsSeen { layers, needed, psnr_db, lost_rays, .. } = peels;
     let differences = psnr_db.iter().enumerate().map(|(k, db)| {
         let picture = if k == 0 { " the picture is" } else { "" };
@@ -216,7 +240,6 @@ fn write_peels(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
         format!("with {}{picture} {db}", k + 1)
     });
     let differences = differences.collect::<Vec<_>>().join(", ");
-    writeln!(text, "peels")?;
     line(text, "peels needed", format_args!("{needed} of {layers}: against all of them, {differences}"))?;
     let lost = 100.0 * lost_rays;
     let advice = if peels.wants_more() {

@@ -3,7 +3,7 @@
 use super::Failure;
 use super::args::JobArgs;
 use super::console::{Console, print, print_json};
-use super::inspect::write_plan;
+use super::inspect::{write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
 use serde_json::json;
@@ -81,12 +81,13 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     if args.json {
         print_json(&json!({
             "plan": prepared.plan,
+            "peels": prepared.facts.peels,
             "costs": rows,
             "calibrated": calibration.measured_at.is_some(),
             "calibration": calibration,
         }))?;
     } else {
-        print(&to_text(&prepared.plan, &rows, &calibration).expect("text is always written"))?;
+        print(&to_text(&prepared, &rows, &calibration).expect("text is always written"))?;
     }
     Ok(())
 }
@@ -160,9 +161,10 @@ fn asked_for(plan: &Plan) -> String {
     }
 }
 
-fn to_text(plan: &Plan, rows: &[Row], calibration: &Calibration) -> Result<String, fmt::Error> {
+fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Result<String, fmt::Error> {
     let mut text = String::new();
-    write_plan(&mut text, plan)?;
+    write_peels(&mut text, &prepared.facts.peels)?;
+    write_plan(&mut text, &prepared.plan)?;
     writeln!(text, "expected of the blur")?;
     writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % certainty", "settings", "CPU s", "wall s")?;
     for Row { name, chosen, cost, sampling_error, .. } in rows {

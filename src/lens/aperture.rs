@@ -3,7 +3,8 @@
 //! A fragment at `q` with CoC radius `c` is seen by picture point `p` through `u = (q − p) / c`: behind focus its blur is
 //! the shape of `u` turned by 180°, in front of focus it is the shape itself. In the picture (y downwards) the lens as
 //! the camera sees it, x to the right and y up, is `u = (−x, y)`, so a blurred point behind focus shows the aperture
-//! upright. As in Cycles, an aperture of rotation 0 has a side, not a corner, to the right.
+//! upright. As in Cycles, an aperture of rotation 0 has a side, not a corner, to the right, rotation turns it before a squeeze makes
+//! it narrower, and its corners lie on the disc of the f-number: `tests/cycles.rs` compares them.
 //!
 //! The outline is a disc, or a regular polygon whose corners lie on the unit circle. Its sides may bulge, as curved blades do: arcs
 //! of one curvature from corner to corner, up to that of the circle itself. An anamorphic lens shows all of it narrower

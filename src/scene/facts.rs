@@ -1,7 +1,8 @@
 //! LOOK: what a scene shows, in one parallel pass.
 //!
-//! Cost: one read of the scene. How far things spread is in [`super::spread`].
+//! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_facts`].
 
+use super::peel_facts::{Neighbours, PeelFacts};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
 use crate::lens::Field;
@@ -51,6 +52,8 @@ pub struct Facts {
     /// Where in the lens's field the picture lies.
     #[serde(skip)]
     pub field: Field,
+    /// What each peel shows, nearest first.
+    pub peels: Vec<PeelFacts>,
 }
 
 /// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
@@ -64,13 +67,17 @@ fn bright_step(brightness: f32) -> Option<usize> {
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 
-/// Facts of a row of one layer.
-struct Tally {
+/// Facts of a row of one layer, or of more.
+#[derive(Debug, Clone)]
+pub(super) struct Tally {
     coc_range_px: [f32; 2],
-    fragments: usize,
-    translucent: usize,
-    focused: usize,
+    pub(super) fragments: usize,
+    pub(super) translucent: usize,
+    pub(super) focused: usize,
     bright: [BrightStep; BRIGHT_STEPS],
+    /// Sum of what [`Tally::bright`] counts, in scene-linear units.
+    pub(super) highlight_light: f64,
+    pub(super) neighbours: Neighbours,
 }
 
 impl Scene {
@@ -88,14 +95,19 @@ impl Scene {
             let is_front = number < self.height();
             spread.add(row, number % self.height(), is_front, self.supersample);
         }
-        let tally = looks.into_iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally));
-        let range = tally.coc_range_px;
+        let of_layers: Vec<Tally> = looks
+            .chunks(self.height().max(1))
+            .map(|rows| rows.iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally)))
+            .collect();
+        let samples = self.width() * self.height();
+        let peels = of_layers.iter().map(|tally| PeelFacts::new(tally, samples, self.supersample)).collect();
+        let tally = of_layers.iter().fold(Tally::default(), Tally::add);
         Facts {
             picture_size: self.picture_size(),
             layers: self.layers.len(),
             kind: self.kind,
             supersample: self.supersample,
-            coc_range_px: if tally.fragments > 0 { range } else { [0.0; 2] },
+            coc_range_px: tally.coc_range_px(),
             fragments: tally.fragments,
             translucent_fragments: tally.translucent,
             focused_fragments: tally.focused,
@@ -104,6 +116,7 @@ impl Scene {
             limited_fragments: self.limited_fragments,
             spread,
             field: self.field,
+            peels,
         }
     }
 
@@ -154,6 +167,7 @@ impl NullaryFnOnce for LookAtRow<'_> {
             fragments: fragments as usize,
             translucent: translucent as usize,
             focused: focused as usize,
+            neighbours: Neighbours::of(alpha, coc),
             ..Tally::default()
         };
         if bright {
@@ -172,11 +186,18 @@ impl Default for Tally {
             translucent: 0,
             focused: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
+            highlight_light: 0.0,
+            neighbours: Neighbours::default(),
         }
     }
 }
 
 impl Tally {
+    /// Smallest and largest signed CoC radius in picture pixels; `0, 0` without fragments.
+    pub(super) fn coc_range_px(&self) -> [f32; 2] {
+        if self.fragments > 0 { self.coc_range_px } else { [0.0; 2] }
+    }
+
     fn count_bright(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
         for x in 0..alpha.len() {
             let brightness = red[x].max(green[x]).max(blue[x]);
@@ -187,17 +208,20 @@ impl Tally {
             {
                 self.bright[step].fragments += 1;
                 self.bright[step].disc_area_px += std::f64::consts::PI * f64::from(coc[x]).powi(2);
+                self.highlight_light += f64::from(brightness);
             }
         }
     }
 
-    fn add(mut self, other: Self) -> Self {
+    fn add(mut self, other: &Self) -> Self {
         self.coc_range_px[0] = self.coc_range_px[0].min(other.coc_range_px[0]);
         self.coc_range_px[1] = self.coc_range_px[1].max(other.coc_range_px[1]);
         self.fragments += other.fragments;
         self.translucent += other.translucent;
         self.focused += other.focused;
-        for (sum, step) in self.bright.iter_mut().zip(other.bright) {
+        self.highlight_light += other.highlight_light;
+        self.neighbours.add(other.neighbours);
+        for (sum, step) in self.bright.iter_mut().zip(&other.bright) {
             sum.fragments += step.fragments;
             sum.disc_area_px += step.disc_area_px;
         }

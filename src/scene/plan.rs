@@ -260,6 +260,7 @@ mod tests {
             limited_fragments: 0,
             spread: crate::scene::Spread::default(),
             field: Field::of_picture(100, 100),
+            peels: Vec::new(),
         }
     }
 

@@ -136,11 +136,11 @@ pub struct Values {
     pub sensor_distance: Option<SensorDistance>,
     /// Number of aperture blades, 0 for a disc.
     pub blades: Option<u32>,
-    /// Rotation of the aperture in degrees, anticlockwise as seen in the picture behind focus.
+    /// Rotation of the aperture in degrees, anticlockwise as seen in the picture behind focus: Cycles' `aperture_rotation`.
     pub rotation_deg: Option<f32>,
     /// Curvature of the aperture's blades, 0 (straight) to 1 (the circle's own).
     pub blade_curvature: Option<f32>,
-    /// Height of the aperture over its width, as an anamorphic lens shows it.
+    /// Height of the aperture over its width, as an anamorphic lens shows it, its height unchanged: Cycles' `aperture_ratio`.
     pub squeeze: Option<f32>,
     /// Picture of the aperture, in place of blades.
     pub aperture_image: Option<PathBuf>,

@@ -1,0 +1,159 @@
+//! What one peel shows, beside the facts of all: taken in the pass of [`super::facts`].
+//!
+//! Cost: one comparison of neighbours a fragment, and a sum where something is bright.
+
+use super::facts::Tally;
+
+/// Neighbours along a row whose CoC radii differ by this, in picture pixels, are not of one surface: as the prefilter of `shear` has it.
+pub const JUMP_PX: f32 = 0.6;
+
+/// What one peel shows.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct PeelFacts {
+    /// Smallest and largest signed CoC radius in picture pixels; `0, 0` without fragments.
+    pub coc_range_px: [f32; 2],
+    /// Share of the samples that have a fragment.
+    pub covered: f64,
+    /// Share of the fragments that let light through.
+    pub translucent: f64,
+    /// Share of the fragments with a CoC radius below one pixel.
+    pub in_focus: f64,
+    /// What exact discs carry if every fragment with a CoC radius over one pixel that is at least as bright as 1 is one: the sum of
+    /// brightness (largest of r, g, b) over the peel, in scene-linear units times picture pixels.
+    pub highlight_light: f64,
+    /// Share of the neighbours along rows, at least one of them a fragment, of which one is empty or whose CoC radii differ by
+    /// [`JUMP_PX`] or more.
+    pub jumps: f64,
+}
+
+impl PeelFacts {
+    /// Of a peel of `samples` samples, `supersample` a picture pixel along each axis, with `tally`.
+    pub(super) fn new(tally: &Tally, samples: usize, supersample: usize) -> Self {
+        let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
+        Self {
+            coc_range_px: tally.coc_range_px(),
+            covered: share(tally.fragments, samples),
+            translucent: share(tally.translucent, tally.fragments),
+            in_focus: share(tally.focused, tally.fragments),
+            highlight_light: tally.highlight_light / (supersample * supersample) as f64,
+            jumps: share(tally.neighbours.jumps, tally.neighbours.pairs),
+        }
+    }
+}
+
+/// Neighbouring samples along rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Neighbours {
+    /// Pairs of which at least one is a fragment.
+    pub(super) pairs: usize,
+    /// Those of them of which one is empty or whose CoC radii differ by [`JUMP_PX`] or more.
+    pub(super) jumps: usize,
+}
+
+impl Neighbours {
+    /// Of a row; to be compiled for each instruction set.
+    #[inline(always)]
+    pub(super) fn of(alpha: &[f32], coc_px: &[f32]) -> Self {
+        let Some(last) = alpha.len().checked_sub(1) else { return Self::default() };
+        let (mut pairs, mut jumps) = (0_u32, 0_u32);
+        let alphas = alpha[..last].iter().zip(&alpha[1..]);
+        let cocs = coc_px[..last].iter().zip(&coc_px[1..]);
+        for ((&here, &next), (&coc, &next_coc)) in alphas.zip(cocs) {
+            let (here, next) = (here > 0.0, next > 0.0);
+            pairs += u32::from(here | next);
+            jumps += u32::from((here != next) | (here & ((next_coc - coc).abs() >= JUMP_PX)));
+        }
+        Self { pairs: pairs as usize, jumps: jumps as usize }
+    }
+
+    pub(super) fn add(&mut self, other: Self) {
+        self.pairs += other.pairs;
+        self.jumps += other.jumps;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+    use crate::scene::{Layer, Scene};
+    use crate::stack::StackKind;
+
+    /// A layer whose fragments are `brightness, alpha, CoC radius`, rows of `width` of them.
+    fn layer(width: usize, fragments: &[(f32, f32, f32)]) -> Layer {
+        let plane = |value: fn(&(f32, f32, f32)) -> f32| {
+            Plane::from_fn(width, fragments.len() / width, |x, y| value(&fragments[y * width + x]))
+        };
+        let brightest = plane(|fragment| fragment.0);
+        let dim = plane(|fragment| 0.25 * fragment.0);
+        Layer {
+            color: [dim.clone(), brightest, dim],
+            alpha: plane(|fragment| fragment.1),
+            coc_px: plane(|fragment| fragment.2),
+        }
+    }
+
+    fn peels(layers: Vec<Layer>, supersample: usize) -> Vec<PeelFacts> {
+        Scene::new(layers, StackKind::PointSampled, supersample, 20.0).facts().peels
+    }
+
+    #[test]
+    fn every_peel_has_facts_of_its_own() {
+        let front =
+            layer(4, &[(0.5, 1.0, -3.0), (0.5, 0.5, -2.0), (0.5, 1.0, 0.9), (9.0, 0.0, 50.0)].repeat(2));
+        let back = layer(4, &[(0.5, 1.0, 7.0); 8]);
+        let found = peels(vec![front, back], 1);
+        let front = PeelFacts {
+            coc_range_px: [-3.0, 0.9],
+            covered: 0.75,
+            translucent: 1.0 / 3.0,
+            in_focus: 1.0 / 3.0,
+            // −3 | −2 | 0.9 | nothing.
+            jumps: 1.0,
+            highlight_light: 0.0,
+        };
+        let back = PeelFacts { coc_range_px: [7.0; 2], covered: 1.0, ..PeelFacts::default() };
+        assert_eq!(found, [front, back]);
+    }
+
+    #[test]
+    fn a_peel_without_fragments_shows_nothing() {
+        let empty = layer(3, &[(0.0, 0.0, 5.0); 6]);
+        assert_eq!(peels(vec![empty], 1), [PeelFacts::default()]);
+    }
+
+    #[test]
+    fn neighbours_jump_where_their_radii_differ_by_the_limit_or_one_is_empty() {
+        // 0 and 0.5 belong together, 0.5 and 1.125 do not, nor do 1.125 and nothing; nothing and nothing are no pair.
+        let found = Neighbours::of(&[1.0, 1.0, 1.0, 0.0, 0.0], &[0.0, 0.5, 1.125, 1.125, 1.125]);
+        assert_eq!(found, Neighbours { pairs: 3, jumps: 2 });
+        let limit = Neighbours::of(&[1.0; 2], &[0.0, JUMP_PX]);
+        assert_eq!(limit, Neighbours { pairs: 1, jumps: 1 });
+        assert_eq!(Neighbours::of(&[1.0], &[2.0]), Neighbours::default());
+        assert_eq!(Neighbours::of(&[], &[]), Neighbours::default());
+    }
+
+    #[test]
+    fn rows_end_where_they_end() {
+        // Each row is one surface; the last of a row and the first of the next are no neighbours.
+        let rows = layer(20, &[[(0.5, 1.0, -4.0); 20], [(0.5, 1.0, 4.0); 20]].concat());
+        assert_eq!(peels(vec![rows], 1)[0].jumps, 0.0);
+    }
+
+    #[test]
+    fn highlights_carry_the_light_of_what_is_bright_and_blurred() {
+        // 4 and 1 count; 0.9 is no highlight, the 8 in focus no disc, the 16 no fragment.
+        let fragments = [
+            (4.0, 1.0, -3.0),
+            (1.0, 1.0, 1.5),
+            (0.9, 1.0, 3.0),
+            (8.0, 1.0, 1.0),
+            (16.0, 0.0, 9.0),
+            (0.0, 1.0, 9.0),
+        ];
+        assert_eq!(peels(vec![layer(6, &fragments)], 1)[0].highlight_light, 5.0);
+        // The same light in 2 × 2 samples a pixel.
+        let samples = layer(12, &fragments.map(|fragment| [fragment; 2]).concat().repeat(2));
+        assert_eq!(peels(vec![samples], 2)[0].highlight_light, 5.0);
+    }
+}
