@@ -3,11 +3,13 @@
 
 mod aperture;
 mod field;
+mod focus_pull;
 mod sharpness;
 mod views;
 
 pub use aperture::{Aperture, Outline};
 pub use field::Field;
+pub use focus_pull::FocusPull;
 pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, moved_views, views};
 

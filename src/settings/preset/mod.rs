@@ -116,7 +116,7 @@ impl Preset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DepthConvention, Effort, Focus, SensorDistance};
+    use super::super::{DepthConvention, Easing, Effort, Focus, FocusKey, SensorDistance};
     use super::*;
 
     fn parse(text: &str) -> Result<Preset, Error> {
@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn two_ways_to_focus_exclude_each_other() {
         let message = message("[lens]\nfocus_distance = 2\nfocus_point = [1, 2]");
-        assert!(message.contains("exclude each other") && message.contains("my.toml:3:1"), "{message}");
+        assert!(message.contains("exclude one another") && message.contains("my.toml:3:1"), "{message}");
     }
 
     #[test]
