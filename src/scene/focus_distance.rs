@@ -81,7 +81,7 @@ fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32
     }
     Err(Error::settings("there is only background at the focus point")
         .with("found", place)
-        .help("pick a point on an object with --focus-at X,Y, or give the distance with --focus"))
+        .help("pick a point on an object with --focus-at X,Y, name one with --focus-on, or give the distance with --focus"))
 }
 
 /// Planar depth of what the picture shows at a sample of the data window; `+∞` for background.
