@@ -371,6 +371,16 @@ mod tests {
     }
 
     #[test]
+    fn the_focus_pull_in_the_readme_is_valid() {
+        let readme = include_str!("../../../README.md");
+        let (_, rest) = readme.split_once("    [[lens.focus_keys]]").unwrap();
+        let (block, _) = rest.split_once("\nBetween two keys").unwrap();
+        let preset = Preset::parse(&format!("[[lens.focus_keys]]{block}"), "README.md").unwrap();
+        let Some(Focus::Keys(keys)) = preset.values.focus else { panic!("no keys") };
+        assert_eq!(keys.iter().map(|key| key.frame).collect::<Vec<_>>(), [1, 48]);
+    }
+
+    #[test]
     fn every_preset_on_board_is_valid_says_where_it_comes_from_and_leaves_the_focus_open() {
         for built_in in BUILT_IN {
             let preset = Preset::load(built_in.name).unwrap();
