@@ -319,6 +319,21 @@ fn of_several_view_layers_the_first_says_what_the_camera_sees() {
     assert!(focused(&stack, "sphere").is_err(), "the second peel's objects are hidden");
 }
 
+#[test]
+fn each_cryptomatte_has_the_manifest_of_its_own_name() {
+    let odd = |id: &str| format!(r#"{{"odd":"{id}"}}"#);
+    let part = picture(&[1.0, 4.0])
+        .matte("CryptoObject", &[8, 7], &[1.0; 2])
+        .matte("B.CryptoObject", &[8, 9], &[1.0; 2])
+        .manifest("CryptoObject", &odd("00000007"))
+        .attribute("cryptomatte/7654321/name", text("B.CryptoObject"))
+        .attribute("cryptomatte/7654321/manifest", text(&odd("00000008")));
+    let objects = stack_with(vec![part], &options()).objects();
+    let unnamed: Vec<_> = objects.iter().map(|found| (found.cryptomatte.as_str(), found.unnamed)).collect();
+    assert_eq!(unnamed, [("B.CryptoObject", 1), ("CryptoObject", 1)]);
+    assert!(objects.iter().all(|found| found.names == ["odd"]), "{objects:?}");
+}
+
 // What is kept.
 
 #[test]

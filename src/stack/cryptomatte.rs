@@ -29,6 +29,8 @@ const USUAL_NAME: &str = "crypto";
 const RANK_DIGITS: usize = 2;
 /// Names in an error before the rest is only counted.
 const SHOWN_NAMES: usize = 16;
+/// Places in `R G B A` that hold ids; the others hold coverage.
+const IDS: [usize; 2] = [0, 2];
 /// The id of no object.
 const NOTHING: u32 = 0;
 
@@ -87,12 +89,12 @@ pub struct Objects {
 /// The cryptomattes of `file` whose channels have the data window `data`, objects before materials; not those of `deeper` peels,
 /// which are given by their prefixes.
 pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptomatte> {
-    let mut described = described(file);
+    let described = described(file);
     let mut groups: BTreeMap<&str, BTreeMap<&str, [Option<&str>; 4]>> = BTreeMap::new();
     for channel in &file.channels {
         if let Some((name, rank, role)) = rank_channel(&channel.name)
             && file.frame(channel.part).data == data
-            && (role % 2 == 1 || channel.sample_type == SampleType::F32)
+            && (!IDS.contains(&role) || channel.sample_type == SampleType::F32)
         {
             groups.entry(name).or_default().entry(rank).or_default()[role].get_or_insert(&channel.name);
         }
@@ -102,11 +104,12 @@ pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptom
     };
     let mut found: Vec<Cryptomatte> = Vec::new();
     for (name, ranks) in groups.into_iter().filter(|(name, _)| !is_deeper(name)) {
-        let header = described.iter_mut().find(|described| is_same(&described.name, name));
+        let exact = described.iter().find(|described| described.name == name);
+        let header = exact.or_else(|| described.iter().find(|described| is_same(&described.name, name)));
         let usual = last_part(name).to_ascii_lowercase().starts_with(USUAL_NAME);
         let ranks: Vec<[String; 2]> = ranks.into_values().flat_map(pairs).collect();
         if (header.is_some() || usual) && !ranks.is_empty() {
-            let manifest = header.map(|header| std::mem::take(&mut header.manifest)).unwrap_or_default();
+            let manifest = header.map(|header| header.manifest.clone()).unwrap_or_default();
             found.push(Cryptomatte { name: name.to_owned(), ranks, manifest });
         }
     }

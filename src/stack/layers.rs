@@ -119,9 +119,8 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
 
     let (decoded, replaced) = decode(file, &wanted, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
-    let layers = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
+    let peels = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
     let channels = carried::channels(carried_names, decoded);
-    let peels = layers;
     Ok(Layers { name, peels, frame, precision, attributes, channels, cryptomattes, findings, replaced })
 }
 
