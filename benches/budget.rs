@@ -102,11 +102,6 @@ fn look(scene: &Scene) -> f64 {
     median((0..RUNS).map(run).collect())
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[RUNS / 2]
-}
-
 fn plan(scene: &Scene, effort: Effort) -> Plan {
     let values = Values { effort: Some(effort), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());

@@ -16,7 +16,7 @@ use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
-use crate::scene::{self, EffectKind, Facts, Goal, Plan, Scene};
+use crate::scene::{self, EffectKind, Facts, Focused, FrameNumber, Goal, Plan, Scene};
 use crate::settings::{DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
@@ -37,6 +37,8 @@ pub struct NamedPreset {
 pub struct Job {
     /// The stack's files.
     pub sources: Vec<Source>,
+    /// Which frame of a sequence they are, for focus keys; by the first file's name when `None`.
+    pub frame: Option<i64>,
     /// How to read them; what the preset or the flags say about depth is added to it.
     pub read_options: ReadOptions,
     /// The preset, if any.
@@ -125,7 +127,11 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
-    let (lens, sharpness) = clock.time(Stage::Plan, || lens(&stack, &settings))?;
+    let (lens, sharpness) = clock.time(Stage::Plan, || lens(&mut stack, &settings, frame_number(job)))?;
+    if !job.read_options.objects {
+        // What was kept to find the focus by has served.
+        stack.mattes = Vec::new();
+    }
     let (scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens))?;
     if job.confidence {
         confidence::check(&plan)?;
@@ -245,12 +251,18 @@ impl Rendered {
     }
 }
 
-/// The lens that `settings` put on `stack`, and between which depths it is sharp.
-fn lens(stack: &Stack, settings: &Settings) -> Result<(ThinLens, Sharpness), Error> {
+/// The lens that `settings` put on `stack`, frame `frame` of its sequence, and between which depths it is sharp.
+fn lens(
+    stack: &mut Stack,
+    settings: &Settings,
+    frame: Option<FrameNumber>,
+) -> Result<(ThinLens, Sharpness), Error> {
     let scale = depth_scale(stack, settings)?;
-    let focus_distance = focus_distance(stack, &scale, settings.lens.focus.value)?;
+    let focus = &settings.lens.focus.value;
+    let Focused { distance, reason } = scene::focus_distance(stack, &scale, focus, frame)?;
+    stack.findings.extend(reason.map(|reason| Finding::note("focus", reason)));
     let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
-    let spec = lens_spec(settings, focus_distance);
+    let spec = lens_spec(settings, distance);
     let lens = ThinLens::new(&spec, picture_width)?;
     Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))
 }
@@ -319,7 +331,16 @@ fn read_options(job: &Job) -> ReadOptions {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);
     }
+    let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
+    options.objects |= focus.is_some_and(Focus::looks_for_an_object);
     options
+}
+
+/// Which frame of a sequence the job is, if that is known.
+fn frame_number(job: &Job) -> Option<FrameNumber> {
+    let said = job.frame.map(|number| FrameNumber { number, from: "--frame" });
+    let named = || stack::frame_number(&job.sources);
+    said.or_else(|| named().map(|number| FrameNumber { number, from: "the file's name" }))
 }
 
 fn check_methods(job: &Job) -> Result<(), Error> {
@@ -354,19 +375,6 @@ fn lens_spec(settings: &Settings, focus_distance: f32) -> LensSpec {
         sensor_distance: settings.lens.sensor_distance.value,
         metres_per_unit: settings.lens.metres_per_unit.value,
     }
-}
-
-/// Planar distance in focus, in depth units. Points are in picture pixels of the display window.
-fn focus_distance(stack: &Stack, scale: &DepthScale, focus: Focus) -> Result<f32, Error> {
-    let point = match focus {
-        Focus::Distance(distance) => return Ok(distance),
-        Focus::Point(point) => point,
-        Focus::Centre => {
-            let Window { width, height, .. } = stack.frame.display;
-            [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32)
-        }
-    };
-    scene::focus_distance_at(stack, scale, point)
 }
 
 /// `frame` in picture pixels, from samples.

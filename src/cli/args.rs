@@ -61,6 +61,12 @@ pub(super) struct InputArgs {
     /// Samples a picture pixel along each axis
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(1..=64))]
     supersample: Option<u16>,
+    /// Which frame this is, for a preset's focus keys
+    ///
+    /// By default the last digits of the first input's name before its extension: shot.0042.exr is frame 42. Digits after a v are a
+    /// version and no frame; of several inputs, all must have the number.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    frame: Option<i64>,
 }
 
 /// The lens; every flag outranks the preset.
@@ -77,11 +83,16 @@ pub(super) struct LensArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     f_number: Option<f32>,
     /// Distance in focus, in the stack's depth units
-    #[arg(long, value_name = "DISTANCE", conflicts_with = "focus_at", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DISTANCE", conflicts_with_all = ["focus_at", "focus_on"], allow_negative_numbers = true)]
     focus: Option<f32>,
     /// Focus on what this pixel shows; the centre by default
-    #[arg(long, value_name = "X,Y", value_parser = parse_point)]
+    #[arg(long, value_name = "X,Y", conflicts_with = "focus_on", value_parser = parse_point)]
     focus_at: Option<[f32; 2]>,
+    /// Focus on this object, by the file's cryptomatte
+    ///
+    /// Its distance is the median of what the picture shows of it. `thinlens inspect` lists the objects of a file.
+    #[arg(long, value_name = "NAME")]
+    focus_on: Option<String>,
     /// Width of the sensor
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     sensor_width: Option<f32>,
@@ -313,6 +324,7 @@ pub(super) fn stack_job(
     });
     Ok(Job {
         sources: input.inputs.iter().cloned().map(Source::File).collect(),
+        frame: input.frame,
         read_options: input.read_options(carry),
         preset: preset.transpose()?,
         flags: values(input, lens),
@@ -326,7 +338,7 @@ fn values(input: &InputArgs, lens: &LensArgs) -> Values {
     Values {
         focal_length_mm: lens.focal_length,
         f_number: lens.f_number,
-        focus: lens.focus.map(Focus::Distance).or(point),
+        focus: lens.focus.map(Focus::Distance).or(point).or_else(|| lens.focus_on.clone().map(Focus::Object)),
         sensor_width_mm: lens.sensor_width,
         sensor_distance: lens.sensor_distance.map(|distance| match distance {
             SensorDistanceArg::FocalLength => SensorDistance::FocalLength,
@@ -376,6 +388,7 @@ impl InputArgs {
             far,
             metres_per_unit,
             supersample,
+            frame,
         } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
@@ -388,6 +401,7 @@ impl InputArgs {
             flag("--far", far.as_ref()),
             flag("--metres-per-unit", metres_per_unit.as_ref()),
             flag("--supersample", supersample.as_ref()),
+            flag("--frame", frame.as_ref()),
         ];
         inputs.chain(flags.into_iter().flatten()).collect()
     }
@@ -407,6 +421,7 @@ impl LensArgs {
             f_number,
             focus,
             focus_at,
+            focus_on,
             sensor_width,
             sensor_distance,
             blades,
@@ -427,6 +442,7 @@ impl LensArgs {
             flag("--f-number", f_number.as_ref()),
             flag("--focus", focus.as_ref()),
             flag("--focus-at", pair(focus_at)),
+            flag("--focus-on", focus_on.as_ref()),
             flag("--sensor-width", sensor_width.as_ref()),
             flag("--sensor-distance", sensor_distance.and_then(value_name)),
             flag("--blades", blades.as_ref()),
@@ -529,15 +545,15 @@ mod tests {
     fn the_words_of_flags_are_read_back_as_the_same_flags() {
         use clap::{CommandFactory, Parser};
         let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
-                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --preset p --focal-length 85.5 --f-number inf \
+                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --frame -42 --preset p --focal-length 85.5 --f-number inf \
                     --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
                     --blade-curvature 0.5 --squeeze 1.33 --aperture-image heart.png --cats-eye 0.8 --vignetting 0.5 \
                     --spherical -40 --axial-color -30,45.5 --lateral-color 4,-6 --force fill,resolve --without highlights";
         let all =
             StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
-        // All flags, but for --focus-at, which has no place beside --focus.
-        assert_eq!(text.matches("--").count() + 1, all);
-        for text in [text, "x a.exr --focus-at 10.5,20"] {
+        // All flags, but for --focus-at and --focus-on, which have no place beside --focus.
+        assert_eq!(text.matches("--").count() + 2, all);
+        for text in [text, "x a.exr --focus-at 10.5,20", "x a.exr --focus-on cow"] {
             let given = StackAndLens::parse_from(text.split_whitespace());
             let words = [given.input.words(), given.lens.words(), given.effects.words()].concat();
             let again = StackAndLens::parse_from(std::iter::once("x".to_owned()).chain(words));

@@ -14,7 +14,7 @@ use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Prepared, prepare};
 use thinlens::scene::{Facts, FocusShares, PeelFacts, Plan};
 use thinlens::settings::{Focus, LensSettings, Sourced};
-use thinlens::stack::{Carry, Stack, Window};
+use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -40,11 +40,15 @@ pub(super) struct InspectArgs {
     json: bool,
 }
 
+/// Names of objects that are shown before the rest is only counted.
+const OBJECTS_SHOWN: usize = 8;
+
 /// What a stack shows through a lens, beside what a render has to know of it.
 struct Inspected {
     prepared: Prepared,
     focus: FocusShares,
     peels: Option<PeelsSeen>,
+    objects: Vec<Objects>,
 }
 
 pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> {
@@ -52,7 +56,9 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> 
         checks::png(path)?;
         checks::output(path, args.job.input.files())?;
     }
-    let prepared = prepare(&args.job.job(Carry::Unused)?)?;
+    let mut job = args.job.job(Carry::Unused)?;
+    job.read_options.objects = true;
+    let prepared = prepare(&job)?;
     let coc_px = prepared.scene.seen_coc_px();
     if let Some(path) = &args.overlay {
         focus_map::write(path, &prepared.scene, &coc_px)?;
@@ -60,7 +66,8 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> 
     }
     let focus = FocusShares::of(&coc_px);
     let peels = peels_seen(&prepared.scene, &prepared.plan);
-    let inspected = Inspected { prepared, focus, peels };
+    let objects = prepared.stack.objects();
+    let inspected = Inspected { prepared, focus, peels, objects };
     if args.json {
         print_json(&to_json(&inspected))?;
     } else {
@@ -70,7 +77,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> 
     Ok(())
 }
 
-fn to_json(Inspected { prepared, focus, peels }: &Inspected) -> serde_json::Value {
+fn to_json(Inspected { prepared, focus, peels, objects }: &Inspected) -> serde_json::Value {
     let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let carried: Vec<_> = stack.carried.channels.iter().map(|channel| &channel.name).collect();
     json!({
@@ -79,6 +86,7 @@ fn to_json(Inspected { prepared, focus, peels }: &Inspected) -> serde_json::Valu
         "display_window": window_json(stack.frame.display),
         "pixel_aspect": stack.frame.pixel_aspect,
         "other_channels": carried,
+        "objects": objects,
         "findings": stack.findings,
         "lens": LensReport::new(settings, lens),
         "sharpness": sharpness,
@@ -95,10 +103,12 @@ fn window_json(Window { x, y, width, height }: Window) -> serde_json::Value {
     json!({ "x": x, "y": y, "width": width, "height": height })
 }
 
-fn to_text(Inspected { prepared, focus, peels }: &Inspected) -> Result<String, fmt::Error> {
+fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<String, fmt::Error> {
     let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
     let mut text = String::new();
     write_stack(&mut text, stack, summary)?;
+    objects.iter().try_for_each(|objects| write_objects(&mut text, objects))?;
+    write_findings(&mut text, stack)?;
     write_lens(&mut text, &settings.lens, lens)?;
     write_focus(&mut text, sharpness, focus)?;
     write_ranges(&mut text, facts, lens)?;
@@ -128,7 +138,20 @@ fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::
     line(text, "supersample", stack.supersample)?;
     line(text, "precision", kebab(&stack.precision))?;
     let carried: Vec<_> = stack.carried.channels.iter().map(|channel| channel.name.as_str()).collect();
-    line(text, "other channels", if carried.is_empty() { "none".to_owned() } else { carried.join(" ") })?;
+    line(text, "other channels", if carried.is_empty() { "none".to_owned() } else { carried.join(" ") })
+}
+
+/// What the lens can be focused on by name.
+fn write_objects(text: &mut String, Objects { cryptomatte, names, unnamed, doubt }: &Objects) -> fmt::Result {
+    let list = match doubt {
+        None if names.is_empty() => "none seen".to_owned(),
+        None => format!("{}: {}", names.len(), listed(names, OBJECTS_SHOWN)),
+        Some(doubt) => format!("{unnamed} without names, {doubt}: a name is found by its hash"),
+    };
+    line(text, "objects", format_args!("{cryptomatte}, {list}"))
+}
+
+fn write_findings(text: &mut String, stack: &Stack) -> fmt::Result {
     writeln!(text, "findings")?;
     for finding in &stack.findings {
         let mark = if finding.warning { "warning: " } else { "" };
@@ -141,10 +164,12 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     fn sourced<T>(text: &mut String, name: &str, value: impl Display, from: &Sourced<T>) -> fmt::Result {
         line(text, name, format_args!("{:<24} {}", value.to_string(), from.origin))
     }
-    let focus = match set.focus.value {
+    let focus = match &set.focus.value {
         Focus::Distance(distance) => format!("{distance} depth units"),
         Focus::Point([x, y]) => format!("{} depth units, at {x},{y}", lens.focus_distance),
+        Focus::Object(name) => format!("{} depth units, '{name}'", lens.focus_distance),
         Focus::Centre => format!("{} depth units, centre", lens.focus_distance),
+        Focus::Keys(keys) => format!("{} depth units, by {} keys", lens.focus_distance, keys.len()),
     };
     let blades = if set.blades.value == 0 { "disc".to_owned() } else { set.blades.value.to_string() };
     writeln!(text, "lens")?;

@@ -3,6 +3,7 @@
 
 mod aperture;
 mod field;
+mod focus_pull;
 mod image;
 mod optics;
 mod radial;
@@ -12,6 +13,7 @@ mod views;
 
 pub use aperture::{Aperture, Outline};
 pub use field::Field;
+pub use focus_pull::FocusPull;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
 pub use radial::{Landing, Radial};

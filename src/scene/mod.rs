@@ -7,6 +7,7 @@ mod effects;
 mod facts;
 mod fill;
 mod focus;
+mod focus_distance;
 mod merge;
 mod peel_facts;
 mod plan;
@@ -17,13 +18,13 @@ mod switches;
 pub use effects::PREFILTER_LEAST_VARIANCE;
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use focus::FocusShares;
+pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use peel_facts::{JUMP_PX, PeelFacts};
 pub use plan::{Abilities, Effect, EffectKind, Plan};
 pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
 pub use switches::asked_for;
 
-use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
 use crate::stack::{Frame, Peel, Stack, StackKind, depth::DepthScale};
@@ -219,36 +220,6 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
             limited
         })
         .sum()
-}
-
-/// Planar distance of what the stack's picture shows at pixel `x, y` of the display window.
-///
-/// # Errors
-/// [`crate::error::ErrorKind::Settings`] when the point lies outside the picture, or nothing but background is there.
-pub fn focus_distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
-    let s = stack.supersample as f32;
-    let frame = &stack.frame;
-    let column = (point[0] * s).floor() - (frame.data.x - frame.display.x) as f32;
-    let row = (point[1] * s).floor() - (frame.data.y - frame.display.y) as f32;
-    let (width, height) = (stack.width(), stack.height());
-    let place = format!("{}, {}", point[0], point[1]);
-    if !(column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32) {
-        return Err(Error::settings("the focus point lies outside the picture")
-            .with("found", place)
-            .with("picture", format!("{} × {} pixels", width as f32 / s, height as f32 / s))
-            .help("give pixels from the left and from the top: --focus-at X,Y"));
-    }
-    let [x0, y0] = frame.data_origin_from_centre();
-    let shown = stack.peels.iter().find(|peel| peel.alpha.get(column as usize, row as usize) > 0.0);
-    let depth = shown.map_or(f32::INFINITY, |peel| {
-        scale.planar(peel.depth.get(column as usize, row as usize), x0 + column, y0 + row)
-    });
-    if depth.is_finite() {
-        return Ok(depth);
-    }
-    Err(Error::settings("there is only background at the focus point")
-        .with("found", place)
-        .help("pick a point on an object with --focus-at X,Y, or give the distance with --focus"))
 }
 
 #[cfg(test)]

@@ -4,10 +4,12 @@
 //! [`Settings::resolve`] lays them over one another and keeps the [`Origin`] of each value that won.
 
 mod effort;
+mod focus;
 mod parameters;
 mod preset;
 
 pub use effort::{Effort, Quality};
+pub use focus::{Easing, Focus, FocusKey};
 pub use parameters::{
     AccumulateParameters, BBufferParameters, GatherParameters, LayerRaysParameters, MethodParameters,
     OpaqueBlurParameters, Parameter, ParameterKind, PeelRaysParameters, PointSplatParameters,
@@ -52,18 +54,6 @@ pub struct Sourced<T> {
     pub value: T,
     /// Where it came from.
     pub origin: Origin,
-}
-
-/// What the lens is focused on.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Focus {
-    /// Planar distance in the stack's depth units.
-    Distance(f32),
-    /// What the picture shows at this pixel of the display window (x from the left, y from the top).
-    Point([f32; 2]),
-    /// What the picture shows at its centre.
-    Centre,
 }
 
 /// How far behind the lens the sensor stands.
@@ -246,7 +236,7 @@ pub struct Switches {
 pub fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
     /// Jaro-Winkler similarity from which a word counts as a slip of another.
     const NEAR: f64 = 0.8;
-    let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), candidate);
+    let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
     candidates
         .iter()
         .map(|candidate| (likeness(candidate.as_ref()), candidate.as_ref()))
@@ -272,7 +262,7 @@ impl Settings {
             lens: LensSettings {
                 focal_length_mm: pick(layers, 50.0, |v| v.focal_length_mm),
                 f_number: pick(layers, 2.8, |v| v.f_number),
-                focus: pick(layers, Focus::Centre, |v| v.focus),
+                focus: pick(layers, Focus::Centre, |v| v.focus.clone()),
                 sensor_width_mm: pick(layers, 36.0, |v| v.sensor_width_mm),
                 sensor_distance: pick(layers, SensorDistance::FocalLength, |v| v.sensor_distance),
                 blades: pick(layers, 0, |v| v.blades),

@@ -3,7 +3,7 @@
 use super::decode::Decoded;
 use super::header::ExrFile;
 use super::read::Carry;
-use super::{Carried, CarriedChannel, Finding, Window};
+use super::{Carried, CarriedChannel, Cryptomatte, Finding, Window};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 
@@ -124,13 +124,14 @@ fn number_field<'a>(own: &'a mut LayerAttributes, name: &Text) -> Option<&'a mut
     })
 }
 
-/// Which channels of `file` travel, as places in its list, and what is said of those left behind.
+/// Which channels of `file` travel, as places in its list, and what is said of those left behind; among them are those of `mattes`,
+/// whatever `carry` says.
 ///
 /// Only channels as large as the picture can: `data` is the picture's data window.
 pub(super) fn choose(
     file: &ExrFile,
     used: &[usize],
-    carry: Carry,
+    (carry, mattes): (Carry, &[Cryptomatte]),
     data: Window,
 ) -> (Vec<usize>, Vec<Finding>) {
     let wanted = |place: &usize| match carry {
@@ -138,7 +139,8 @@ pub(super) fn choose(
         Carry::All => true,
         Carry::None => false,
     };
-    let all = (0..file.channels.len()).filter(wanted);
+    let is_matte = |place: &usize| mattes.iter().any(|matte| matte.has(&file.channels[*place].name));
+    let all = (0..file.channels.len()).filter(|place| wanted(place) || is_matte(place));
     let (fitting, others): (Vec<_>, Vec<_>) =
         all.partition(|&place| file.frame(file.channels[place].part).data == data);
     let text =
@@ -169,9 +171,10 @@ pub(super) fn attributes(all: &[(Text, AttributeValue)]) -> Vec<(Text, Attribute
 }
 
 /// Drops channels of a stack whose samples are not the output's pixels.
-pub(super) fn drop_supersampled(carried: &mut Carried) -> Option<Finding> {
-    let count = carried.channels.len();
-    carried.channels.clear();
+pub(super) fn drop_supersampled(carried: &mut Carried) -> (Vec<CarriedChannel>, Option<Finding>) {
+    let dropped = std::mem::take(&mut carried.channels);
+    let count = dropped.len();
     let text = format!("{count} other channels are supersampled, the picture will not be: not handed on");
-    (count > 0).then(|| Finding::warning("channels", text))
+    let finding = (count > 0).then(|| Finding::warning("channels", text));
+    (dropped, finding)
 }

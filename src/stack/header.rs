@@ -75,6 +75,12 @@ impl ExrFile {
         }
     }
 
+    /// The attributes of all parts, known and unknown; one of each name a part.
+    pub(super) fn attributes_of_all_parts(&self) -> impl Iterator<Item = (Text, &AttributeValue)> {
+        let others = self.meta_data.headers.iter().flat_map(|header| &header.own_attributes.other);
+        others.map(|(name, value)| (name.clone(), value))
+    }
+
     /// The attributes of the first part, known and unknown.
     pub(super) fn attributes(&self) -> Vec<(Text, AttributeValue)> {
         let named = self.header(0).all_named_attributes();

@@ -5,7 +5,7 @@ use super::header::ExrFile;
 use super::names::{self, Assigned, PeelChannels};
 use super::read::{Carry, ReadOptions};
 use super::sanitise::Replaced;
-use super::{CarriedChannel, Finding, Frame, Precision, Window, carried};
+use super::{CarriedChannel, Cryptomatte, Finding, Frame, Precision, Window, carried, cryptomatte};
 use crate::error::Error;
 use crate::image::Plane;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
@@ -45,24 +45,26 @@ pub(super) struct Layers {
     pub(super) attributes: Vec<(Text, AttributeValue)>,
     /// Channels to hand on.
     pub(super) channels: Vec<CarriedChannel>,
+    /// The cryptomattes of the first peel.
+    pub(super) cryptomattes: Vec<Cryptomatte>,
     /// Doubts and decisions.
     pub(super) findings: Vec<Finding>,
     /// Values that had to be replaced.
     pub(super) replaced: Replaced,
 }
 
-/// Decodes the peels of an OpenEXR file, and the channels that `carry` says.
+/// Decodes the peels of an OpenEXR file, and the channels that `options` ask for.
 ///
 /// # Errors
 /// No colour; damaged pixels; more memory than allowed.
-pub(super) fn read_exr(file: ExrFile, options: &ReadOptions, carry: Carry) -> Result<Layers, Error> {
+pub(super) fn read_exr(file: ExrFile, options: &ReadOptions) -> Result<Layers, Error> {
     let names = file.names();
     let mut assigned = names::assign(&names, options).map_err(|error| error.in_file(&file.name))?;
     // A depth file replaces what depth there is.
     if options.depth_file.is_some() {
         assigned.peels.iter_mut().for_each(|peel| peel.depth = None);
     }
-    read_assigned(file, assigned, options.max_bytes, carry)
+    read_assigned(file, assigned, options)
 }
 
 /// Decodes the main picture of an OpenEXR file alone.
@@ -72,7 +74,8 @@ pub(super) fn read_exr(file: ExrFile, options: &ReadOptions, carry: Carry) -> Re
 pub(super) fn read_exr_picture(file: ExrFile) -> Result<Layers, Error> {
     let mut peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
     peel.depth = None;
-    read_assigned(file, Assigned { peels: vec![peel], findings: Vec::new() }, None, Carry::None)
+    let options = ReadOptions { carry: Carry::None, ..ReadOptions::default() };
+    read_assigned(file, Assigned { peels: vec![peel], findings: Vec::new() }, &options)
 }
 
 /// Decodes one channel of an OpenEXR file, as depth, and says its name.
@@ -87,12 +90,7 @@ pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Pl
     Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name))
 }
 
-fn read_assigned(
-    file: ExrFile,
-    assigned: Assigned,
-    max_bytes: Option<u64>,
-    carry: Carry,
-) -> Result<Layers, Error> {
+fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Result<Layers, Error> {
     let Assigned { peels, mut findings } = assigned;
     peels
         .iter()
@@ -103,7 +101,10 @@ fn read_assigned(
     };
     let frame = file.frame(file.channels[first.color[0]].part);
     let used: Vec<usize> = peels.iter().flat_map(wanted_of).map(|(place, _)| place).collect();
-    let (handed_on, left) = carried::choose(&file, &used, carry, frame.data);
+    let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
+    let cryptomattes = cryptomatte::find(&file, frame.data, &deeper);
+    let asked_for = if options.objects { cryptomattes.as_slice() } else { &[] };
+    let (handed_on, left) = carried::choose(&file, &used, (options.carry, asked_for), frame.data);
     findings.extend(left);
     let mut wanted: Vec<(usize, Use)> = peels.iter().flat_map(wanted_of).collect();
     wanted.extend(handed_on.iter().map(|&place| (place, Use::Carry)));
@@ -116,11 +117,11 @@ fn read_assigned(
     let (name, attributes) = (file.name.clone(), file.attributes());
     let described: Vec<Described> = peels.into_iter().map(|peel| Described::of(&file, peel)).collect();
 
-    let (decoded, replaced) = decode(file, &wanted, max_bytes)?;
+    let (decoded, replaced) = decode(file, &wanted, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
-    let layers = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
+    let peels = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
     let channels = carried::channels(carried_names, decoded);
-    Ok(Layers { name, peels: layers, frame, precision, attributes, channels, findings, replaced })
+    Ok(Layers { name, peels, frame, precision, attributes, channels, cryptomattes, findings, replaced })
 }
 
 /// The channels of one peel in the order they are decoded.

@@ -8,18 +8,23 @@ mod camera;
 mod carried;
 mod chunks;
 mod convention;
+mod cryptomatte;
 mod decode;
 pub mod depth;
+mod frame_number;
 mod guard;
 mod header;
 mod input;
 mod kind;
 mod layers;
+mod murmur;
 mod names;
 mod picture;
 mod read;
 mod sanitise;
 
+pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
+pub use frame_number::frame_number;
 pub use read::{Carry, ReadOptions, Source, read, read_picture};
 
 use crate::image::Plane;
@@ -137,6 +142,10 @@ pub struct Stack {
     pub camera: Values,
     /// Channels and attributes to hand on.
     pub carried: Carried,
+    /// The cryptomattes of the picture, objects first.
+    pub cryptomattes: Vec<Cryptomatte>,
+    /// Their channels where these are not handed on but asked for: see [`ReadOptions::objects`].
+    pub mattes: Vec<CarriedChannel>,
     /// What was concluded while reading.
     pub findings: Vec<Finding>,
 }

@@ -41,8 +41,9 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
     let found = "a picture without depth".to_owned();
     let (prefix, depth_channel) = (String::new(), String::new());
     let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found };
-    let (attributes, channels) = (Vec::new(), Vec::new());
-    Ok(Layers { name, peels: vec![layer], frame, precision, attributes, channels, findings, replaced })
+    let (attributes, channels, cryptomattes) = (Vec::new(), Vec::new(), Vec::new());
+    let peels = vec![layer];
+    Ok(Layers { name, peels, frame, precision, attributes, channels, cryptomattes, findings, replaced })
 }
 
 /// The red or only channel of a picture, as depth.

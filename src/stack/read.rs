@@ -5,7 +5,7 @@ use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{self, Layer, Layers, place};
 use super::{Carried, Finding, Frame, Peel, Stack, StackKind, Window};
-use super::{camera, carried, kind, names, picture};
+use super::{camera, carried, cryptomatte, kind, names, picture};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::settings::{DepthConvention, Values};
@@ -39,6 +39,8 @@ pub struct ReadOptions {
     pub depth_file: Option<PathBuf>,
     /// Which channels travel to the output.
     pub carry: Carry,
+    /// Whether the channels of cryptomattes are kept beside those that travel: [`Stack::object`] looks into them.
+    pub objects: bool,
     /// Refuse inputs that would take more than this many bytes once decoded; half the machine's memory when `None`.
     pub max_bytes: Option<u64>,
 }
@@ -68,7 +70,7 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     let Some((first, others)) = sources.split_first() else {
         return Err(Error::input("there is nothing to read").help("name a picture file"));
     };
-    let mut stack = read_layers(first, options, options.carry)?;
+    let mut stack = read_layers(first, options)?;
     match (others, &options.depth_file) {
         ([], None) => {}
         ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,
@@ -116,10 +118,10 @@ impl Layers {
     }
 }
 
-fn read_layers(source: &Source, options: &ReadOptions, carry: Carry) -> Result<Layers, Error> {
+fn read_layers(source: &Source, options: &ReadOptions) -> Result<Layers, Error> {
     let mut opened = Opened::open(source)?;
     if opened.is_exr()? {
-        layers::read_exr(ExrFile::open(opened)?, options, carry)
+        layers::read_exr(ExrFile::open(opened)?, options)
     } else {
         picture::read_color(opened, options)
     }
@@ -177,7 +179,8 @@ fn attributes_of_depth(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, At
 
 /// Adds the peels in `source` behind those of `stack`.
 fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Result<(), Error> {
-    let mut more = read_layers(source, options, Carry::None)?;
+    let options = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
+    let mut more = read_layers(source, &options)?;
     stack.name_after_file();
     more.name_after_file();
     stack.replaced.add(more.replaced);
@@ -196,8 +199,8 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 
 /// The stack of all layers: one window, one convention, one kind.
 fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
-    let Layers { name, peels: layers, frame, precision, attributes, channels, mut findings, replaced } =
-        layers;
+    let Layers { name, frame, precision, attributes, channels, cryptomattes, .. } = layers;
+    let Layers { peels: layers, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, peels_finding(&layers));
@@ -231,11 +234,29 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
         findings.extend(kind::repair_depth(&mut peels, conclusion.convention));
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
-    if kind == StackKind::Supersampled {
-        findings.extend(carried::drop_supersampled(&mut carried));
+    let mut mattes = Vec::new();
+    if options.carry == Carry::None {
+        // Nothing travels: what was decoded all the same was asked for.
+        mattes = std::mem::take(&mut carried.channels);
+    } else if kind == StackKind::Supersampled {
+        let (dropped, finding) = carried::drop_supersampled(&mut carried);
+        findings.extend(finding);
+        mattes = if options.objects { cryptomatte::of(dropped, &cryptomattes) } else { mattes };
     }
     let convention = conclusion.convention;
-    Ok(Stack { peels, frame, convention, kind, supersample, precision, camera, carried, findings })
+    Ok(Stack {
+        peels,
+        frame,
+        convention,
+        kind,
+        supersample,
+        precision,
+        camera,
+        carried,
+        cryptomattes,
+        mattes,
+        findings,
+    })
 }
 
 fn no_depth_at_all() -> Error {

@@ -1,7 +1,7 @@
 //! The entries of a preset, each with its place in the text, so that an error shows the line.
 
-use super::super::{Effort, Focus, MethodParameters, Values, nearest};
-use super::schema::{SCHEMA, known_keys, table_names};
+use super::super::{Effort, Focus, FocusKey, MethodParameters, Values, nearest};
+use super::schema::{FOCUS_KEY_PARTS, FocusKeyDraft, SCHEMA, known_keys, table_names};
 use crate::error::Error;
 use serde_json::Value as Json;
 use std::ops::Range;
@@ -30,6 +30,23 @@ impl<'a> Document<'a> {
             .collect();
         entries.sort_by_key(|entry| entry.key_span.start);
         entries
+    }
+
+    /// One of the `[[lens.focus_keys]]`, whose table is at `span`.
+    fn focus_key(self, table: &'a DeTable<'a>, span: Range<usize>) -> Result<FocusKey, Error> {
+        let mut draft = FocusKeyDraft::default();
+        for entry in self.entries("lens.focus_keys", table) {
+            let part = FOCUS_KEY_PARTS.iter().find(|part| part.name == entry.key);
+            (part.ok_or_else(|| entry.unknown())?.set)(&mut draft, &entry)?;
+        }
+        let FocusKeyDraft { frame, focus, easing } = draft;
+        let lacks = |what: &str, help: &str| {
+            self.error(format!("a focus key has no {what}"), span.clone()).help(help)
+        };
+        let frame = frame.ok_or_else(|| lacks("frame", "say when: frame = 1"))?;
+        let help = "say what is in focus: distance = 2.0, point = [x, y] or object = \"NAME\"";
+        let focus = focus.ok_or_else(|| lacks("focus", help))?;
+        Ok(FocusKey { frame, focus, easing })
     }
 
     /// An error about the bytes `span`: file, line and column, the line itself, and carets under the place.
@@ -101,7 +118,11 @@ impl<'a> Entry<'a> {
     pub(super) fn unknown(&self) -> Error {
         let place = if self.table.is_empty() { String::new() } else { format!(" in [{}]", self.table) };
         let known = known_keys(self.table);
-        let help = if let Some(key) = SCHEMA.iter().find(|key| key.name == self.key) {
+        // `focus_distance` among focus keys is their `distance`.
+        let short = known.iter().find(|known| self.key.strip_suffix(known.as_str()) == Some("focus_"));
+        let help = if let Some(short) = short {
+            format!("did you mean '{short}'?")
+        } else if let Some(key) = SCHEMA.iter().find(|key| key.name == self.key) {
             format!("'{}' belongs in [{}]", self.key, key.table)
         } else if let Some(near) = nearest(self.key, &known) {
             format!("did you mean '{near}'?")
@@ -141,6 +162,15 @@ impl<'a> Entry<'a> {
         };
         let wanted = || self.unsuitable(&format!("a whole number, {wanted}"));
         number.filter(|&number| number >= least).ok_or_else(wanted)
+    }
+
+    /// A whole number, negative or not.
+    pub(super) fn integer(&self) -> Result<i64, Error> {
+        let number = match self.value.get_ref() {
+            DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix()).ok(),
+            _ => None,
+        };
+        number.ok_or_else(|| self.unsuitable("a whole number"))
     }
 
     pub(super) fn count(&self) -> Result<usize, Error> {
@@ -207,11 +237,41 @@ impl<'a> Entry<'a> {
     /// Keeps `focus`, unless another key has set one.
     pub(super) fn focus(&self, values: &mut Values, focus: Focus) -> Result<(), Error> {
         if values.focus.is_some() {
-            let what = "'focus_distance' and 'focus_point' exclude each other";
-            return Err(self.document.error(what, self.key_span.clone()).help("keep one of the two"));
+            let what = "'focus_distance', 'focus_point', 'focus_object' and 'focus_keys' exclude one another";
+            return Err(self.document.error(what, self.key_span.clone()).help("keep one of them"));
         }
         values.focus = Some(focus);
         Ok(())
+    }
+
+    /// Keeps what `key` focuses on, unless another line has said it.
+    pub(super) fn key_focus(&self, key: &mut FocusKeyDraft, focus: Focus) -> Result<(), Error> {
+        if key.focus.is_some() {
+            let what = "'distance', 'point' and 'object' exclude one another";
+            let help = "keep one of them, or make another [[lens.focus_keys]] of it";
+            return Err(self.document.error(what, self.key_span.clone()).help(help));
+        }
+        key.focus = Some(focus);
+        Ok(())
+    }
+
+    /// A list of what is in focus at which frame.
+    pub(super) fn focus_keys(&self) -> Result<Vec<FocusKey>, Error> {
+        let wanted = "at least one table, [[lens.focus_keys]]";
+        let items = self.value.get_ref().as_array().filter(|items| !items.is_empty());
+        let items = items.ok_or_else(|| self.unsuitable(wanted))?;
+        let mut keys: Vec<FocusKey> = Vec::new();
+        for item in items {
+            let table = item.get_ref().as_table().ok_or_else(|| self.unsuitable(wanted))?;
+            let key = self.document.focus_key(table, item.span())?;
+            if let Some(last) = keys.last().filter(|last| last.frame >= key.frame) {
+                let what = format!("frame {} comes after frame {}", key.frame, last.frame);
+                let help = "put the focus keys in rising order of frame, each frame once";
+                return Err(self.document.error(what, item.span()).help(help));
+            }
+            keys.push(key);
+        }
+        Ok(keys)
     }
 
     /// Keeps `effort`, unless another key has set one.

@@ -120,7 +120,7 @@ impl Preset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DepthConvention, Effort, Focus, SensorDistance};
+    use super::super::{DepthConvention, Easing, Effort, Focus, FocusKey, SensorDistance};
     use super::*;
 
     fn parse(text: &str) -> Result<Preset, Error> {
@@ -293,7 +293,83 @@ mod tests {
     #[test]
     fn two_ways_to_focus_exclude_each_other() {
         let message = message("[lens]\nfocus_distance = 2\nfocus_point = [1, 2]");
-        assert!(message.contains("exclude each other") && message.contains("my.toml:3:1"), "{message}");
+        assert!(message.contains("exclude one another") && message.contains("my.toml:3:1"), "{message}");
+    }
+
+    #[test]
+    fn an_object_is_focused_on_by_its_name() {
+        let focus = parse("[lens]\nfocus_object = '/obj/cow:shape'").unwrap().values.focus;
+        assert_eq!(focus, Some(Focus::Object("/obj/cow:shape".to_owned())));
+    }
+
+    #[test]
+    fn focus_keys_are_read_in_their_order_and_are_smooth_unless_told_otherwise() {
+        let text = "
+            [lens]
+            f_number = 2
+            [[lens.focus_keys]]
+            frame = -10
+            distance = 2
+            [[lens.focus_keys]]
+            frame = 1
+            point = [960, 540]
+            easing = 'hold'
+            [[lens.focus_keys]]
+            frame = 48
+            object = 'cow'
+            easing = 'linear'";
+        let key = |frame, focus, easing| FocusKey { frame, focus, easing };
+        let expected = vec![
+            key(-10, Focus::Distance(2.0), Easing::Smooth),
+            key(1, Focus::Point([960.0, 540.0]), Easing::Hold),
+            key(48, Focus::Object("cow".to_owned()), Easing::Linear),
+        ];
+        assert_eq!(parse(text).unwrap().values.focus, Some(Focus::Keys(expected)));
+        let inline = "[lens]\nfocus_keys = [{ frame = 1, distance = inf }]";
+        let expected = vec![key(1, Focus::Distance(f32::INFINITY), Easing::Smooth)];
+        assert_eq!(parse(inline).unwrap().values.focus, Some(Focus::Keys(expected)), "in one line too");
+    }
+
+    #[test]
+    fn a_slip_in_a_focus_key_is_shown_with_its_place() {
+        let key = |lines: &str| message(&format!("[[lens.focus_keys]]\n{lines}"));
+        for (lines, wanted, place) in [
+            ("frame = 1\ndistanse = 2", "did you mean 'distance'?", "my.toml:3:1"),
+            ("frame = 1\nfocus_distance = 2", "did you mean 'distance'?", "my.toml:3:1"),
+            (
+                "frame = 1\nspeed = 2",
+                "the keys of [lens.focus_keys] are frame, distance, point",
+                "my.toml:3:1",
+            ),
+            ("frame = 1\nblades = 2", "'blades' belongs in [aperture]", "my.toml:3:1"),
+            ("frame = 1.5\ndistance = 2", "'frame' must be a whole number", "my.toml:2:9"),
+            ("frame = 1\ndistance = 0", "'distance' must be a positive number, or inf", "my.toml:3:12"),
+            ("frame = 1\ndistance = 2\neasing = 'smoth'", "did you mean 'smooth'?", "my.toml:4:10"),
+            ("frame = 1\ndistance = 2\nobject = 'a'", "exclude one another", "my.toml:4:1"),
+            ("distance = 2", "a focus key has no frame", "my.toml:1:1"),
+            ("frame = 1", "a focus key has no focus", "my.toml:1:1"),
+            (
+                "frame = 3\ndistance = 2\n[[lens.focus_keys]]\nframe = 3\ndistance = 4",
+                "rising order",
+                "my.toml:4:1",
+            ),
+        ] {
+            let message = key(lines);
+            assert!(message.contains(wanted) && message.contains(place), "{lines}: {message}");
+        }
+    }
+
+    #[test]
+    fn focus_keys_are_a_list_of_at_least_one() {
+        for text in ["[lens]\nfocus_keys = []", "[lens]\nfocus_keys = 3", "[lens.focus_keys]\nframe = 1"] {
+            let message = message(text);
+            assert!(
+                message.contains("'focus_keys' must be at least one table, [[lens.focus_keys]]"),
+                "{message}"
+            );
+        }
+        let both = message("[lens]\nfocus_distance = 2\n[[lens.focus_keys]]\nframe = 1\ndistance = 2");
+        assert!(both.contains("exclude one another"), "{both}");
     }
 
     #[test]
@@ -309,6 +385,16 @@ mod tests {
         let (block, _) = rest.split_once("\nThe flags").unwrap();
         let preset = Preset::parse(&format!("[lens]{block}"), "README.md").unwrap();
         assert_eq!(preset.values.effort, Some(Effort::Views(64)));
+    }
+
+    #[test]
+    fn the_focus_pull_in_the_readme_is_valid() {
+        let readme = include_str!("../../../README.md");
+        let (_, rest) = readme.split_once("    [[lens.focus_keys]]").unwrap();
+        let (block, _) = rest.split_once("\nBetween two keys").unwrap();
+        let preset = Preset::parse(&format!("[[lens.focus_keys]]{block}"), "README.md").unwrap();
+        let Some(Focus::Keys(keys)) = preset.values.focus else { panic!("no keys") };
+        assert_eq!(keys.iter().map(|key| key.frame).collect::<Vec<_>>(), [1, 48]);
     }
 
     #[test]

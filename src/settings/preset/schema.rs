@@ -2,8 +2,8 @@
 //! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
 use super::super::{
-    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Effort, Focus, MethodParameters, Quality,
-    SQUEEZES, SensorDistance, VIGNETTINGS, Values,
+    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Easing, Effort, Focus, MethodParameters,
+    Quality, SQUEEZES, SensorDistance, VIGNETTINGS, Values,
 };
 use super::entry::Entry;
 use crate::error::Error;
@@ -17,7 +17,7 @@ pub(super) struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables.
-pub(super) static SCHEMA: [Key; 27] = {
+pub(super) static SCHEMA: [Key; 29] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -30,6 +30,8 @@ pub(super) static SCHEMA: [Key; 27] = {
         key("lens", "f_number", |v, e| e.positive_or_inf().map(|x| v.f_number = Some(x))),
         key("lens", "focus_distance", |v, e| e.focus(v, Focus::Distance(e.positive_or_inf()?))),
         key("lens", "focus_point", |v, e| e.focus(v, Focus::Point(e.point()?))),
+        key("lens", "focus_object", |v, e| e.focus(v, Focus::Object(e.text()?.to_owned()))),
+        key("lens", "focus_keys", |v, e| e.focus(v, Focus::Keys(e.focus_keys()?))),
         key("lens", "sensor_width_mm", |v, e| e.positive().map(|x| v.sensor_width_mm = Some(x))),
         key("lens", "sensor_distance", |v, e| {
             e.one_of(&SENSOR_DISTANCES).map(|x| v.sensor_distance = Some(x))
@@ -78,6 +80,29 @@ pub(super) static SCHEMA: [Key; 27] = {
 /// What the two numbers of a colour error are.
 const RED_BLUE: &str = "micrometres of red and of blue";
 
+/// A key that each of the `[[lens.focus_keys]]` may hold: its name, and how its value is checked and kept.
+pub(super) struct FocusKeyPart {
+    pub(super) name: &'static str,
+    pub(super) set: fn(&mut FocusKeyDraft, &Entry<'_>) -> Result<(), Error>,
+}
+
+/// One of the `[[lens.focus_keys]]` as far as it is read.
+#[derive(Default)]
+pub(super) struct FocusKeyDraft {
+    pub(super) frame: Option<i64>,
+    pub(super) focus: Option<Focus>,
+    pub(super) easing: Easing,
+}
+
+/// Every key of the `[[lens.focus_keys]]`.
+pub(super) static FOCUS_KEY_PARTS: [FocusKeyPart; 5] = [
+    FocusKeyPart { name: "frame", set: |key, e| e.integer().map(|x| key.frame = Some(x)) },
+    FocusKeyPart { name: "distance", set: |key, e| e.key_focus(key, Focus::Distance(e.positive_or_inf()?)) },
+    FocusKeyPart { name: "point", set: |key, e| e.key_focus(key, Focus::Point(e.point()?)) },
+    FocusKeyPart { name: "object", set: |key, e| e.key_focus(key, Focus::Object(e.text()?.to_owned())) },
+    FocusKeyPart { name: "easing", set: |key, e| e.one_of(&Easing::ALL).map(|x| key.easing = x) },
+];
+
 const SENSOR_DISTANCES: [(&str, SensorDistance); 2] =
     [("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)];
 
@@ -107,6 +132,7 @@ pub(super) fn known_keys(table: &str) -> Vec<String> {
     let members = |json: &Json| json.as_object().map(|map| map.keys().cloned().collect()).unwrap_or_default();
     match (table, table.strip_prefix("method.")) {
         ("", _) => table_names().into_iter().map(str::to_owned).collect(),
+        ("lens.focus_keys", _) => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
         (_, Some(method)) => members(&parameters[method]),
         _ => {
             let keys = SCHEMA.iter().filter(|key| key.table == table).map(|key| key.name.to_owned());

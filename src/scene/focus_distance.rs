@@ -1,0 +1,178 @@
+//! LOOK: how far away what the lens is to be focused on is.
+//!
+//! A pixel is as far as what the picture shows there. An object is as far as the median of its pixels: of those at least half
+//! covered by it, weighted by how much it covers, so that neither its edges nor what shines through count. A focus pull takes its two
+//! keys' distances, in this frame's stack, and goes between them as [`FocusPull`] has it.
+
+use crate::error::Error;
+use crate::lens::FocusPull;
+use crate::settings::{Focus, FocusKey};
+use crate::stack::depth::DepthScale;
+use crate::stack::{ObjectMatte, Stack, Window};
+
+/// Coverage from which on a pixel is an object's.
+const COVERED: f32 = 0.5;
+/// Share of the largest coverage from which on pixels count for an object that covers none by half.
+const NEARLY_MOST: f32 = 0.9;
+
+/// A frame of a sequence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameNumber {
+    /// Its number.
+    pub number: i64,
+    /// Where that is from, in words.
+    pub from: &'static str,
+}
+
+/// A distance in focus, and how it was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Focused {
+    /// Planar distance in depth units.
+    pub distance: f32,
+    /// How it was found, where it was not said: in words and numbers.
+    pub reason: Option<String>,
+}
+
+/// Planar distance of `focus` in `stack`, which is frame `frame` of its sequence. Points are in picture pixels of the display window.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for a point outside of the picture, for one that shows background alone, as an object may, for
+/// an object that is not there ([`Stack::object`]), and for focus keys without a frame's number.
+pub fn focus_distance(
+    stack: &Stack,
+    scale: &DepthScale,
+    focus: &Focus,
+    frame: Option<FrameNumber>,
+) -> Result<Focused, Error> {
+    let said = |distance| Focused { distance, reason: None };
+    match focus {
+        Focus::Distance(distance) => Ok(said(*distance)),
+        Focus::Point(point) => distance_at(stack, scale, *point).map(said),
+        Focus::Centre => {
+            let Window { width, height, .. } = stack.frame.display;
+            let centre = [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32);
+            distance_at(stack, scale, centre).map(said)
+        }
+        Focus::Object(name) => distance_of_object(stack, scale, name),
+        Focus::Keys(keys) => {
+            let frame = frame.ok_or_else(no_frame_number)?;
+            distance_of_pull(keys, frame, |focus| focus_distance(stack, scale, focus, Some(frame)))
+        }
+    }
+}
+
+/// Planar distance of what the picture shows at pixel `point` of the display window.
+fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
+    let s = stack.supersample as f32;
+    let frame = &stack.frame;
+    let column = (point[0] * s).floor() - (frame.data.x - frame.display.x) as f32;
+    let row = (point[1] * s).floor() - (frame.data.y - frame.display.y) as f32;
+    let (width, height) = (stack.width(), stack.height());
+    let place = format!("{}, {}", point[0], point[1]);
+    if !(column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32) {
+        return Err(Error::settings("the focus point lies outside the picture")
+            .with("found", place)
+            .with("picture", format!("{} × {} pixels", width as f32 / s, height as f32 / s))
+            .help("give pixels from the left and from the top: --focus-at X,Y"));
+    }
+    let depth = depth_shown(stack, scale, column as usize, row as usize);
+    if depth.is_finite() {
+        return Ok(depth);
+    }
+    Err(Error::settings("there is only background at the focus point")
+        .with("found", place)
+        .help("pick a point on an object with --focus-at X,Y, name one with --focus-on, or give the distance with --focus"))
+}
+
+/// Planar depth of what the picture shows at a sample of the data window; `+∞` for background.
+fn depth_shown(stack: &Stack, scale: &DepthScale, column: usize, row: usize) -> f32 {
+    let [x0, y0] = stack.frame.data_origin_from_centre();
+    let shown = stack.peels.iter().find(|peel| peel.alpha.get(column, row) > 0.0);
+    shown.map_or(f32::INFINITY, |peel| {
+        scale.planar(peel.depth.get(column, row), x0 + column as f32, y0 + row as f32)
+    })
+}
+
+fn distance_of_object(stack: &Stack, scale: &DepthScale, name: &str) -> Result<Focused, Error> {
+    let ObjectMatte { cryptomatte, coverage } = stack.object(name)?;
+    let most = coverage.iter().copied().fold(0.0, f32::max);
+    let least = if most >= COVERED { COVERED } else { NEARLY_MOST * most };
+    let covered = coverage.iter().enumerate().filter(|&(_, &share)| share >= least);
+    let seen =
+        covered.map(|(i, &share)| (depth_shown(stack, scale, i % stack.width(), i / stack.width()), share));
+    let mut depths: Vec<(f32, f32)> = seen.filter(|(depth, _)| depth.is_finite()).collect();
+    let Some(distance) = weighted_median(&mut depths) else {
+        return Err(Error::settings(format!("the object '{name}' has no depth: only background is there"))
+            .with("found", format!("it in {cryptomatte}"))
+            .help("pick a point with --focus-at X,Y, or give the distance with --focus"));
+    };
+    let (count, pixels) = (depths.len(), if stack.supersample == 1 { "pixels" } else { "samples" });
+    let weak = if most < COVERED { format!(", none covered by more than {most:.2}") } else { String::new() };
+    let reason =
+        format!("object '{name}' of {cryptomatte}: {distance}, the median of {count} {pixels}{weak}");
+    Ok(Focused { distance, reason: Some(reason) })
+}
+
+/// The value at which half of the weight is reached, of pairs of a value and its weight; `None` without any. Sorts them.
+fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|&(_, weight)| f64::from(weight)).sum::<f64>();
+    let mut reached = 0.0;
+    let median = values.iter().find(|(_, weight)| {
+        reached += f64::from(*weight);
+        reached >= half
+    });
+    median.map(|&(value, _)| value)
+}
+
+/// The distance at `frame` of a focus pull between `keys`, whose own distances `find` knows.
+fn distance_of_pull(
+    keys: &[FocusKey],
+    frame: FrameNumber,
+    find: impl Fn(&Focus) -> Result<Focused, Error>,
+) -> Result<Focused, Error> {
+    let Some(pull) = FocusPull::at(keys, frame.number) else {
+        return Err(Error::settings("there are no focus keys").help("give at least one [[lens.focus_keys]]"));
+    };
+    let at_key = |place: usize| {
+        let FocusKey { frame, focus, .. } = &keys[place];
+        let found = find(focus).map_err(|error| error.with("focus key", format!("of frame {frame}")))?;
+        let how = found.reason.map(|reason| format!("; frame {frame} has {reason}")).unwrap_or_default();
+        Ok((found.distance, how))
+    };
+    let (from, how_from) = at_key(pull.from)?;
+    let (to, how_to) = if pull.from == pull.to { (from, String::new()) } else { at_key(pull.to)? };
+    let distance = pull.distance(from, to);
+    let FrameNumber { number, from: source } = frame;
+    let [first, second] = [pull.from, pull.to].map(|place| keys[place].frame);
+    let place = if pull.from == pull.to {
+        format!("at the key of frame {first}")
+    } else {
+        format!("between keys {first} and {second}, eased {:.2} of the way from {from} to {to}", pull.eased)
+    };
+    let reason = format!("frame {number}, from {source}; {place}: {distance}{how_from}{how_to}");
+    Ok(Focused { distance, reason: Some(reason) })
+}
+
+fn no_frame_number() -> Error {
+    Error::settings("focus keys need the number of the frame, and there is none")
+        .with(
+            "looked for",
+            "--frame, or digits before the extension of the input's name, as in shot.0042.exr",
+        )
+        .help("say which frame this is with --frame N")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_where_half_of_the_weight_is_reached() {
+        let median = |values: &[(f32, f32)]| weighted_median(&mut values.to_vec());
+        assert_eq!(median(&[(9.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), Some(2.0), "the middle, not the mean");
+        assert_eq!(median(&[(9.0, 3.0), (1.0, 1.0), (2.0, 1.0)]), Some(9.0), "by weight, not by count");
+        assert_eq!(median(&[(5.0, 1.0), (4.0, 1.0)]), Some(4.0), "the nearer of two in the middle");
+        assert_eq!(median(&[]), None);
+    }
+}

@@ -1,0 +1,369 @@
+//! Cryptomattes: which objects each pixel of the picture shows, and how much of each.
+//!
+//! As specified by Friedman & Jones, "Fully Automatic ID Mattes with Support for Motion Blur and Transparency" (2015), version 1.2: the
+//! channels `NAME00.R G B A`, `NAME01.R …` are pairs of an id and its coverage, best first; the header's `cryptomatte/…/name` says
+//! NAME, and `cryptomatte/…/manifest` has the ids of all names as JSON. Hosts differ in what they make of it, and all of this is
+//! read: a view layer before NAME (Blender), `.r` or `.red` for `.R`, parts of their own, channels whose header was lost.
+//! An id is the hash of its object's name ([`murmur`]), which finds objects where there is no manifest, or one that cannot be read.
+//! Ids are compared as bits: they stand in float channels, and may be any float.
+//! Limits: of several peels' cryptomattes only those of the first, which say what the camera sees. A manifest in a file of its own
+//! is not opened. Channels of 16 bits have lost their ids.
+//! Cost: a read of two channels a rank. Memory: a float a sample.
+
+use super::header::ExrFile;
+use super::{CarriedChannel, Stack, Window, murmur};
+use crate::error::Error;
+use crate::settings::nearest;
+use exr::image::FlatSamples;
+use exr::meta::attribute::{AttributeValue, SampleType};
+use half::slice::HalfFloatSliceExt;
+use serde_json::Value as Json;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+/// What an attribute of a cryptomatte starts with.
+const ATTRIBUTES: &str = "cryptomatte/";
+/// What the channels of a cryptomatte are mostly called; tells where the header does not.
+const USUAL_NAME: &str = "crypto";
+/// Digits of a rank in a channel's name.
+const RANK_DIGITS: usize = 2;
+/// Names in an error before the rest is only counted.
+const SHOWN_NAMES: usize = 16;
+/// Places in `R G B A` that hold ids; the others hold coverage.
+const IDS: [usize; 2] = [0, 2];
+/// The id of no object.
+const NOTHING: u32 = 0;
+
+/// One cryptomatte of a stack.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cryptomatte {
+    /// What its channels are called, without their numbers: `ViewLayer.CryptoObject`.
+    pub name: String,
+    /// Names of the channels with ids and with their coverage, best first; at least one pair.
+    ranks: Vec<[String; 2]>,
+    /// Where the names of its objects are.
+    manifest: Manifest,
+}
+
+/// Where the names of a cryptomatte's objects are.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+enum Manifest {
+    /// Nowhere.
+    #[default]
+    Absent,
+    /// In this JSON, not yet parsed.
+    Text(String),
+    /// In a file of this name.
+    File(String),
+}
+
+/// What the header says of one cryptomatte.
+#[derive(Debug, Default)]
+struct Described {
+    name: String,
+    manifest: Manifest,
+}
+
+/// What a picture shows of one object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectMatte<'a> {
+    /// The cryptomatte that it was found in.
+    pub cryptomatte: &'a str,
+    /// The share of each sample of the data window, 0 … 1, row by row.
+    pub coverage: Vec<f32>,
+}
+
+/// The objects of one cryptomatte that a picture shows.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Objects {
+    /// What the cryptomatte is called.
+    pub cryptomatte: String,
+    /// The objects' names, the one with the largest area first.
+    pub names: Vec<String>,
+    /// How many more there are, whose names are not known.
+    pub unnamed: usize,
+    /// Why names are not known, if it is for the manifest.
+    pub doubt: Option<String>,
+}
+
+/// The cryptomattes of `file` whose channels have the data window `data`, objects before materials; not those of `deeper` peels,
+/// which are given by their prefixes.
+pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptomatte> {
+    let described = described(file);
+    let mut groups: BTreeMap<&str, BTreeMap<&str, [Option<&str>; 4]>> = BTreeMap::new();
+    for channel in &file.channels {
+        if let Some((name, rank, role)) = rank_channel(&channel.name)
+            && file.frame(channel.part).data == data
+            && (!IDS.contains(&role) || channel.sample_type == SampleType::F32)
+        {
+            groups.entry(name).or_default().entry(rank).or_default()[role].get_or_insert(&channel.name);
+        }
+    }
+    let is_deeper = |name: &str| {
+        deeper.iter().any(|prefix| !prefix.is_empty() && name.starts_with(&format!("{prefix}.")))
+    };
+    let mut found: Vec<Cryptomatte> = Vec::new();
+    for (name, ranks) in groups.into_iter().filter(|(name, _)| !is_deeper(name)) {
+        let exact = described.iter().find(|described| described.name == name);
+        let header = exact.or_else(|| described.iter().find(|described| is_same(&described.name, name)));
+        let usual = last_part(name).to_ascii_lowercase().starts_with(USUAL_NAME);
+        let ranks: Vec<[String; 2]> = ranks.into_values().flat_map(pairs).collect();
+        if (header.is_some() || usual) && !ranks.is_empty() {
+            let manifest = header.map(|header| header.manifest.clone()).unwrap_or_default();
+            found.push(Cryptomatte { name: name.to_owned(), ranks, manifest });
+        }
+    }
+    found.sort_by_key(|matte| order(&matte.name));
+    found
+}
+
+/// What the headers of all parts say of cryptomattes.
+fn described(file: &ExrFile) -> Vec<Described> {
+    let mut described: BTreeMap<String, Described> = BTreeMap::new();
+    for (name, value) in file.attributes_of_all_parts() {
+        let name = name.to_string();
+        let key = name.strip_prefix(ATTRIBUTES).and_then(|rest| rest.rsplit_once('/'));
+        if let (Some((id, key)), AttributeValue::Text(text)) = (key, value) {
+            let matte = described.entry(id.to_owned()).or_default();
+            // Names of channels have been read one byte a letter, names of objects are UTF-8.
+            let utf8 = || String::from_utf8_lossy(text.as_slice()).into_owned();
+            match key {
+                "name" => matte.name = text.to_string(),
+                "manifest" => matte.manifest = Manifest::Text(utf8()),
+                "manif_file" if matte.manifest == Manifest::Absent => {
+                    matte.manifest = Manifest::File(utf8());
+                }
+                _ => {}
+            }
+        }
+    }
+    described.into_values().filter(|matte| !matte.name.is_empty()).collect()
+}
+
+/// Of a channel called `NAME00.R`: NAME, the rank, and the place in `R G B A`.
+fn rank_channel(channel: &str) -> Option<(&str, &str, usize)> {
+    const ROLES: [[&str; 2]; 4] = [["r", "red"], ["g", "green"], ["b", "blue"], ["a", "alpha"]];
+    let (head, ending) = channel.rsplit_once('.')?;
+    let role = ROLES.iter().position(|names| names.iter().any(|name| name.eq_ignore_ascii_case(ending)))?;
+    let (name, rank) = head.split_at_checked(head.len().checked_sub(RANK_DIGITS)?)?;
+    let is_rank = rank.bytes().all(|byte| byte.is_ascii_digit());
+    (is_rank && !name.is_empty()).then_some((name, rank, role))
+}
+
+/// Id and coverage, twice a rank.
+fn pairs([red, green, blue, alpha]: [Option<&str>; 4]) -> impl Iterator<Item = [String; 2]> {
+    let pair = |id: Option<&str>, coverage: Option<&str>| Some([id?.to_owned(), coverage?.to_owned()]);
+    [pair(red, green), pair(blue, alpha)].into_iter().flatten()
+}
+
+/// Whether header and channels mean one cryptomatte: a view layer or a part may stand before either's name.
+fn is_same(described: &str, channels: &str) -> bool {
+    let ends_so = |long: &str, short: &str| {
+        long.strip_suffix(short).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
+    };
+    ends_so(described, channels) || ends_so(channels, described)
+}
+
+fn last_part(name: &str) -> &str {
+    name.rsplit('.').next().unwrap_or(name)
+}
+
+/// Sort key: objects, what else there may be, materials.
+fn order(name: &str) -> (u8, String) {
+    let last = last_part(name).to_ascii_lowercase();
+    let rank = match (last.contains("object"), last.contains("material")) {
+        (true, _) => 0,
+        (_, false) => 1,
+        (_, true) => 2,
+    };
+    (rank, name.to_owned())
+}
+
+impl Manifest {
+    /// Names with their ids.
+    ///
+    /// # Errors
+    /// Why there are none.
+    fn names(&self) -> Result<BTreeMap<String, u32>, String> {
+        let text = match self {
+            Self::Absent => return Err("no manifest in the file".to_owned()),
+            Self::File(name) => return Err(format!("its manifest is in another file, {name}")),
+            Self::Text(text) => text,
+        };
+        let names: BTreeMap<String, Json> =
+            serde_json::from_str(text).map_err(|error| format!("its manifest cannot be read: {error}"))?;
+        let id = |value: &Json| u32::from_str_radix(value.as_str()?, 16).ok();
+        Ok(names.into_iter().filter_map(|(name, value)| Some((name, id(&value)?))).collect())
+    }
+}
+
+impl Cryptomatte {
+    /// Whether `channel` is one of its own.
+    pub(super) fn has(&self, channel: &str) -> bool {
+        self.ranks.iter().flatten().any(|name| name == channel)
+    }
+
+    /// The id of the object called `name`; `None` for one that the manifest lacks.
+    fn id(&self, name: &str) -> Option<u32> {
+        match self.manifest.names() {
+            Ok(names) => names.get(name).copied(),
+            Err(_) => Some(murmur::id(name)),
+        }
+    }
+}
+
+impl Stack {
+    /// What the picture shows of the object called `name`. The channels must have been kept: see
+    /// [`super::ReadOptions::objects`].
+    ///
+    /// # Errors
+    /// No cryptomatte; an unknown name, with the nearest known one and those that the picture shows; a known name that it does not
+    /// show.
+    pub fn object(&self, name: &str) -> Result<ObjectMatte<'_>, Error> {
+        if self.cryptomattes.is_empty() {
+            return Err(no_cryptomatte(name));
+        }
+        let mut unseen = None;
+        for matte in &self.cryptomattes {
+            let Some(id) = matte.id(name) else { continue };
+            let coverage = self.coverage(matte, id);
+            if coverage.iter().any(|&share| share > 0.0) {
+                return Ok(ObjectMatte { cryptomatte: &matte.name, coverage });
+            }
+            if matte.manifest.names().is_ok() {
+                unseen = unseen.or(Some(matte));
+            }
+        }
+        Err(unseen.map_or_else(|| self.no_such_object(name), |matte| not_seen(name, matte)))
+    }
+
+    /// The objects that the picture shows, a list a cryptomatte.
+    pub fn objects(&self) -> Vec<Objects> {
+        self.cryptomattes.iter().map(|matte| self.objects_of(matte)).collect()
+    }
+
+    fn objects_of(&self, matte: &Cryptomatte) -> Objects {
+        let (names, doubt) = match matte.manifest.names() {
+            Ok(names) => (names, None),
+            Err(doubt) => (BTreeMap::new(), Some(doubt)),
+        };
+        let mut areas = self.areas(matte);
+        let mut seen: Vec<(f64, String)> =
+            names.into_iter().filter_map(|(name, id)| Some((areas.remove(&id)?, name))).collect();
+        seen.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let names = seen.into_iter().map(|(_, name)| name).collect();
+        Objects { cryptomatte: matte.name.clone(), names, unnamed: areas.len(), doubt }
+    }
+
+    /// The ids and coverages of each rank of `matte`.
+    fn ranks<'a>(
+        &'a self,
+        matte: &'a Cryptomatte,
+    ) -> impl Iterator<Item = (&'a [f32], Cow<'a, [f32]>)> + use<'a> {
+        let samples = |name: &str| {
+            let channel =
+                self.carried.channels.iter().chain(&self.mattes).find(|channel| channel.name == name);
+            channel.map(|channel| &channel.samples)
+        };
+        matte.ranks.iter().filter_map(move |[id, coverage]| match samples(id)? {
+            FlatSamples::F32(ids) => Some((ids.as_slice(), floats(samples(coverage)?))),
+            FlatSamples::F16(_) | FlatSamples::U32(_) => None,
+        })
+    }
+
+    /// The share of each sample that shows the object `id`, 0 … 1.
+    fn coverage(&self, matte: &Cryptomatte, id: u32) -> Vec<f32> {
+        let mut sum = vec![0.0; self.width() * self.height()];
+        for (ids, coverages) in self.ranks(matte) {
+            for ((sum, found), &coverage) in sum.iter_mut().zip(ids).zip(coverages.iter()) {
+                // NaN and what is below 0 add nothing.
+                if found.to_bits() == id && coverage > 0.0 {
+                    *sum = (*sum + coverage).min(1.0);
+                }
+            }
+        }
+        sum
+    }
+
+    /// The area of every object that the picture shows, in samples.
+    fn areas(&self, matte: &Cryptomatte) -> BTreeMap<u32, f64> {
+        let mut areas = BTreeMap::new();
+        for (ids, coverages) in self.ranks(matte) {
+            // Neighbours show the same object mostly: one look into the map a run of them.
+            let mut run = (NOTHING, 0.0);
+            let mut add = |(id, area): (u32, f64)| {
+                if id != NOTHING && area > 0.0 {
+                    *areas.entry(id).or_insert(0.0) += area;
+                }
+            };
+            for (id, &coverage) in ids.iter().map(|id| id.to_bits()).zip(coverages.iter()) {
+                if id != run.0 {
+                    add(std::mem::replace(&mut run, (id, 0.0)));
+                }
+                run.1 += f64::from(coverage.max(0.0));
+            }
+            add(run);
+        }
+        areas
+    }
+
+    fn no_such_object(&self, name: &str) -> Error {
+        let objects = self.objects();
+        let mut error = Error::settings(format!("there is no object called '{name}' in the picture"));
+        for Objects { cryptomatte, names, doubt, unnamed } in &objects {
+            let found = match doubt {
+                None if names.is_empty() => "no object".to_owned(),
+                None => listed(names, SHOWN_NAMES),
+                Some(doubt) => {
+                    format!("{unnamed} objects without names: {doubt}, so names are found by their hash")
+                }
+            };
+            error = error.with("found", format!("in {cryptomatte}: {found}"));
+        }
+        let names: Vec<&String> = objects.iter().flat_map(|objects| &objects.names).collect();
+        let holds =
+            || names.iter().find(|known| !name.is_empty() && known.contains(name)).map(|name| name.as_str());
+        match nearest(name, &names).or_else(holds) {
+            Some(near) => error.help(format!("did you mean '{near}'?")),
+            None => {
+                error.help("names are written as in the scene, in full; --focus-at X,Y focuses on a pixel")
+            }
+        }
+    }
+}
+
+/// Samples as floats.
+fn floats(samples: &FlatSamples) -> Cow<'_, [f32]> {
+    match samples {
+        FlatSamples::F32(values) => Cow::Borrowed(values),
+        FlatSamples::F16(values) => Cow::Owned(values.to_f32_vec()),
+        FlatSamples::U32(values) => Cow::Owned(values.iter().map(|&value| value as f32).collect()),
+    }
+}
+
+/// The first `most` names of a list, and how many more there are.
+pub fn listed(names: &[String], most: usize) -> String {
+    let shown = names.iter().take(most).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(most) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+fn no_cryptomatte(name: &str) -> Error {
+    Error::settings(format!("the file has no cryptomatte to find the object '{name}' by"))
+        .with("looked for", "32-bit channels CryptoObject00.R G B A or such, as large as the picture's")
+        .help("render with a Cryptomatte pass, or focus on a pixel with --focus-at X,Y")
+}
+
+fn not_seen(name: &str, matte: &Cryptomatte) -> Error {
+    Error::settings(format!("the picture does not show the object '{name}'"))
+        .with("found", format!("its name in the manifest of {}, but no pixel with its id", matte.name))
+        .help("it may be hidden or outside of the frame; --focus-at X,Y focuses on a pixel, --focus on a distance")
+}
+
+/// Of `channels` those of `mattes`.
+pub(super) fn of(channels: Vec<CarriedChannel>, mattes: &[Cryptomatte]) -> Vec<CarriedChannel> {
+    let is_matte = |channel: &CarriedChannel| mattes.iter().any(|matte| matte.has(&channel.name));
+    channels.into_iter().filter(is_matte).collect()
+}
