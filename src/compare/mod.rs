@@ -184,7 +184,9 @@ impl Comparison<'_> {
             picture = Some(methods::render(scene, &plan, &|_| {})?);
             runs.push(Cost { cpu_seconds: watch.cpu_seconds(), seconds: watch.seconds() });
         }
-        let image = picture.unwrap_or_default();
+        let painted = picture.unwrap_or_default();
+        let sampling = self.probes.judge_image(&painted);
+        let image = painted.trimmed(scene.outside_px);
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
             cpu_seconds: median(runs.iter().map(|run| run.cpu_seconds)),
@@ -199,7 +201,7 @@ impl Comparison<'_> {
             runs,
             whole: blur.and(self.prepared_cost()),
             predicted: self.calibration.map(|calibration| cost::predict(facts, &plan, calibration)),
-            sampling: self.probes.judge_image(&image),
+            sampling,
             model: model.map(|pair| pair.score()),
             on_front: false,
             command: self.command(contender),

@@ -2,7 +2,7 @@
 
 use super::effects::{self, Given};
 use super::sampling::{Goal, Sampling};
-use super::{Facts, bright_step_floor};
+use super::{Extrapolation, Facts, bright_step_floor};
 use crate::error::Error;
 use crate::lens::Aperture;
 use crate::settings::{MethodParameters, Settings};
@@ -16,6 +16,8 @@ pub enum EffectKind {
     Blur,
     /// Samples of a supersampled stack gathered into coverage peels.
     Merge,
+    /// Light that a source which ends at white has lost, guessed.
+    HighlightExtrapolation,
     /// Exact discs for bright fragments.
     Highlights,
     /// Guessed surfaces where the stack knows of none.
@@ -91,6 +93,8 @@ pub struct Plan {
     pub coc_range_px: [f32; 2],
     /// Brightness from which a fragment is drawn as an exact disc; infinite when none is.
     pub highlight_threshold: f32,
+    /// How highlights are extrapolated, where they are.
+    pub extrapolation: Extrapolation,
     /// Every effect, on or off.
     pub effects: Vec<Effect>,
     /// The methods' own parameters.
@@ -104,8 +108,8 @@ impl Plan {
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, a
-    /// number of views out of range, and an effect asked for that is not known or cannot be switched.
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method or of extrapolated
+    /// highlights out of its range, a number of views out of range, and an effect asked for that is not known or cannot be switched.
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;
@@ -125,8 +129,15 @@ impl Plan {
         let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
         let settled = if goal.is_none() { views } else { None };
         let aperture_asked_for = aperture(settings)?;
-        let given =
-            Given { facts, parameters: &parameters, views: settled, jitter, aperture: aperture_asked_for };
+        let extrapolation = Extrapolation::new(&settings.picture)?;
+        let given = Given {
+            facts,
+            parameters: &parameters,
+            views: settled,
+            jitter,
+            aperture: aperture_asked_for,
+            extrapolation,
+        };
         let (highlight_threshold, effects) = effects::decide(&given, &abilities);
         let plan = Self {
             method: abilities.method,
@@ -143,6 +154,7 @@ impl Plan {
             aperture_asked_for,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
+            extrapolation,
             effects,
             parameters,
         };
@@ -183,6 +195,7 @@ mod tests {
     use super::*;
     use crate::scene::{BRIGHT_STEPS, BrightStep};
     use crate::settings::{Effort, Origin, Values};
+    use crate::stack::ColorRange;
 
     /// A method that has every step.
     const ABLE: Abilities = Abilities {
@@ -210,6 +223,8 @@ mod tests {
             focused_fragments: 500,
             open_samples: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
+            color_range: ColorRange::Unbounded,
+            light: Vec::new(),
             limited_fragments: 0,
             spread: crate::scene::Spread::default(),
         }

@@ -5,7 +5,7 @@ use super::header::ExrFile;
 use super::names::{self, Assigned, PeelChannels};
 use super::read::{Carry, ReadOptions};
 use super::sanitise::Replaced;
-use super::{CarriedChannel, Finding, Frame, Precision, Window, carried};
+use super::{CarriedChannel, ColorRange, Finding, Frame, Precision, Window, carried};
 use crate::error::Error;
 use crate::image::Plane;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
@@ -41,6 +41,8 @@ pub(super) struct Layers {
     pub(super) frame: Frame,
     /// Of the colour channels.
     pub(super) precision: Precision,
+    /// How bright colours can be.
+    pub(super) color_range: ColorRange,
     /// The header's attributes.
     pub(super) attributes: Vec<(Text, AttributeValue)>,
     /// Channels to hand on.
@@ -120,7 +122,9 @@ fn read_assigned(
     let mut decoded = decoded.into_iter();
     let layers = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
     let channels = carried::channels(carried_names, decoded);
-    Ok(Layers { name, peels: layers, frame, precision, attributes, channels, findings, replaced })
+    let color_range = ColorRange::Unbounded;
+    let peels = layers;
+    Ok(Layers { name, peels, frame, precision, color_range, attributes, channels, findings, replaced })
 }
 
 /// The channels of one peel in the order they are decoded.

@@ -4,7 +4,7 @@ use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{self, Layer, Layers, place};
-use super::{Carried, Finding, Frame, Peel, Stack, StackKind, Window};
+use super::{Carried, ColorRange, Finding, Frame, Peel, Stack, StackKind, Window};
 use super::{camera, carried, kind, names, picture};
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -187,6 +187,9 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     if more.precision == super::Precision::Float {
         stack.precision = more.precision;
     }
+    if more.color_range == ColorRange::Unbounded {
+        stack.color_range = more.color_range;
+    }
     for layer in more.peels {
         let layer = Layer { found: format!("{} in {}", layer.found, more.name.display()), ..layer };
         stack.peels.push(layer);
@@ -196,8 +199,17 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 
 /// The stack of all layers: one window, one convention, one kind.
 fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
-    let Layers { name, peels: layers, frame, precision, attributes, channels, mut findings, replaced } =
-        layers;
+    let Layers {
+        name,
+        peels: layers,
+        frame,
+        precision,
+        color_range,
+        attributes,
+        channels,
+        mut findings,
+        replaced,
+    } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, peels_finding(&layers));
@@ -235,7 +247,18 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
         findings.extend(carried::drop_supersampled(&mut carried));
     }
     let convention = conclusion.convention;
-    Ok(Stack { peels, frame, convention, kind, supersample, precision, camera, carried, findings })
+    Ok(Stack {
+        peels,
+        frame,
+        convention,
+        kind,
+        supersample,
+        precision,
+        color_range,
+        camera,
+        carried,
+        findings,
+    })
 }
 
 fn no_depth_at_all() -> Error {
