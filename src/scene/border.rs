@@ -24,9 +24,9 @@ impl Scene {
     /// How far beyond the frame something may lie and yet be seen in it, in picture pixels.
     pub fn reach_px(&self) -> usize {
         let of_layer = |layer: &Layer| {
-            let fragments = layer.alpha.values().par_iter().zip(layer.coc_px.values());
-            let sizes = fragments.map(|(&alpha, coc)| if alpha > 0.0 { coc.abs() } else { 0.0 });
-            sizes.reduce(|| 0.0, f32::max)
+            let width = layer.width().max(1);
+            let rows = layer.alpha.values().par_chunks(width).zip(layer.coc_px.values().par_chunks(width));
+            rows.map(|(alpha, coc_px)| largest_of_row(alpha, coc_px)).reduce(|| 0.0, f32::max)
         };
         let largest_px = self.layers.iter().map(of_layer).fold(0.0, f32::max);
         if largest_px > 0.0 { (largest_px + SPARE_PX).ceil() as usize } else { 0 }
@@ -59,34 +59,40 @@ impl Scene {
     }
 }
 
+/// The largest size of CoC radii where there are fragments.
+fn largest_of_row(alpha: &[f32], coc_px: &[f32]) -> f32 {
+    let sizes = alpha.iter().zip(coc_px).map(|(&alpha, coc)| if alpha > 0.0 { coc.abs() } else { 0.0 });
+    sizes.fold(0.0, |largest, size| if size > largest { size } else { largest })
+}
+
 /// `plane` amid zeros.
-fn isolated(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
-    framed(plane, [columns, rows], |y, row| {
-        if let Some(y) = y.checked_sub(rows).filter(|&y| y < plane.height()) {
-            row[columns..][..plane.width()].copy_from_slice(plane.row(y));
-        }
-    })
+fn isolated(plane: &Plane, outside: [usize; 2]) -> Plane {
+    framed(plane, outside, |y| y.checked_sub(outside[1]).filter(|&y| y < plane.height()), |_, _| 0.0)
 }
 
 /// `plane` amid its reflections.
-fn mirrored(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
-    let sources: Vec<usize> =
-        (0..plane.width() + 2 * columns).map(|x| reflected(x, columns, plane.width())).collect();
-    framed(plane, [columns, rows], |y, row| {
-        let from = plane.row(reflected(y, rows, plane.height()));
-        row.iter_mut().zip(&sources).for_each(|(sample, &x)| *sample = from[x]);
-    })
+fn mirrored(plane: &Plane, outside: [usize; 2]) -> Plane {
+    let row = |y: usize| Some(reflected(y, outside[1], plane.height()));
+    framed(plane, outside, row, |samples, x| samples[reflected(x, outside[0], samples.len())])
 }
 
-/// A plane as large as `plane` with `columns` and `rows` around it, each of its rows made by `row(y, samples)`.
+/// A plane as large as `plane` with the columns and rows `outside` around it: each of its rows has in its middle the samples of
+/// `row(y)`, if any, and `beside(samples, x)` in every other column `x`.
 fn framed(
     plane: &Plane,
     [columns, rows]: [usize; 2],
-    row: impl Fn(usize, &mut [f32]) + Sync + Send,
+    row: impl Fn(usize) -> Option<usize> + Sync + Send,
+    beside: impl Fn(&[f32], usize) -> f32 + Sync + Send,
 ) -> Plane {
-    let width = plane.width() + 2 * columns;
-    let mut larger = Plane::zeros(width, plane.height() + 2 * rows);
-    larger.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, samples)| row(y, samples));
+    let (width, larger_width) = (plane.width(), plane.width() + 2 * columns);
+    let mut larger = Plane::zeros(larger_width, plane.height() + 2 * rows);
+    larger.values_mut().par_chunks_mut(larger_width).enumerate().for_each(|(y, to)| {
+        let Some(from) = row(y).map(|y| plane.row(y)) else { return };
+        to[columns..][..width].copy_from_slice(from);
+        for x in (0..columns).chain(columns + width..larger_width) {
+            to[x] = beside(from, x);
+        }
+    });
     larger
 }
 

@@ -247,18 +247,17 @@ fn highlight_extrapolation(given: &Given<'_>) -> Effect {
         return new(false, reason, "with it, nothing".to_owned());
     }
     let share = percent(gained.fragments, facts.fragments);
+    let more = 100.0 * gained.added / gained.light;
     let reason = format!(
-        "the source ends at white, and {} blurred fragments ({share:.1} %) have a displayed luminance above {threshold}",
+        "the source ends at white, and {} blurred fragments ({share:.1} %) have a displayed luminance above {threshold}: they gain \
+         {more:.0} % of light",
         gained.fragments
     );
-    let more = 100.0 * gained.added / gained.light;
-    new(
-        true,
-        reason,
-        format!(
-            "with it, they have {more:.0} % more light; without it, lights that were clipped are grey discs"
-        ),
-    )
+    let less = 100.0 * gained.added / (gained.light + gained.added);
+    let change = format!(
+        "without it, they would have {less:.0} % less light, and lights that were clipped be grey discs"
+    );
+    new(true, reason, change)
 }
 
 /// The blurred fragments that are brighter than `wanted`, to within half a stop.

@@ -142,6 +142,11 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
+    use crate::methods;
+    use crate::scene::{Effect, Facts};
+    use crate::settings::{MethodParameters, Origin, Settings, Switches, Values};
+    use crate::stack::{ColorRange, StackKind};
 
     const PAPER: Extrapolation = Extrapolation { threshold: 0.8, falloff: 3.0, gain: 2.0 };
 
@@ -175,20 +180,79 @@ mod tests {
         let color = [1.0, 0.9, 0.2];
         let gained = applied(color, 1.0, 5.0);
         let factors: [f32; 3] = std::array::from_fn(|k| gained[k] / color[k]);
-        // λ of 0.853 of light is 0.931: λ_n = 0.657, its cube 0.283.
-        assert!(factors.iter().all(|factor| (factor - 1.283).abs() < 2e-3), "{factors:?}");
+        // 0.853 of light is displayed as 0.932: λ_n = 0.662, its cube 0.290.
+        assert!(factors.iter().all(|factor| (factor - 1.290).abs() < 1e-3), "{factors:?}");
     }
 
     #[test]
     fn luminance_is_that_of_the_colour_whatever_its_coverage() {
-        assert_eq!(applied([0.5; 3], 0.5, 3.0), [1.0; 3], "half a pixel of white doubles as white does");
+        let [red, ..] = applied([0.5; 3], 0.5, 3.0);
+        assert!((red - 1.0).abs() < 1e-5, "half a pixel of white doubles as white does: {red}");
         assert_eq!(applied([0.7; 3], 0.0, 3.0), [0.7; 3], "where nothing is, nothing gains");
     }
 
     #[test]
     fn what_is_in_focus_stays_and_what_leaves_it_gains_by_and_by() {
         for (coc_px, light) in [(0.0, 1.0), (-1.0, 1.0), (1.5, 1.5), (-1.5, 1.5), (2.0, 2.0), (-40.0, 2.0)] {
-            assert_eq!(applied([1.0; 3], 1.0, coc_px), [light; 3], "CoC radius {coc_px}");
+            let [red, ..] = applied([1.0; 3], 1.0, coc_px);
+            assert!((red - light).abs() < 1e-5, "CoC radius {coc_px}: {red}, expected {light}");
         }
+    }
+
+    /// A scene of white and of grey at these CoC radii, of a source of this range; white is a quarter of it.
+    fn scene(color_range: ColorRange, coc_px: f32) -> Scene {
+        let plane = Plane::from_fn(8, 4, |x, _| if x < 2 { 1.0 } else { 0.25 });
+        let layer = Layer {
+            color: [plane.clone(), plane.clone(), plane],
+            alpha: Plane::filled(8, 4, 1.0),
+            coc_px: Plane::filled(8, 4, coc_px),
+        };
+        Scene { color_range, ..Scene::new(vec![layer], StackKind::BeautyDepth, 1, 10.0) }
+    }
+
+    /// The scene as a method sees it, what it shows, and the decision.
+    fn settled(scene: Scene, force: &[&str]) -> (Scene, Facts, Effect) {
+        let force = force.iter().map(|name| (*name).to_owned()).collect();
+        let settings = Settings::resolve(&[], MethodParameters::default());
+        let settings = Settings { switches: Switches { force, ..Switches::default() }, ..settings };
+        let (scene, facts, plan) = methods::settle(scene, &settings).unwrap();
+        let mut effects = plan.effects.into_iter();
+        (scene, facts, effects.find(|effect| effect.name == EffectKind::HighlightExtrapolation).unwrap())
+    }
+
+    #[test]
+    fn a_source_that_ends_at_white_has_its_blurred_highlights_extrapolated_and_the_plan_says_by_how_much() {
+        let given = scene(ColorRange::UpToWhite, 5.0);
+        let (found, facts, effect) = settled(given.clone(), &[]);
+        assert!(effect.on && effect.reason.contains("8 blurred fragments (25.0 %)"), "{effect:?}");
+        assert!(
+            effect.reason.contains("gain 100 % of light") && effect.change.contains("50 % less"),
+            "{effect:?}"
+        );
+        let [light, before] = [&found, &given].map(|scene| scene.layers[0].color[1].get(0, 0));
+        assert!((light - 2.0 * before).abs() < 1e-5, "{light}");
+        assert_eq!(found.layers[0].color[1].get(5, 0), 0.25, "grey is not changed");
+        assert_eq!(facts.light, given.facts().light, "decided from what the source had");
+        assert_eq!(facts.bright, found.facts().bright, "all else is of what methods see");
+    }
+
+    #[test]
+    fn where_nothing_was_clipped_or_nothing_is_blurred_the_scene_stays_as_it_is() {
+        let (linear, focused) = (scene(ColorRange::Unbounded, 5.0), scene(ColorRange::UpToWhite, 0.9));
+        for given in [linear.clone(), focused] {
+            let (found, _, effect) = settled(given.clone(), &[]);
+            assert!(!effect.on && found == given, "{effect:?}");
+        }
+        let (found, _, effect) = settled(linear, &["highlight-extrapolation"]);
+        assert!(effect.on && effect.forced && effect.reason.contains("scene-linear"), "{effect:?}");
+        assert!(found.layers[0].color[0].get(0, 0) > 1.99, "but it can be asked for");
+    }
+
+    #[test]
+    fn values_out_of_their_range_are_refused_by_name() {
+        let values = Values { extrapolation_gain: Some(0.5), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let error = Extrapolation::new(&settings.picture).unwrap_err().to_string();
+        assert!(error.contains("gain") && error.contains("from 1 to 1000"), "{error}");
     }
 }
