@@ -531,7 +531,7 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
 fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let preset = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/preset.toml");
-    let lens = ["--preset", preset, "--f-number", "0.05", "--blades", "5"];
+    let lens = ["--preset", preset, "--f-number", "4", "--blades", "5"];
     let rest =
         ["--methods", "scatter:saturation=0.5", "--repeats", "2", "--probes", "60", "-o", "my out", "--json"];
     let switches = ["--force", "open-background", "--without", "fill,highlights"];
@@ -704,7 +704,7 @@ fn the_blurred_highlights_of_a_png_are_extrapolated_unless_that_is_left_out() {
             "--focus",
             "3",
             "--f-number",
-            "4",
+            "0.05",
         ];
         let output = run(folder.path(), &[files.as_slice(), &lens, flags].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
