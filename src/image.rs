@@ -34,6 +34,20 @@ impl Plane {
         plane
     }
 
+    /// The plane without `columns` on the left and on the right, and without `rows` above and below; as it is without any.
+    #[must_use]
+    pub fn trimmed(self, [columns, rows]: [usize; 2]) -> Self {
+        if [columns, rows] == [0, 0] {
+            return self;
+        }
+        let (width, height) = (self.width - 2 * columns, self.height - 2 * rows);
+        let mut plane = Self::zeros(width, height);
+        for y in 0..height {
+            plane.row_mut(y).copy_from_slice(&self.row(rows + y)[columns..][..width]);
+        }
+        plane
+    }
+
     /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
@@ -109,6 +123,12 @@ impl Image {
         Self { planes: std::array::from_fn(|k| Plane::from_fn(width, height, |x, y| pixel(x, y)[k])) }
     }
 
+    /// The picture without `columns` on the left and on the right, and without `rows` above and below.
+    #[must_use]
+    pub fn trimmed(self, outside: [usize; 2]) -> Self {
+        Self { planes: self.planes.map(|plane| plane.trimmed(outside)) }
+    }
+
     /// Width in pixels.
     pub fn width(&self) -> usize {
         self.planes[0].width()
@@ -146,6 +166,14 @@ mod tests {
             let linear = i as f32 / 1000.0;
             assert!((srgb_decode(srgb_encode(linear)) - linear).abs() < 1e-6, "{linear}");
         }
+    }
+
+    #[test]
+    fn a_trimmed_plane_is_its_middle() {
+        let place = |x: usize, y: usize| (x + 10 * y) as f32;
+        let whole = Plane::from_fn(6, 5, place);
+        assert_eq!(whole.clone().trimmed([2, 1]), Plane::from_fn(2, 3, |x, y| place(x + 2, y + 1)));
+        assert_eq!(whole.clone().trimmed([0, 0]), whole);
     }
 
     #[test]

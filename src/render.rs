@@ -10,14 +10,14 @@ use crate::error::Error;
 use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice};
 use crate::image::{Image, Plane};
-use crate::lens::{LensSpec, SHARP_COC_PX, Sharpness, ThinLens};
+use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
 use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
 use crate::scene::{self, EffectKind, Facts, Focused, FrameNumber, Goal, Plan, Scene};
-use crate::settings::{DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
+use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
 use std::path::Path;
@@ -70,9 +70,9 @@ pub struct Prepared {
     pub lens: ThinLens,
     /// Between which depths it is sharp.
     pub sharpness: Sharpness,
-    /// The stack in CoC space.
+    /// The stack in CoC space, with what lies beyond the frame ([`Scene::outside_px`]) and with what the plan has had done to it.
     pub scene: Scene,
-    /// What the scene shows.
+    /// What the scene shows, what lies beyond the frame included.
     pub facts: Facts,
     /// What will be simulated, and why.
     pub plan: Plan,
@@ -161,6 +161,7 @@ impl Prepared {
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self { mut stack, summary, settings, lens, scene, facts, plan, device, mut clock, .. } = self;
+        let outside_px = scene.outside_px;
         let calibration = calibration(&plan, &mut stack)?;
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
         let field = scene.field;
@@ -177,8 +178,9 @@ impl Prepared {
             .filter(|_| self.confidence)
             .map(|scene| clock.time(Stage::Confidence, || confidence::confidence(scene, &plan, progress)));
         let frame = picture_frame(&stack.frame, stack.supersample);
+        let known = known.transpose()?.map(|known| known.trimmed(outside_px));
         Ok(Rendered {
-            image,
+            image: image.trimmed(outside_px),
             frame,
             stack,
             summary,
@@ -188,7 +190,7 @@ impl Prepared {
             device,
             outcome,
             probe,
-            confidence: known.transpose()?,
+            confidence: known,
             clock,
         })
     }
@@ -234,6 +236,7 @@ impl Rendered {
             method: self.plan.method,
             device: output::report::Device { kind: self.device.kind.name(), name: self.device.name.clone() },
             lens: LensReport::new(&self.settings, &self.lens),
+            picture: self.settings.picture.clone(),
             stack: self.summary.clone(),
             plan: PlanReport::from(&self.plan),
             views: self.plan.views,
@@ -281,9 +284,34 @@ fn decide(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<(Sc
             ),
         ));
     }
-    let facts = scene.facts();
-    let plan = methods::plan(&facts, settings)?;
-    Ok((scene, facts, plan))
+    let astray_px = Optics::new(settings, &scene.field)?.astray_px();
+    let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
+    methods::settle(scene, settings)
+}
+
+/// `scene` with what `border` says around it, and a finding of that.
+fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Finding>) -> Scene {
+    let content = match border {
+        Border::Clamp => return scene,
+        Border::Mirror => "its reflection",
+        Border::Transparent => "nothing",
+    };
+    let reach_px = scene.reach_px(astray_px);
+    let scene = scene.padded(border, reach_px);
+    let [columns, rows] = scene.outside_px;
+    findings.push(Finding::note(
+        "border",
+        format!(
+            "{columns} columns and {rows} rows of {content} on either side of the frame, as far as it is seen"
+        ),
+    ));
+    if columns.min(rows) < reach_px {
+        let text = format!(
+            "the blur reaches {reach_px} px beyond the frame, and past those rows the last one goes on"
+        );
+        findings.push(Finding::warning("border", text));
+    }
+    scene
 }
 
 /// How fast this machine is, if `plan` needs to know: measured at the first time, outside of any stage.

@@ -636,3 +636,87 @@ fn an_effect_that_cannot_be_switched_is_an_error_before_anything_is_read_or_run(
     assert!(halfway.contains("'fill' cannot be forced: gather has no such step"), "{halfway}");
     assert_eq!(names(&folder.path().join("out")), [""; 0], "nothing ran");
 }
+
+#[test]
+fn what_lies_beyond_the_frame_is_said_and_shows_at_its_edge_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let lens = ["--preset", "portrait", "--focus", "6", "--views", "64"];
+    let picture = |border: &[&str], output: &str| {
+        let files =
+            ["render", STACK, "-o", output, "--report", "r.json", "--confidence", "known.exr", "--verify"];
+        let output_of = run(folder.path(), &[files.as_slice(), &lens, border].concat());
+        assert_eq!(output_of.status.code(), Some(0), "{}", stderr(&output_of));
+        let report: serde_json::Value = serde_json::from_slice(&fs::read(file("r.json")).unwrap()).unwrap();
+        (read_picture(&file(output)).unwrap(), read_picture(&file("known.exr")).unwrap(), report)
+    };
+    let (own, _, report) = picture(&[], "own.exr");
+    assert_eq!(report["picture"]["border"]["value"], "clamp");
+    let (clamped, ..) = picture(&["--border", "clamp"], "clamped.exr");
+    assert!(clamped == own, "clamp is the default, bit for bit");
+    for border in ["mirror", "transparent"] {
+        let (found, known, report) = picture(&["--border", border], "found.exr");
+        assert_eq!((found.width(), found.height()), (own.width(), own.height()), "{border}");
+        assert_eq!((known.width(), known.height()), (own.width(), own.height()), "{border}");
+        assert_eq!(report["picture"]["border"]["value"], border);
+        assert_eq!(report["picture"]["border"]["origin"]["from"], "flag");
+        let findings = report["findings"].as_array().unwrap();
+        assert!(findings.iter().any(|finding| finding["about"] == "border"), "{findings:?}");
+        let least_db = report["probe"]["interval_db"][0].as_f64().unwrap();
+        assert!(least_db > 30.0, "the stack's truth has the border too: {least_db} dB");
+        let off = |x, y| {
+            let pairs = own.pixel(x, y).into_iter().zip(found.pixel(x, y));
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let (x, y) = (own.width() / 2, own.height() / 2);
+        assert!(off(x, y) < 0.01, "{border}: {} at the centre", off(x, y));
+        assert_eq!(found.pixel(0, y)[3] < 0.95, border == "transparent", "{border}: {:?}", found.pixel(0, y));
+    }
+}
+
+#[test]
+fn a_presets_border_and_extrapolation_are_shown_with_where_they_come_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let preset = "[picture]\nborder = 'mirror'\n[highlight-extrapolation]\ngain = 4\n";
+    fs::write(folder.path().join("mine.toml"), preset).unwrap();
+    let text = stdout(&run(folder.path(), &["inspect", STACK, "--preset", "mine.toml", "--focus", "6"]));
+    let line = |name: &str| text.lines().find(|line| line.trim_start().starts_with(name)).unwrap().to_owned();
+    assert!(
+        text.lines().any(|line| line.contains("mirror  ") && line.contains("preset mine.toml")),
+        "{text}"
+    );
+    assert!(line("gain").contains('4') && line("gain").contains("preset mine.toml"), "{text}");
+    assert!(line("falloff").contains('3') && line("falloff").contains("default"), "{text}");
+    assert!(line("highlight-extrapolation").contains("off  the source is scene-linear"), "{text}");
+}
+
+#[test]
+fn the_blurred_highlights_of_a_png_are_extrapolated_unless_that_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let light = |x, y| if (x, y) == (24, 16) { [255; 3] } else { [40; 3] };
+    image::RgbImage::from_fn(48, 32, |x, y| image::Rgb(light(x, y))).save(file("in.png")).unwrap();
+    image::ImageBuffer::from_pixel(48, 32, image::Luma([30_000_u16])).save(file("depth.png")).unwrap();
+    let sum = |flags: &[&str]| {
+        let files = ["render", "in.png", "--depth-file", "depth.png", "-o", "out.exr", "--method", "scatter"];
+        let lens = [
+            "--depth-convention",
+            "normalised",
+            "--near",
+            "1",
+            "--far",
+            "9",
+            "--focus",
+            "3",
+            "--f-number",
+            "0.05",
+        ];
+        let output = run(folder.path(), &[files.as_slice(), &lens, flags].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let picture = read_picture(&file("out.exr")).unwrap();
+        picture.planes[1].values().iter().sum::<f32>()
+    };
+    let (gained, clipped) = (sum(&[]), sum(&["--without", "highlight-extrapolation"]));
+    // The light is one pixel of white, and what it gains as much again, but for the precision of half floats.
+    assert!((gained - clipped - 1.0).abs() < 0.05, "{gained} and {clipped}");
+}

@@ -302,7 +302,7 @@ fn json_is_written_whole_with_a_newline_at_its_end() {
 mod the_report {
     use super::{Path, report, usage};
     use thinlens::lens::{Aperture, Optics, ThinLens};
-    use thinlens::scene::{Effect, EffectKind, Plan};
+    use thinlens::scene::{Effect, EffectKind, Extrapolation, Plan};
     use thinlens::settings::{DepthConvention, MethodParameters, Origin, Settings, Values};
     use thinlens::stack::{Finding, Precision, StackKind};
 
@@ -321,6 +321,7 @@ mod the_report {
             optics_asked_for: Optics::of(Aperture::DISC),
             coc_range_px: [-3.0, 12.5],
             highlight_threshold: f32::INFINITY,
+            extrapolation: Extrapolation::new(&settings.picture).unwrap(),
             effects: vec![Effect {
                 name: EffectKind::Fill,
                 on: false,
@@ -343,6 +344,7 @@ mod the_report {
                 &settings,
                 &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0 },
             ),
+            picture: settings.picture.clone(),
             stack: report::StackReport {
                 width: 40,
                 height: 30,
@@ -377,6 +379,7 @@ mod the_report {
             "method",
             "device",
             "lens",
+            "picture",
             "plan",
             "seconds",
             "cpu_seconds",

@@ -13,7 +13,6 @@ use thinlens::stack::StackKind;
 fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
     let none = json!({});
     let with = |method, key, value: Value| (method, key, value, none.clone());
-    let highlights = json!({ "extrapolate_highlights": true });
     vec![
         with("shear", "views", json!(16)),
         with("shear", "prefilter", json!(0.0)),
@@ -33,10 +32,6 @@ fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
         with("point-splat", "delta", json!(0.1)),
         with("point-splat", "intensity", json!([0.2, 1.0])),
         with("point-splat", "accelerated", json!(false)),
-        with("point-splat", "extrapolate_highlights", json!(true)),
-        ("point-splat", "highlight_threshold", json!(0.4), highlights.clone()),
-        ("point-splat", "highlight_falloff", json!(1.0), highlights.clone()),
-        ("point-splat", "highlight_gain", json!(4.0), highlights),
         with("layer-rays", "rays", json!(8)),
         with("layer-rays", "delta_px", json!(9.0)),
         with("layer-rays", "overlap", json!(0.4)),

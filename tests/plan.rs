@@ -6,7 +6,9 @@
 //! * `fill`, where three layers or more do not know all the same what is behind the last of them: a guess takes the place of nothing;
 //! * `open-background`, where every pixel shows something and yet rays may find nothing: they count as transparent, not as unknown;
 //! * `resolve`, where anti-aliased fragments are in focus: they are softened again;
-//! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates;
+//! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates; of a
+//!   source that ends at white, extrapolation makes such areas;
+//! * `highlight-extrapolation`, where the source is scene-linear: what was never clipped is made brighter;
 //! * `merge` and `translucency` are facts of the stack and cannot be switched.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
@@ -18,7 +20,7 @@ use thinlens::image::{Image, Plane};
 use thinlens::methods::{self, METHODS};
 use thinlens::scene::{EffectKind, Layer, Plan, Scene};
 use thinlens::settings::{Effort, Mask, MethodParameters, Origin, Settings, Switches, Values};
-use thinlens::stack::StackKind;
+use thinlens::stack::{ColorRange, StackKind};
 
 const KINDS: [StackKind; 5] = [
     StackKind::PointSampled,
@@ -105,9 +107,14 @@ impl Case {
         surfaces.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
         let supersample = if kind == StackKind::Supersampled { 2 } else { 1 };
         let (layers, cut) = layers_of(&surfaces, size, (layers, kind, supersample));
-        let scene = Scene::new(layers, kind, supersample, 1000.0);
+        let mut scene = Scene::new(layers, kind, supersample, 1000.0);
+        // One in three is of a picture made for a display.
+        if seed.is_multiple_of(3) {
+            scene.color_range = ColorRange::UpToWhite;
+        }
         let mut case = Self { seed, scene, complete: backdrop && !cut, bright_area };
         (0..rng.usize(0..12)).for_each(|_| case.light(rng));
+        case.clip();
         case
     }
 
@@ -118,6 +125,18 @@ impl Case {
         let value = 20.0 + 400.0 * rng.f32();
         if alpha.get(x, y) > 0.0 {
             color.iter_mut().for_each(|plane| plane.set(x, y, value));
+        }
+    }
+
+    /// Clips what is brighter than white, where the source could not hold it.
+    fn clip(&mut self) {
+        if self.scene.color_range == ColorRange::UpToWhite {
+            for Layer { color, alpha, .. } in &mut self.scene.layers {
+                for plane in color {
+                    let pairs = plane.values_mut().iter_mut().zip(alpha.values());
+                    pairs.for_each(|(value, alpha)| *value = value.min(*alpha));
+                }
+            }
         }
     }
 
@@ -153,11 +172,11 @@ impl Case {
     fn plan(&self, effects: &[EffectKind]) -> Plan {
         let force = effects.iter().map(|kind| kind.name().to_owned()).collect();
         let switches = Switches { force, ..Switches::default() };
-        methods::plan(&self.scene.facts(), &self.settings(switches)).unwrap()
+        methods::settle(self.scene.clone(), &self.settings(switches)).unwrap().2
     }
 
     fn picture(&self, plan: &Plan) -> Image {
-        methods::render(self.scene.clone(), plan, &|_| {}).unwrap()
+        methods::render(self.scene.clone().extrapolated(plan), plan, &|_| {}).unwrap()
     }
 
     /// Smallest and largest CoC radius of its fragments, sign aside.
@@ -191,7 +210,8 @@ impl Case {
             EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
             EffectKind::OpenBackground => !self.complete && !self.shows_nothing_somewhere(),
             EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
-            EffectKind::Highlights => self.bright_area,
+            EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
+            EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
             EffectKind::Merge | EffectKind::Translucency => true,
             EffectKind::Prefilter
             | EffectKind::BladeCurvature
@@ -207,9 +227,9 @@ impl Case {
 
     /// How the case is named when it fails.
     fn name(&self) -> String {
-        let Scene { layers, kind, .. } = &self.scene;
+        let Scene { layers, kind, color_range, .. } = &self.scene;
         format!(
-            "seed {}: {kind:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
+            "seed {}: {kind:?}, colours {color_range:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
             self.seed,
             layers.len(),
             layers[0].width(),

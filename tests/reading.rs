@@ -9,7 +9,9 @@ use half::f16;
 use std::path::Path;
 use thinlens::error::ErrorKind;
 use thinlens::settings::{DepthConvention, Focus};
-use thinlens::stack::{Carry, Precision, ReadOptions, Source, Stack, StackKind, Window, read, read_picture};
+use thinlens::stack::{
+    Carry, ColorRange, Precision, ReadOptions, Source, Stack, StackKind, Window, read, read_picture,
+};
 
 /// `[r, g, b, a, depth]` of every peel at the top left pixel.
 fn first_pixels(stack: &Stack) -> Vec<[f32; 5]> {
@@ -226,7 +228,8 @@ fn half_colour_is_told_from_float_colour() {
     let float = Part::flat((1, 1), "R=1 G=1 B=1 Z=1");
     assert_eq!(stack_of(vec![Part::flat((1, 1), "R=1 G=1 B=1 Z=1")]).precision, Precision::Float);
     let halves = float.with("R", half(1.0)).with("G", half(1.0)).with("B", half(1.0));
-    assert_eq!(stack_of(vec![halves]).precision, Precision::Half);
+    let stack = stack_of(vec![halves]);
+    assert_eq!((stack.precision, stack.color_range), (Precision::Half, ColorRange::Unbounded));
 }
 
 #[test]
@@ -314,6 +317,7 @@ fn an_srgb_png_with_a_16_bit_depth_png_becomes_linear_and_premultiplied() {
     assert!((z - 0.2).abs() < 1e-6);
     assert!(warnings(&stack)[0].contains("--depth-convention"));
     assert!(stack.findings.iter().any(|finding| finding.text.contains("sRGB")));
+    assert_eq!(stack.color_range, ColorRange::UpToWhite, "integers end at white");
 }
 
 // What is concluded.

@@ -8,7 +8,9 @@ use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
 use thinlens::methods::METHODS;
 use thinlens::render::{Job, NamedPreset};
-use thinlens::settings::{DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Switches, Values};
+use thinlens::settings::{
+    Border, DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Switches, Values,
+};
 use thinlens::stack::{Carry, ReadOptions, Source};
 
 /// Pixels at which a sampling error is measured unless the user says how many.
@@ -67,6 +69,12 @@ pub(super) struct InputArgs {
     /// version and no frame; of several inputs, all must have the number.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frame: Option<i64>,
+    /// What lies beyond the frame; clamp by default
+    ///
+    /// What is blurred at the frame's edge is blurred with what lies beyond it. Overscan is the true answer: what the data window holds is
+    /// used, and this is about what lies beyond that.
+    #[arg(long, value_name = "BORDER")]
+    border: Option<BorderArg>,
 }
 
 /// The lens; every flag outranks the preset.
@@ -186,6 +194,9 @@ pub(super) struct EffectArgs {
     ///
     /// merge: a fact of the stack. Supersampled stacks are always merged, others never.
     ///
+    /// highlight-extrapolation: forced, blurred highlights of a scene-linear source are made brighter too, although nothing of them was
+    /// clipped; without it, those of a PNG, TIFF or JPEG stay as they were clipped, and their discs are grey.
+    ///
     /// highlights: forced, every blurred fragment above their threshold is drawn as an exact disc, whatever it costs; without
     /// it, the lens samples show them as dots.
     ///
@@ -202,7 +213,7 @@ pub(super) struct EffectArgs {
     /// blade-curvature, squeeze: forced, the aperture has them even where they are too small to show; without them its sides are
     /// straight, or it is as wide as high.
     ///
-    /// Where nothing is blurred no other step is taken, asked for or not: force blur as well to have it.
+    /// Where nothing is blurred no other step is taken, and nothing extrapolated, asked for or not: force blur as well to have it.
     ///
     /// A method without a step cannot be forced to take it: `thinlens methods NAME` shows what each has.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
@@ -272,6 +283,16 @@ enum ConventionArg {
     Inverse,
     /// 0 at --near to 1 at --far
     Normalised,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BorderArg {
+    /// The last pixel, for ever
+    Clamp,
+    /// The picture, reflected
+    Mirror,
+    /// Nothing: blurred edges fade out
+    Transparent,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -360,6 +381,7 @@ fn values(input: &InputArgs, lens: &LensArgs) -> Values {
         near: input.near,
         far: input.far,
         supersample: input.supersample.map(usize::from),
+        border: input.border.map(BorderArg::border),
         ..Values::default()
     }
 }
@@ -389,6 +411,7 @@ impl InputArgs {
             metres_per_unit,
             supersample,
             frame,
+            border,
         } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
@@ -402,6 +425,7 @@ impl InputArgs {
             flag("--metres-per-unit", metres_per_unit.as_ref()),
             flag("--supersample", supersample.as_ref()),
             flag("--frame", frame.as_ref()),
+            flag("--border", border.and_then(value_name)),
         ];
         inputs.chain(flags.into_iter().flatten()).collect()
     }
@@ -482,6 +506,16 @@ impl ConventionArg {
     }
 }
 
+impl BorderArg {
+    fn border(self) -> Border {
+        match self {
+            Self::Clamp => Border::Clamp,
+            Self::Mirror => Border::Mirror,
+            Self::Transparent => Border::Transparent,
+        }
+    }
+}
+
 fn qualities() -> impl TypedValueParser<Value = Quality> {
     PossibleValuesParser::new(Quality::ALL.map(Quality::name)).map(|name| {
         let quality = Quality::ALL.into_iter().find(|quality| quality.name() == name);
@@ -545,7 +579,7 @@ mod tests {
     fn the_words_of_flags_are_read_back_as_the_same_flags() {
         use clap::{CommandFactory, Parser};
         let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
-                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --frame -42 --preset p --focal-length 85.5 --f-number inf \
+                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --frame -42 --border mirror --preset p --focal-length 85.5 --f-number inf \
                     --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
                     --blade-curvature 0.5 --squeeze 1.33 --aperture-image heart.png --cats-eye 0.8 --vignetting 0.5 \
                     --spherical -40 --axial-color -30,45.5 --lateral-color 4,-6 --force fill,resolve --without highlights";

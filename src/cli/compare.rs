@@ -66,7 +66,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
     let prepared = prepare(&stack_job(&args.input, &args.lens, &args.effects, Carry::None)?)?;
     console.findings(&prepared.stack.findings);
     if let Some(reference) = &reference {
-        check_size(prepared.scene.picture_size(), reference)?;
+        check_size(prepared.scene.frame_size(), reference)?;
     }
     let calibration = console.calibration(false)?;
     let Prepared { scene, plan, .. } = &prepared;
@@ -125,7 +125,8 @@ impl CompareArgs {
             self.input.files().map(path).collect(),
             self.reference.as_ref().map(path),
         );
-        let pinhole = comparison.prepared.scene.pinhole();
+        let scene = &comparison.prepared.scene;
+        let pinhole = scene.pinhole().trimmed(scene.outside_px);
         let mut gallery = Gallery::new(&pinhole, comparison.reference);
         for (i, contender) in contenders.iter().enumerate() {
             console.note(format_args!("{contender} ({} of {})", i + 1, contenders.len()));

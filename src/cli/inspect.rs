@@ -13,7 +13,7 @@ use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Prepared, prepare};
 use thinlens::scene::{Facts, FocusShares, PeelFacts, Plan};
-use thinlens::settings::{Focus, LensSettings, Sourced};
+use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
 const EXAMPLES: &str = "\
@@ -89,6 +89,7 @@ fn to_json(Inspected { prepared, focus, peels, objects }: &Inspected) -> serde_j
         "objects": objects,
         "findings": stack.findings,
         "lens": LensReport::new(settings, lens),
+        "picture": settings.picture,
         "sharpness": sharpness,
         "focus_shares": focus,
         "peels_seen": peels,
@@ -110,6 +111,7 @@ fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<
     objects.iter().try_for_each(|objects| write_objects(&mut text, objects))?;
     write_findings(&mut text, stack)?;
     write_lens(&mut text, &settings.lens, lens)?;
+    write_picture(&mut text, &settings.picture)?;
     write_focus(&mut text, sharpness, focus)?;
     write_ranges(&mut text, facts, lens)?;
     write_peels(&mut text, &facts.peels)?;
@@ -160,10 +162,12 @@ fn write_findings(text: &mut String, stack: &Stack) -> fmt::Result {
     Ok(())
 }
 
+/// A name, a value, and where it comes from.
+fn sourced<T>(text: &mut String, name: &str, value: impl Display, from: &Sourced<T>) -> fmt::Result {
+    line(text, name, format_args!("{:<24} {}", value.to_string(), from.origin))
+}
+
 fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Result {
-    fn sourced<T>(text: &mut String, name: &str, value: impl Display, from: &Sourced<T>) -> fmt::Result {
-        line(text, name, format_args!("{:<24} {}", value.to_string(), from.origin))
-    }
     let focus = match &set.focus.value {
         Focus::Distance(distance) => format!("{distance} depth units"),
         Focus::Point([x, y]) => format!("{} depth units, at {x},{y}", lens.focus_distance),
@@ -197,6 +201,16 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     sourced(text, "depth 0 is at", format_args!("{} depth units", set.near.value), &set.near)?;
     sourced(text, "depth 1 is at", format_args!("{} depth units", set.far.value), &set.far)?;
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
+}
+
+fn write_picture(text: &mut String, set: &PictureSettings) -> fmt::Result {
+    let PictureSettings { border, extrapolation_threshold, extrapolation_falloff, extrapolation_gain } = set;
+    writeln!(text, "picture")?;
+    sourced(text, "border", kebab(&border.value), border)?;
+    writeln!(text, "highlight extrapolation")?;
+    sourced(text, "threshold", extrapolation_threshold.value, extrapolation_threshold)?;
+    sourced(text, "falloff", extrapolation_falloff.value, extrapolation_falloff)?;
+    sourced(text, "gain", extrapolation_gain.value, extrapolation_gain)
 }
 
 /// What is sharp, in space and in the picture.

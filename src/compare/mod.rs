@@ -24,6 +24,7 @@ pub use table::table;
 
 use crate::cost::{self, Calibration, Prediction};
 use crate::error::Error;
+use crate::finish::finish;
 use crate::image::Image;
 use crate::methods;
 use crate::metrics::{Pair, Score};
@@ -184,7 +185,9 @@ impl Comparison<'_> {
             picture = Some(methods::render(scene, &plan, &|_| {})?);
             runs.push(Cost { cpu_seconds: watch.cpu_seconds(), seconds: watch.seconds() });
         }
-        let image = picture.unwrap_or_default();
+        let painted = picture.unwrap_or_default();
+        let sampling = self.probes.judge_image(&painted);
+        let image = finish(painted, &plan, scene.field).trimmed(scene.outside_px);
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
             cpu_seconds: median(runs.iter().map(|run| run.cpu_seconds)),
@@ -199,7 +202,7 @@ impl Comparison<'_> {
             runs,
             whole: blur.and(self.prepared_cost()),
             predicted: self.calibration.map(|calibration| cost::predict(facts, &plan, calibration)),
-            sampling: self.probes.judge_image(&image),
+            sampling,
             model: model.map(|pair| pair.score()),
             on_front: false,
             command: self.command(contender),

@@ -67,9 +67,9 @@ impl<'a> Shape<'a> {
         if self.plan.does(EffectKind::Merge) { self.samples() } else { 0.0 }
     }
 
-    /// Lens samples a pixel.
+    /// Lens samples a pixel, those of every set.
     pub(super) fn views(&self) -> f64 {
-        self.plan.views.unwrap_or(0) as f64
+        (self.plan.views.unwrap_or(0) * self.plan.optics.ray_sets()) as f64
     }
 
     /// Size of the largest CoC radii in front of and behind focus.

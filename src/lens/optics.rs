@@ -17,6 +17,8 @@
 
 use super::views::{moved_views, views};
 use super::{Aperture, ApertureImage, Field, View};
+use crate::error::Error;
+use crate::settings::{ABERRATIONS_UM, CATS_EYES, Settings, VIGNETTINGS};
 use glam::Vec2;
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -76,6 +78,36 @@ impl Rays {
 }
 
 impl Optics {
+    /// The lens that `settings` ask for, before a picture that lies there in its `field`.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, an image of one that is black, and a number out of its range.
+    pub fn new(settings: &Settings, field: &Field) -> Result<Self, Error> {
+        let lens = &settings.lens;
+        let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
+        let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
+        let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
+        let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
+        // What is that far out of focus along the axis blurs to a CoC of that over the f-number.
+        let coc_px_per_um = 0.5 / lens.f_number.value * px_per_um;
+        let um = |name, value, flag| checked(name, value, ABERRATIONS_UM, flag);
+        let pair = |name, [red, blue]: [f32; 2], flag| {
+            Ok::<_, Error>([um(name, red, flag)?, 0.0, um(name, blue, flag)?])
+        };
+        let axial_um = pair("axial colour", lens.axial_color_um.value, "--axial-color")?;
+        let lateral_um = pair("lateral colour", lens.lateral_color_um.value, "--lateral-color")?;
+        Ok(Self {
+            aperture,
+            image: image.transpose()?.map(Arc::new),
+            cats_eye: checked("the cat's eye", lens.cats_eye.value, CATS_EYES, "--cats-eye")?,
+            spherical_px: um("spherical aberration", lens.spherical_um.value, "--spherical")? * coc_px_per_um,
+            // What focuses farther from the lens has the CoC of what is nearer to it.
+            axial_px: axial_um.map(|farther| -farther * coc_px_per_um),
+            lateral_px: lateral_um.map(|farther| farther * px_per_um),
+            vignetting: checked("vignetting", lens.vignetting.value, VIGNETTINGS, "--vignetting")?,
+        })
+    }
+
     /// A lens without faults and with this aperture.
     pub fn of(aperture: Aperture) -> Self {
         Self {
@@ -111,6 +143,17 @@ impl Optics {
         } else {
             Rays::alike(of_color(0.0))
         }
+    }
+
+    /// How far beyond the largest CoC radius the lens moves anything in the picture, in pixels.
+    pub fn astray_px(&self) -> f32 {
+        self.lateral_px.iter().fold(0.0, |most: f32, lateral| most.max(lateral.abs()))
+            + self.longest_shift_px()
+    }
+
+    /// How many sets of rays a picture takes.
+    pub fn ray_sets(&self) -> usize {
+        if self.has_axial_color() { 3 } else { 1 }
     }
 
     /// Whether the colours have rays of their own.
@@ -199,6 +242,16 @@ impl Optics {
         }
         [before.max(middle - half_squared.sqrt()), behind.min(middle + half_squared.sqrt())]
     }
+}
+
+/// `value`, if it lies within its range.
+fn checked(what: &str, value: f32, [least, most]: [f32; 2], flag: &str) -> Result<f32, Error> {
+    if (least..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(Error::settings(format!("{what} must be from {least} to {most}"))
+        .with("found", value.to_string())
+        .help(format!("set it with {flag}, or in the preset")))
 }
 
 #[cfg(test)]

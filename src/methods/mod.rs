@@ -168,6 +168,23 @@ pub fn plan(facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
     Plan::decide(facts, settings, Abilities { method: name, effects, lens_samples, seeks })
 }
 
+/// Looks at `scene` and decides, as [`plan()`] does, and does to the scene what the plan asks to be done to it before any method sees
+/// it. The facts are then those of the scene as it is given back, but for [`Facts::light`], which that was decided from.
+///
+/// # Errors
+/// Those of [`plan()`].
+pub fn settle(scene: Scene, settings: &Settings) -> Result<(Scene, Facts, Plan), Error> {
+    let facts = scene.facts();
+    let decided = plan(&facts, settings)?;
+    if !decided.does(EffectKind::HighlightExtrapolation) {
+        return Ok((scene, facts, decided));
+    }
+    let scene = scene.extrapolated(&decided);
+    let facts = Facts { light: facts.light, ..scene.facts() };
+    let decided = plan(&facts, settings)?;
+    Ok((scene, facts, decided))
+}
+
 /// Carries out `plan`: the picture of `scene`, of its picture size.
 ///
 /// # Errors

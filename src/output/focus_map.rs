@@ -60,9 +60,10 @@ pub fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
 
 fn picture(scene: &Scene, coc_px: &Plane) -> Rgb8 {
     let (width, height) = (coc_px.width(), coc_px.height());
+    let [columns, rows] = scene.outside_px;
     let pixel = |i: usize| {
         let (x, y) = (i % width, i / width);
-        let [r, g, b, _] = scene.pinhole_pixel(x, y);
+        let [r, g, b, _] = scene.pinhole_pixel(x + columns, y + rows);
         let shown = [r, g, b].map(|linear| srgb_encode(linear.clamp(0.0, 1.0)));
         let color = color(shown, coc_px.get(x, y), line(coc_px, x, y));
         color.map(|value| (value * 255.0).round() as u8)

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::image::Plane;
 use crate::lens::ThinLens;
 use crate::scene::{Effect, Plan};
-use crate::settings::{DepthConvention, LensSettings, Settings};
+use crate::settings::{DepthConvention, LensSettings, PictureSettings, Settings};
 use crate::stack::{Finding, Precision, Stack, StackKind};
 use serde::Serialize;
 use std::path::Path;
@@ -27,6 +27,8 @@ pub struct Report {
     pub device: Device,
     /// The lens, each value with its origin.
     pub lens: LensReport,
+    /// The picture beside its lens, each value with its origin.
+    pub picture: PictureSettings,
     /// What was read.
     pub stack: StackReport,
     /// What was decided.

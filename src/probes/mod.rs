@@ -21,6 +21,9 @@
 //! lopsided. Errors are heavy-tailed: a stratum that looks even has as likely as not hidden its rare large ones, so none counts as
 //! more certain than all are on the mean. (Without that, intervals held the truth 90 times of 100 on renders of real scenes.)
 //!
+//! What lies beyond the frame ([`crate::scene::Scene::padded`]) is there for the rays, and is not looked at itself; a picture is judged before it
+//! is cut to the frame.
+//!
 //! Cost: the rays. Memory: next to none.
 
 mod peels;
@@ -245,21 +248,23 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// `count` pixels of the picture, spread over all of it; all of them, if it has no more.
+    /// `count` pixels of the frame, spread over all of it; all of them, if it has no more.
     fn candidates(&self, count: usize, rng: &mut Rng) -> Vec<Candidate> {
-        let (width, height) = self.scene.picture_size();
+        let (width, height) = self.scene.frame_size();
+        let (stride, [columns, rows]) = (self.scene.picture_size().0, self.scene.outside_px);
+        let in_picture = |pixel: usize| (pixel / width + rows) * stride + pixel % width + columns;
         let all = width * height;
         let count = count.min(all);
         // One from each of `count` equal stretches of pixels.
         let places = (0..count).map(|i| {
             let (from, to) = (i * all / count, (i + 1) * all / count);
-            (rng.usize(from..to), rng.u64(..))
+            (in_picture(rng.usize(from..to)), rng.u64(..))
         });
         let places: Vec<(usize, u64)> = places.collect();
         let candidate = |(pixel, seed): (usize, u64)| Candidate {
             pixel,
             spread: self.spread(pixel, &mut Rng::with_seed(seed)),
-            in_focus: in_focus(self.scene, pixel % width, pixel / width),
+            in_focus: in_focus(self.scene, pixel % stride, pixel / stride),
         };
         places.into_par_iter().map(candidate).collect()
     }
@@ -329,9 +334,9 @@ fn in_focus(scene: &Scene, x: usize, y: usize) -> bool {
 }
 
 /// `candidates` in strata, in focus and out of it, of falling spread and about equal total spread: for each its share of the
-/// candidates, in pixels of the picture, and its candidates.
+/// candidates, in pixels of the frame, and its candidates.
 fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<usize>)> {
-    let (width, height) = scene.picture_size();
+    let (width, height) = scene.frame_size();
     let pixels_each = (width * height) as f64 / candidates.len().max(1) as f64;
     let (focused, blurred): (Vec<_>, Vec<_>) =
         candidates.into_iter().partition(|candidate| candidate.in_focus);

@@ -4,10 +4,10 @@
 
 use super::facts::{BrightStep, bright_step_floor};
 use super::plan::{Effect, EffectKind};
-use super::{Abilities, Facts};
+use super::{Abilities, Extrapolation, Facts};
 use crate::lens::{Falloff, Optics, RimShares};
 use crate::settings::{MethodParameters, ShearParameters};
-use crate::stack::StackKind;
+use crate::stack::{ColorRange, StackKind};
 use std::f32::consts::PI;
 
 /// No fragment reaches beyond its own pixel below this CoC radius.
@@ -47,13 +47,16 @@ pub(super) struct Given<'a> {
     pub(super) jitter: f32,
     /// The lens with all that was asked for.
     pub(super) optics: &'a Optics,
+    /// How highlights are extrapolated.
+    pub(super) extrapolation: Extrapolation,
 }
 
 impl EffectKind {
     /// Every effect, in the order of plans.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Blur,
         Self::Merge,
+        Self::HighlightExtrapolation,
         Self::Highlights,
         Self::Fill,
         Self::Translucency,
@@ -75,6 +78,7 @@ impl EffectKind {
         match self {
             Self::Blur => "blur",
             Self::Merge => "merge",
+            Self::HighlightExtrapolation => "highlight-extrapolation",
             Self::Highlights => "highlights",
             Self::Fill => "fill",
             Self::Translucency => "translucency",
@@ -96,6 +100,7 @@ impl EffectKind {
     pub(super) fn is_step(self) -> bool {
         match self {
             Self::Blur
+            | Self::HighlightExtrapolation
             | Self::Translucency
             | Self::OpenBackground
             | Self::LateralColor
@@ -113,6 +118,11 @@ impl EffectKind {
             | Self::AxialColor => true,
         }
     }
+
+    /// Whether it is nothing where nothing is blurred.
+    pub(super) fn goes_with_blur(self) -> bool {
+        self.is_step() || self == Self::HighlightExtrapolation
+    }
 }
 
 /// The threshold of exact discs, and every effect for a method with these `abilities`.
@@ -121,6 +131,7 @@ pub(super) fn decide(given: &Given<'_>, abilities: &Abilities) -> (f32, Vec<Effe
     let effects = [
         blur(given, abilities),
         merge(given.facts),
+        highlight_extrapolation(given),
         highlights,
         fill(given),
         translucency(given.facts),
@@ -357,6 +368,39 @@ fn merge(facts: &Facts) -> Effect {
             "it cannot be left out: samples are no picture pixels",
         ),
     }
+}
+
+fn highlight_extrapolation(given: &Given<'_>) -> Effect {
+    let Given { facts, extrapolation, .. } = given;
+    let Extrapolation { threshold, gain, .. } = extrapolation;
+    let new =
+        |on, reason: String, change: String| new(EffectKind::HighlightExtrapolation, on, reason, change);
+    if facts.color_range == ColorRange::Unbounded {
+        let change = format!(
+            "with it, blurred fragments of a displayed luminance above {threshold} would be up to {gain} times as bright"
+        );
+        return new(false, "the source is scene-linear: nothing was clipped".to_owned(), change);
+    }
+    let gained = extrapolation.gained(&facts.light);
+    if gained.added <= 0.0 {
+        let reason = match gained.fragments {
+            0 => format!("no blurred fragment has a displayed luminance above {threshold}"),
+            _ => format!("nothing would be gained: its gain is {gain}"),
+        };
+        return new(false, reason, "with it, nothing".to_owned());
+    }
+    let share = percent(gained.fragments, facts.fragments);
+    let more = 100.0 * gained.added / gained.light;
+    let reason = format!(
+        "the source ends at white, and {} blurred fragments ({share:.1} %) have a displayed luminance above {threshold}: they gain \
+         {more:.0} % of light",
+        gained.fragments
+    );
+    let less = 100.0 * gained.added / (gained.light + gained.added);
+    let change = format!(
+        "without it, they would have {less:.0} % less light, and lights that were clipped be grey discs"
+    );
+    new(true, reason, change)
 }
 
 /// The blurred fragments that are brighter than `wanted`, to within half a stop.

@@ -2,11 +2,12 @@
 //!
 //! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_facts`].
 
+use super::extrapolation::{luminance, share_of_gain};
 use super::peel_facts::{Neighbours, PeelFacts};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
 use crate::lens::Field;
-use crate::stack::StackKind;
+use crate::stack::{ColorRange, StackKind};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -20,6 +21,23 @@ pub struct BrightStep {
     pub fragments: usize,
     /// Sum of their discs' areas, `π c²`, in picture pixels.
     pub disc_area_px: f64,
+}
+
+/// Steps of luminance of [`Facts::light`]: one below 2⁻⁸, [`LIGHT_STEPS_AN_OCTAVE`] in each octave up to white, and white.
+const LIGHT_STEPS: usize = 2 + 8 * LIGHT_STEPS_AN_OCTAVE;
+
+/// So many that none is wider than a sixteenth.
+const LIGHT_STEPS_AN_OCTAVE: usize = 16;
+
+/// Blurred fragments of one step of luminance.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct LightStep {
+    /// How many there are.
+    pub fragments: usize,
+    /// Their light: the sum of their luminances, each by its coverage.
+    pub light: f64,
+    /// The same, of each as much as takes part in an extrapolation: see [`super::Extrapolation`].
+    pub gaining_light: f64,
 }
 
 /// What a scene shows: everything a plan is decided from, beside the settings.
@@ -45,6 +63,11 @@ pub struct Facts {
     pub open_samples: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub bright: [BrightStep; BRIGHT_STEPS],
+    /// How bright the source's colours could be.
+    pub color_range: ColorRange,
+    /// Where that is up to white: fragments with a CoC radius over one pixel, by scene-linear luminance, as the source has them;
+    /// else none.
+    pub light: Vec<LightStep>,
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
     /// How far it spreads, and where.
@@ -67,6 +90,36 @@ fn bright_step(brightness: f32) -> Option<usize> {
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 
+/// The exponent and the first bits of the mantissa of `luminance`, which number the steps of an octave.
+#[inline(always)]
+const fn light_bits(luminance: f32) -> u32 {
+    const DROPPED: u32 = f32::MANTISSA_DIGITS - 1 - LIGHT_STEPS_AN_OCTAVE.ilog2();
+    luminance.to_bits() >> DROPPED
+}
+
+/// Luminance of the first step of [`Facts::light`] after the darkest.
+const LEAST_LIGHT: f32 = 1.0 / 256.0;
+
+/// The step of [`Facts::light`] that `luminance` falls into.
+#[inline(always)]
+fn light_step(luminance: f32) -> usize {
+    let bits = light_bits(luminance.max(0.0));
+    ((bits + 1).saturating_sub(light_bits(LEAST_LIGHT)) as usize).min(LIGHT_STEPS - 1)
+}
+
+/// The luminances between which step `step` of [`Facts::light`] lies.
+pub(super) fn light_step_ends(step: usize) -> [f32; 2] {
+    let from = |step: usize| {
+        let (octave, part) = ((step - 1) / LIGHT_STEPS_AN_OCTAVE, (step - 1) % LIGHT_STEPS_AN_OCTAVE);
+        LEAST_LIGHT * (octave as f32).exp2() * (1.0 + part as f32 / LIGHT_STEPS_AN_OCTAVE as f32)
+    };
+    match step {
+        0 => [0.0, LEAST_LIGHT],
+        step if step + 1 < LIGHT_STEPS => [from(step), from(step + 1)],
+        _ => [1.0, 1.0],
+    }
+}
+
 /// Facts of a row of one layer, or of more.
 #[derive(Debug, Clone)]
 pub(super) struct Tally {
@@ -78,6 +131,7 @@ pub(super) struct Tally {
     /// Sum of what [`Tally::bright`] counts, in scene-linear units.
     pub(super) highlight_light: f64,
     pub(super) neighbours: Neighbours,
+    light: Vec<LightStep>,
 }
 
 impl Scene {
@@ -88,7 +142,9 @@ impl Scene {
         let arch = Arch::new();
         let block_side = Blocks::side(self.picture_size(), self.supersample);
         // Summed in row order, so that no number depends on how the rows were shared out among threads.
-        let look = |&(layer, y): &(&Layer, usize)| arch.dispatch(LookAtRow { layer, y, block_side });
+        let color_range = self.color_range;
+        let look =
+            |&(layer, y): &(&Layer, usize)| arch.dispatch(LookAtRow { layer, y, block_side, color_range });
         let looks: Vec<(Tally, RowSpread)> = rows.par_iter().map(look).collect();
         let mut spread = Spread::blank(self.picture_size(), self.coc_infinity_px);
         for (number, (_, row)) in looks.iter().enumerate() {
@@ -113,6 +169,8 @@ impl Scene {
             focused_fragments: tally.focused,
             open_samples: self.open_samples(),
             bright: tally.bright,
+            color_range: self.color_range,
+            light: tally.light,
             limited_fragments: self.limited_fragments,
             spread,
             field: self.field,
@@ -137,6 +195,7 @@ struct LookAtRow<'a> {
     y: usize,
     /// Side of a block of [`Spread::blocks`] in samples.
     block_side: usize,
+    color_range: ColorRange,
 }
 
 impl NullaryFnOnce for LookAtRow<'_> {
@@ -144,7 +203,7 @@ impl NullaryFnOnce for LookAtRow<'_> {
 
     #[inline(always)]
     fn call(self) -> (Tally, RowSpread) {
-        let Self { layer, y, block_side } = self;
+        let Self { layer, y, block_side, color_range } = self;
         let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
         let [red, green, blue] = &layer.color;
         let (red, green, blue) = (red.row(y), green.row(y), blue.row(y));
@@ -173,6 +232,9 @@ impl NullaryFnOnce for LookAtRow<'_> {
         if bright {
             tally.count_bright([red, green, blue], alpha, coc);
         }
+        if color_range == ColorRange::UpToWhite {
+            tally.count_light([red, green, blue], alpha, coc);
+        }
         let looked = RowSpread::looks_at(y).then(|| RowSpread::of(alpha, coc, block_side));
         (tally, looked.unwrap_or_default())
     }
@@ -188,6 +250,7 @@ impl Default for Tally {
             bright: [BrightStep::default(); BRIGHT_STEPS],
             highlight_light: 0.0,
             neighbours: Neighbours::default(),
+            light: Vec::new(),
         }
     }
 }
@@ -213,6 +276,19 @@ impl Tally {
         }
     }
 
+    fn count_light(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
+        self.light = vec![LightStep::default(); LIGHT_STEPS];
+        for (x, (&alpha, &coc)) in alpha.iter().zip(coc).enumerate() {
+            if alpha > 0.0 && coc.abs() > 1.0 {
+                let light = luminance([red[x], green[x], blue[x]]);
+                let step = &mut self.light[light_step(light / alpha)];
+                step.fragments += 1;
+                step.light += f64::from(light);
+                step.gaining_light += f64::from(share_of_gain(coc) * light);
+            }
+        }
+    }
+
     fn add(mut self, other: &Self) -> Self {
         self.coc_range_px[0] = self.coc_range_px[0].min(other.coc_range_px[0]);
         self.coc_range_px[1] = self.coc_range_px[1].max(other.coc_range_px[1]);
@@ -225,6 +301,29 @@ impl Tally {
             sum.fragments += step.fragments;
             sum.disc_area_px += step.disc_area_px;
         }
+        self.light.resize(self.light.len().max(other.light.len()), LightStep::default());
+        for (sum, step) in self.light.iter_mut().zip(&other.light) {
+            sum.fragments += step.fragments;
+            sum.light += step.light;
+            sum.gaining_light += step.gaining_light;
+        }
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_of_light_follow_one_another_up_to_white() {
+        for step in 0..LIGHT_STEPS - 1 {
+            let [from, to] = light_step_ends(step);
+            assert_eq!(light_step_ends(step + 1)[0], to, "step {step}");
+            assert_eq!((light_step(from), light_step(0.5 * (from + to))), (step, step), "{from} to {to}");
+        }
+        let white = luminance([1.0; 3]);
+        assert_eq!([white, 1.0, 70.0].map(light_step), [LIGHT_STEPS - 1; 3], "white is the last");
+        assert_eq!([-1.0, 0.0, 1e-30].map(light_step), [0; 3]);
     }
 }

@@ -36,12 +36,13 @@ impl FocusShares {
 }
 
 impl Scene {
-    /// Signed CoC radius in picture pixels of what each pixel of the picture shows most of, at its middle sample; NaN where it
-    /// shows nothing.
+    /// Signed CoC radius in picture pixels of what each pixel of the frame shows most of, at its middle sample; NaN where it shows
+    /// nothing.
     pub fn seen_coc_px(&self) -> Plane {
-        let (width, height) = self.picture_size();
+        let ((width, height), [columns, rows]) = (self.frame_size(), self.outside_px);
         let s = self.supersample;
-        Plane::from_fn(width, height, |x, y| self.seen_at(x * s + s / 2, y * s + s / 2))
+        let sample = |pixel: usize| pixel * s + s / 2;
+        Plane::from_fn(width, height, |x, y| self.seen_at(sample(x + columns), sample(y + rows)))
     }
 
     fn seen_at(&self, x: usize, y: usize) -> f32 {

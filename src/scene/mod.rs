@@ -3,7 +3,9 @@
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
+mod border;
 mod effects;
+mod extrapolation;
 mod facts;
 mod fill;
 mod focus;
@@ -16,7 +18,8 @@ mod spread;
 mod switches;
 
 pub use effects::PREFILTER_LEAST_VARIANCE;
-pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
+pub use extrapolation::Extrapolation;
+pub use facts::{BRIGHT_STEPS, BrightStep, Facts, LightStep, bright_step_floor};
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use peel_facts::{JUMP_PX, PeelFacts};
@@ -27,7 +30,7 @@ pub use switches::asked_for;
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
-use crate::stack::{Frame, Peel, Stack, StackKind, depth::DepthScale};
+use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -78,6 +81,10 @@ pub struct Scene {
     pub limited_fragments: usize,
     /// Where in the lens's field the picture lies.
     pub field: Field,
+    /// How bright the source's colours could be.
+    pub color_range: ColorRange,
+    /// Columns on either side, and rows above and below, that lie beyond the frame: see [`Scene::padded`].
+    pub outside_px: [usize; 2],
 }
 
 /// Largest CoC radius kept for a picture of this size, in picture pixels; past it a fragment spreads over many frames and
@@ -92,7 +99,16 @@ impl Scene {
         let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
         let [width, height] = size.map(|samples| samples / supersample);
         let field = Field::of_picture(width, height);
-        Self { layers, kind, supersample, coc_infinity_px, limited_fragments: 0, field }
+        Self {
+            layers,
+            kind,
+            supersample,
+            coc_infinity_px,
+            limited_fragments: 0,
+            field,
+            color_range: ColorRange::Unbounded,
+            outside_px: [0; 2],
+        }
     }
 
     /// Takes the peels out of `stack` and puts them behind `lens`: depth becomes CoC radius, in place.
@@ -106,7 +122,13 @@ impl Scene {
             layers.push(Layer { color: peel.color, alpha: peel.alpha, coc_px: peel.depth });
         }
         let field = field(&stack.frame, supersample, scale);
-        Self { limited_fragments, field, ..Self::new(layers, kind, supersample, lens.coc_infinity_px) }
+        let color_range = stack.color_range;
+        Self {
+            limited_fragments,
+            field,
+            color_range,
+            ..Self::new(layers, kind, supersample, lens.coc_infinity_px)
+        }
     }
 
     /// Width of the layers in samples.
@@ -119,9 +141,15 @@ impl Scene {
         self.layers.first().map_or(0, |layer| layer.alpha.height())
     }
 
-    /// Width and height of the picture in pixels.
+    /// Width and height of the picture that a method makes, in pixels: the frame and what was put around it.
     pub fn picture_size(&self) -> (usize, usize) {
         (self.width() / self.supersample, self.height() / self.supersample)
+    }
+
+    /// Width and height of the frame in pixels: what is left of the picture without what lies beyond.
+    pub fn frame_size(&self) -> (usize, usize) {
+        let ((width, height), [columns, rows]) = (self.picture_size(), self.outside_px);
+        (width - 2 * columns, height - 2 * rows)
     }
 
     /// The picture without a lens: the layers over one another, averaged over a pixel's samples.

@@ -2,12 +2,11 @@
 
 use super::effects::{self, Given};
 use super::sampling::{Goal, Sampling};
-use super::{Facts, bright_step_floor};
+use super::{Extrapolation, Facts, bright_step_floor};
 use crate::error::Error;
-use crate::lens::{Aperture, ApertureImage, Field, Optics};
-use crate::settings::{CATS_EYES, MethodParameters, Settings, VIGNETTINGS};
+use crate::lens::Optics;
+use crate::settings::{MethodParameters, Settings};
 use crate::stack::StackKind;
-use std::sync::Arc;
 
 /// An effect that a plan switches on or off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -17,6 +16,8 @@ pub enum EffectKind {
     Blur,
     /// Samples of a supersampled stack gathered into coverage peels.
     Merge,
+    /// Light that a source which ends at white has lost, guessed.
+    HighlightExtrapolation,
     /// Exact discs for bright fragments.
     Highlights,
     /// Guessed surfaces where the stack knows of none.
@@ -104,6 +105,8 @@ pub struct Plan {
     pub coc_range_px: [f32; 2],
     /// Brightness from which a fragment is drawn as an exact disc; infinite when none is.
     pub highlight_threshold: f32,
+    /// How highlights are extrapolated, where they are.
+    pub extrapolation: Extrapolation,
     /// Every effect, on or off.
     pub effects: Vec<Effect>,
     /// The methods' own parameters.
@@ -117,8 +120,8 @@ impl Plan {
     /// Decides what a method with these `abilities` is to do about a scene that shows `facts` under `settings`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method out of its range, a
-    /// number of views out of range, and an effect asked for that is not known or cannot be switched.
+    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, a parameter of the method or of extrapolated
+    /// highlights out of its range, a number of views out of range, and an effect asked for that is not known or cannot be switched.
     pub fn decide(facts: &Facts, settings: &Settings, abilities: Abilities) -> Result<Self, Error> {
         let parameters = settings.parameters.clone();
         parameters.check(abilities.method)?;
@@ -137,8 +140,10 @@ impl Plan {
         }
         let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
         let settled = if goal.is_none() { views } else { None };
-        let optics = optics(settings, &facts.field)?;
-        let given = Given { facts, parameters: &parameters, views: settled, jitter, optics: &optics };
+        let optics = Optics::new(settings, &facts.field)?;
+        let extrapolation = Extrapolation::new(&settings.picture)?;
+        let given =
+            Given { facts, parameters: &parameters, views: settled, jitter, optics: &optics, extrapolation };
         let (highlight_threshold, effects) = effects::decide(&given, &abilities);
         let plan = Self {
             method: abilities.method,
@@ -155,6 +160,7 @@ impl Plan {
             optics_asked_for: optics,
             coc_range_px: facts.coc_range_px,
             highlight_threshold,
+            extrapolation,
             effects,
             parameters,
         };
@@ -193,43 +199,13 @@ impl Plan {
     }
 }
 
-/// The lens that `settings` ask for, before a picture that lies there in its `field`.
-fn optics(settings: &Settings, field: &Field) -> Result<Optics, Error> {
-    let lens = &settings.lens;
-    let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
-    let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
-    let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
-    let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
-    // What is that far out of focus along the axis blurs to a CoC of that over the f-number.
-    let coc_px = |along_axis_um: f32| 0.5 * along_axis_um / lens.f_number.value * px_per_um;
-    let [red_axial, blue_axial] = lens.axial_color_um.value.map(|farther| -coc_px(farther));
-    let [red_lateral, blue_lateral] = lens.lateral_color_um.value.map(|farther| farther * px_per_um);
-    Ok(Optics {
-        aperture,
-        image: image.transpose()?.map(Arc::new),
-        cats_eye: checked("the cat's eye", lens.cats_eye.value, CATS_EYES, "--cats-eye")?,
-        spherical_px: coc_px(lens.spherical_um.value),
-        axial_px: [red_axial, 0.0, blue_axial],
-        lateral_px: [red_lateral, 0.0, blue_lateral],
-        vignetting: checked("vignetting", lens.vignetting.value, VIGNETTINGS, "--vignetting")?,
-    })
-}
-
-/// `value`, if it lies within its range.
-fn checked(what: &str, value: f32, [least, most]: [f32; 2], flag: &str) -> Result<f32, Error> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(Error::settings(format!("{what} is a number from {least} to {most}"))
-        .with("found", value.to_string())
-        .help(format!("set it with {flag}")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lens::Field;
     use crate::scene::{BRIGHT_STEPS, BrightStep};
     use crate::settings::{Effort, Origin, Values};
+    use crate::stack::ColorRange;
 
     /// A method that has every step.
     const ABLE: Abilities = Abilities {
@@ -257,6 +233,8 @@ mod tests {
             focused_fragments: 500,
             open_samples: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
+            color_range: ColorRange::Unbounded,
+            light: Vec::new(),
             limited_fragments: 0,
             spread: crate::scene::Spread::default(),
             field: Field::of_picture(100, 100),

@@ -60,7 +60,7 @@ impl Plan {
 
     /// The plan of a picture that is the input: no step is taken, not even one that was asked for.
     fn without_steps(mut self) -> Self {
-        for effect in self.effects.iter_mut().filter(|effect| effect.on && effect.name.is_step()) {
+        for effect in self.effects.iter_mut().filter(|effect| effect.on && effect.name.goes_with_blur()) {
             effect.on = false;
             effect.reason = if effect.forced {
                 "asked for, and yet off: nothing is blurred; force blur too to have it".to_owned()

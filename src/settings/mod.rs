@@ -97,6 +97,27 @@ pub struct Mask {
     pub values: Vec<f32>,
 }
 
+/// What the picture is taken to show beyond its frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Border {
+    /// Its last sample, for ever.
+    Clamp,
+    /// Itself, reflected.
+    Mirror,
+    /// Nothing.
+    Transparent,
+}
+
+/// The least and the most of [`Values::extrapolation_threshold`].
+pub const EXTRAPOLATION_THRESHOLDS: [f32; 2] = [0.0, 0.999];
+
+/// The least and the most of [`Values::extrapolation_falloff`].
+pub const EXTRAPOLATION_FALLOFFS: [f32; 2] = [0.1, 100.0];
+
+/// The least and the most of [`Values::extrapolation_gain`].
+pub const EXTRAPOLATION_GAINS: [f32; 2] = [1.0, 1000.0];
+
 /// How depth is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -156,6 +177,14 @@ pub struct Values {
     pub far: Option<f32>,
     /// Samples a picture pixel along each axis.
     pub supersample: Option<usize>,
+    /// What lies beyond the frame.
+    pub border: Option<Border>,
+    /// Display-coded luminance λ₀ above which the highlights of a source that ends at white are extrapolated.
+    pub extrapolation_threshold: Option<f32>,
+    /// Exponent β by which the extrapolation sets in towards white.
+    pub extrapolation_falloff: Option<f32>,
+    /// Gain γ in light that white is extrapolated by.
+    pub extrapolation_gain: Option<f32>,
     /// Name of the method, or `auto`.
     pub method: Option<String>,
     /// What decides the number of lens samples.
@@ -205,11 +234,26 @@ pub struct LensSettings {
     pub far: Sourced<f32>,
 }
 
+/// What describes the picture beside its lens, each value with its origin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PictureSettings {
+    /// See [`Values::border`].
+    pub border: Sourced<Border>,
+    /// See [`Values::extrapolation_threshold`].
+    pub extrapolation_threshold: Sourced<f32>,
+    /// See [`Values::extrapolation_falloff`].
+    pub extrapolation_falloff: Sourced<f32>,
+    /// See [`Values::extrapolation_gain`].
+    pub extrapolation_gain: Sourced<f32>,
+}
+
 /// All values, each with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Settings {
     /// Lens, aperture and depth.
     pub lens: LensSettings,
+    /// The picture beside its lens.
+    pub picture: PictureSettings,
     /// See [`Values::method`].
     pub method: Sourced<String>,
     /// See [`Values::effort`]; `None` leaves it to the method.
@@ -279,6 +323,12 @@ impl Settings {
                 near_clip: pick(layers, 0.0, |v| v.near_clip),
                 near: pick(layers, 0.0, |v| v.near),
                 far: pick(layers, 1.0, |v| v.far),
+            },
+            picture: PictureSettings {
+                border: pick(layers, Border::Clamp, |v| v.border),
+                extrapolation_threshold: pick(layers, 0.8, |v| v.extrapolation_threshold),
+                extrapolation_falloff: pick(layers, 3.0, |v| v.extrapolation_falloff),
+                extrapolation_gain: pick(layers, 2.0, |v| v.extrapolation_gain),
             },
             method: pick(layers, "auto".to_owned(), |v| v.method.clone()),
             effort: pick(layers, None, |v| v.effort.map(Some)),

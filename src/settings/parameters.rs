@@ -177,14 +177,6 @@ methods! {
         intensity: Vec<f32> = vec![1.0], Numbers(0.0, 1000.0);
         /// Whether what is blurred and not near an edge is splatted at a quarter of the resolution (section 5).
         accelerated: bool = true, Flag;
-        /// Whether highlights that a clipped source has lost are extrapolated (eq. 8).
-        extrapolate_highlights: bool = false, Flag;
-        /// Luminance λ₀ above which highlights are extrapolated (eq. 8).
-        highlight_threshold: f32 = 0.8, Number(0.0, 0.999);
-        /// Falloff β of the extrapolation (eq. 8).
-        highlight_falloff: f32 = 3.0, Number(0.1, 100.0);
-        /// Gain γ of the extrapolation at luminance 1 (eq. 8).
-        highlight_gain: f32 = 2.0, Number(1.0, 1000.0);
     }
 
     /// Parameters of `layer-rays`.

@@ -74,8 +74,8 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
         near: from.number("thinlens.near", Range::NotNegative),
         far: from.number("thinlens.far", Range::Positive),
         supersample: from.whole("thinlens.supersample").filter(|&samples| samples > 0).map(usize::from),
-        method: None,
-        effort: None,
+        // What is no matter of the camera.
+        ..Values::default()
     };
     (values, from.findings)
 }

@@ -5,7 +5,9 @@ use super::header::ExrFile;
 use super::names::{self, Assigned, PeelChannels};
 use super::read::{Carry, ReadOptions};
 use super::sanitise::Replaced;
-use super::{CarriedChannel, Cryptomatte, Finding, Frame, Precision, Window, carried, cryptomatte};
+use super::{
+    CarriedChannel, ColorRange, Cryptomatte, Finding, Frame, Precision, Window, carried, cryptomatte,
+};
 use crate::error::Error;
 use crate::image::Plane;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
@@ -41,6 +43,8 @@ pub(super) struct Layers {
     pub(super) frame: Frame,
     /// Of the colour channels.
     pub(super) precision: Precision,
+    /// How bright colours can be.
+    pub(super) color_range: ColorRange,
     /// The header's attributes.
     pub(super) attributes: Vec<(Text, AttributeValue)>,
     /// Channels to hand on.
@@ -121,7 +125,19 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let mut decoded = decoded.into_iter();
     let peels = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
     let channels = carried::channels(carried_names, decoded);
-    Ok(Layers { name, peels, frame, precision, attributes, channels, cryptomattes, findings, replaced })
+    let color_range = ColorRange::Unbounded;
+    Ok(Layers {
+        name,
+        peels,
+        frame,
+        precision,
+        color_range,
+        attributes,
+        channels,
+        cryptomattes,
+        findings,
+        replaced,
+    })
 }
 
 /// The channels of one peel in the order they are decoded.

@@ -92,6 +92,16 @@ pub enum Precision {
     Float,
 }
 
+/// How bright the colours of an input can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorRange {
+    /// Scene-linear floats: whatever was there.
+    Unbounded,
+    /// Integers of a picture made for a display: all that was brighter was clipped to white.
+    UpToWhite,
+}
+
 /// A conclusion drawn from the input, with its reason, to be shown to the user.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Finding {
@@ -138,6 +148,8 @@ pub struct Stack {
     pub supersample: usize,
     /// Numeric type of the colour channels.
     pub precision: Precision,
+    /// How bright colours can be.
+    pub color_range: ColorRange,
     /// Camera data found in the header; a layer of settings below the preset.
     pub camera: Values,
     /// Channels and attributes to hand on.

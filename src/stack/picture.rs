@@ -8,7 +8,7 @@ use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::read::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{Finding, Frame, Precision, Window};
+use super::{ColorRange, Finding, Frame, Precision, Window};
 use crate::error::Error;
 use crate::image::Plane;
 use image::{DynamicImage, ImageReader, Limits};
@@ -37,13 +37,25 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
         let text = format!("{depth} colour taken as sRGB, decoded to linear light{straight}");
         findings.push(Finding::note("colour", text));
     }
+    let color_range = if coded.is_some() { ColorRange::UpToWhite } else { ColorRange::Unbounded };
     let frame = Frame { data: window, display: window, pixel_aspect: 1.0 };
     let found = "a picture without depth".to_owned();
     let (prefix, depth_channel) = (String::new(), String::new());
     let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found };
     let (attributes, channels, cryptomattes) = (Vec::new(), Vec::new(), Vec::new());
     let peels = vec![layer];
-    Ok(Layers { name, peels, frame, precision, attributes, channels, cryptomattes, findings, replaced })
+    Ok(Layers {
+        name,
+        peels,
+        frame,
+        precision,
+        color_range,
+        attributes,
+        channels,
+        cryptomattes,
+        findings,
+        replaced,
+    })
 }
 
 /// The red or only channel of a picture, as depth.

@@ -4,7 +4,7 @@ use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{self, Layer, Layers, place};
-use super::{Carried, Finding, Frame, Peel, Stack, StackKind, Window};
+use super::{Carried, ColorRange, Finding, Frame, Peel, Stack, StackKind, Window};
 use super::{camera, carried, cryptomatte, kind, names, picture};
 use crate::error::Error;
 use crate::image::{Image, Plane};
@@ -190,6 +190,9 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     if more.precision == super::Precision::Float {
         stack.precision = more.precision;
     }
+    if more.color_range == ColorRange::Unbounded {
+        stack.color_range = more.color_range;
+    }
     for layer in more.peels {
         let layer = Layer { found: format!("{} in {}", layer.found, more.name.display()), ..layer };
         stack.peels.push(layer);
@@ -199,7 +202,7 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 
 /// The stack of all layers: one window, one convention, one kind.
 fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
-    let Layers { name, frame, precision, attributes, channels, cryptomattes, .. } = layers;
+    let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
     let Layers { peels: layers, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
@@ -251,6 +254,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
         kind,
         supersample,
         precision,
+        color_range,
         camera,
         carried,
         cryptomattes,

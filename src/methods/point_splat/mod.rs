@@ -8,7 +8,6 @@
 //! | step | module | paper |
 //! | --- | --- | --- |
 //! | visible and hidden image | [`hidden`] | section 3.2, eq. 4 |
-//! | extrapolated highlights | [`highlight`] | section 4, eq. 8 |
 //! | fewer points where that does not show | [`reduce`] | section 5 |
 //! | sprites | [`sprites`] | section 3.3, eq. 5 |
 //! | scatter into layers, blend | [`mod@splat`], [`layers`] | sections 3.4 and 3.5, eqs. 6 and 7 |
@@ -21,7 +20,8 @@
 //! lets nothing through, rather than less than nothing. Past the frame's border its pixels go on, or the missing light of
 //! what is blurred there would be taken for see-through. Reduced points overlap the others at half the weight of either,
 //! so that no energy is made; their sprite is the mean of their pixels' own, so that there are no holes between the two
-//! kinds; and what stands out of its four pixels is not reduced, or highlights would move.
+//! kinds; and what stands out of its four pixels is not reduced, or highlights would move. Extrapolated highlights (section 4,
+//! eq. 8) are for every method: see [`crate::scene::Extrapolation`].
 //!
 //! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), of which acceleration
 //! saves up to three quarters; with a CoC as large as the frame, O(pixels²). Memory: the scene, some 32 bytes a point, of
@@ -30,7 +30,6 @@
 //! its outline hard. Nothing is seen past what lies behind focus.
 
 mod hidden;
-mod highlight;
 mod layers;
 mod reduce;
 mod splat;
@@ -43,7 +42,6 @@ use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, Plan, Scene};
 use crate::settings::PointSplatParameters;
 use hidden::{Edge, Fragment, Hiding, seen, visible_coc_px};
-use highlight::Extrapolation;
 use layers::{Light, Limits};
 use rayon::prelude::*;
 use reduce::{Shares, reduced};
@@ -143,7 +141,7 @@ struct Images<'a> {
 impl Images<'_> {
     /// `V` at `x, y`.
     fn visible<const N: usize>(&self, x: usize, y: usize) -> Option<Fragment<N>> {
-        self.extrapolated(seen(&self.peels, (x, y), f32::NEG_INFINITY)?.whole())
+        Some(seen(&self.peels, (x, y), f32::NEG_INFINITY)?.whole())
     }
 
     /// `H` at `x, y`.
@@ -151,12 +149,7 @@ impl Images<'_> {
         if !self.parameters.hidden || self.edges[y * self.visible_px.width() + x] == Edge::None {
             return None;
         }
-        self.extrapolated(seen(&self.peels, (x, y), self.hiding.hidden_from_px(self.visible_px.get(x, y)))?)
-    }
-
-    fn extrapolated<const N: usize>(&self, fragment: Fragment<N>) -> Option<Fragment<N>> {
-        let extrapolation = Extrapolation::new(self.parameters);
-        Some(extrapolation.map_or(fragment, |extrapolation| extrapolation.apply(fragment)))
+        seen(&self.peels, (x, y), self.hiding.hidden_from_px(self.visible_px.get(x, y)))
     }
 
     /// The points at full resolution: what of `V` is not in reduced ones, by `shares`, and `H`.

@@ -120,7 +120,7 @@ impl Preset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DepthConvention, Easing, Effort, Focus, FocusKey, SensorDistance};
+    use super::super::{Border, DepthConvention, Easing, Effort, Focus, FocusKey, SensorDistance};
     use super::*;
 
     fn parse(text: &str) -> Result<Preset, Error> {
@@ -159,6 +159,12 @@ mod tests {
             near = 1
             far = 100
             supersample = 2
+            [picture]
+            border = 'mirror'
+            [highlight-extrapolation]
+            threshold = 0.75
+            falloff = 2
+            gain = 4.5
             [method]
             name = 'shear'
             views = 32";
@@ -184,6 +190,10 @@ mod tests {
             near: Some(1.0),
             far: Some(100.0),
             supersample: Some(2),
+            border: Some(Border::Mirror),
+            extrapolation_threshold: Some(0.75),
+            extrapolation_falloff: Some(2.0),
+            extrapolation_gain: Some(4.5),
             method: Some("shear".to_owned()),
             effort: Some(Effort::Views(32)),
         };
@@ -267,6 +277,10 @@ mod tests {
             ("[aperture]\nblades = 5.5", "must be a whole number"),
             ("[aperture]\nblade_curvature = 2", "must be a number from 0 to 1"),
             ("[aperture]\nsqueeze = 0.5", "must be a number from 1 to 4: height over width"),
+            ("[picture]\nborder = 'wrap'", "must be one of clamp, mirror, transparent"),
+            ("[highlight-extrapolation]\nthreshold = 1", "must be a number from 0 to 0.999: luminance"),
+            ("[highlight-extrapolation]\nfalloff = 0", "must be a number from 0.1 to 100"),
+            ("[highlight-extrapolation]\ngain = 0.5", "must be a number from 1 to 1000"),
             ("[method]\nviews = 0", "must be a whole number, 1 or more"),
             ("[method.shear]\nfill = 1", "must be true or false"),
             ("[method.shear]\nprefilter = -1", "must be a number from 0 to 16 (the default is 1.4)"),

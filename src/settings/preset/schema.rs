@@ -2,8 +2,9 @@
 //! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
 
 use super::super::{
-    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Easing, Effort, Focus, MethodParameters,
-    Quality, SQUEEZES, SensorDistance, VIGNETTINGS, Values,
+    ABERRATIONS_UM, BLADE_CURVATURES, Border, CATS_EYES, DepthConvention, EXTRAPOLATION_FALLOFFS,
+    EXTRAPOLATION_GAINS, EXTRAPOLATION_THRESHOLDS, Easing, Effort, Focus, MethodParameters, Quality,
+    SQUEEZES, SensorDistance, VIGNETTINGS, Values,
 };
 use super::entry::Entry;
 use crate::error::Error;
@@ -17,7 +18,7 @@ pub(super) struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables.
-pub(super) static SCHEMA: [Key; 29] = {
+pub(super) static SCHEMA: [Key; 33] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -67,6 +68,17 @@ pub(super) static SCHEMA: [Key; 29] = {
         key("depth", "near", |v, e| e.not_negative().map(|x| v.near = Some(x))),
         key("depth", "far", |v, e| e.positive().map(|x| v.far = Some(x))),
         key("depth", "supersample", |v, e| e.count().map(|x| v.supersample = Some(x))),
+        key("picture", "border", |v, e| e.one_of(&BORDERS).map(|x| v.border = Some(x))),
+        key("highlight-extrapolation", "threshold", |v, e| {
+            e.within(EXTRAPOLATION_THRESHOLDS, "luminance as displayed, white is 1")
+                .map(|x| v.extrapolation_threshold = Some(x))
+        }),
+        key("highlight-extrapolation", "falloff", |v, e| {
+            e.within(EXTRAPOLATION_FALLOFFS, "an exponent").map(|x| v.extrapolation_falloff = Some(x))
+        }),
+        key("highlight-extrapolation", "gain", |v, e| {
+            e.within(EXTRAPOLATION_GAINS, "of the light of white").map(|x| v.extrapolation_gain = Some(x))
+        }),
         key("method", "name", |v, e| e.text().map(|x| v.method = Some(x.to_owned()))),
         key("method", "views", |v, e| e.effort(v, Effort::Views(e.count()?))),
         key("method", "target_db", |v, e| e.effort(v, Effort::TargetDb(e.decibels()?))),
@@ -105,6 +117,9 @@ pub(super) static FOCUS_KEY_PARTS: [FocusKeyPart; 5] = [
 
 const SENSOR_DISTANCES: [(&str, SensorDistance); 2] =
     [("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)];
+
+const BORDERS: [(&str, Border); 3] =
+    [("clamp", Border::Clamp), ("mirror", Border::Mirror), ("transparent", Border::Transparent)];
 
 const CONVENTIONS: [(&str, Option<DepthConvention>); 5] = [
     ("auto", None),
