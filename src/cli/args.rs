@@ -131,9 +131,9 @@ pub(super) struct LensArgs {
     /// focus shows it.
     #[arg(long, value_name = "FILE")]
     aperture_image: Option<PathBuf>,
-    /// How far the lens's rim cuts into the aperture in the corners
+    /// The cat's eye of the corners: how far the rim cuts in
     ///
-    /// The cat's eye of optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
+    /// Optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
     /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
     #[arg(long, value_name = "RADII", allow_negative_numbers = true)]
     cats_eye: Option<f32>,

@@ -117,13 +117,7 @@ impl Ready {
                 for (shears, channels) in &self.shears {
                     sums.clear();
                     add_row(sums, canvas, (y, &bins), shears, arch);
-                    (0..size.0).for_each(|x| {
-                        let pixel = sums.pixel(x, open);
-                        channels.iter().for_each(|&channel| planes[channel][x] = pixel[channel]);
-                        if channels.contains(&ALPHA) {
-                            planes[FOCUSED_SHARE][x] = sums.focused_share(x);
-                        }
-                    });
+                    write_row(sums, channels, open, planes);
                 }
             });
         (Image { planes: [red, green, blue, alpha] }, focused_share)
@@ -171,9 +165,24 @@ impl Ready {
     }
 }
 
-/// The plane of alpha, and of the share of rays that met something in focus.
-const ALPHA: usize = 3;
-const FOCUSED_SHARE: usize = 4;
+/// Writes `channels` of a row to its planes; with alpha goes the share of rays that met something in focus.
+fn write_row(sums: &RowSums, channels: &[usize], open: bool, planes: &mut [&mut [f32]; 5]) {
+    let [red, green, blue, alpha, focused_share] = planes.each_mut().map(|plane| plane.iter_mut());
+    let [has_red, has_green, has_blue] = [0, 1, 2].map(|channel| channels.contains(&channel));
+    let pixels = red.zip(green).zip(blue).zip(alpha).zip(focused_share).enumerate();
+    for (x, ((((red, green), blue), alpha), focused_share)) in pixels {
+        let [r, g, b, a] = sums.pixel(x, open);
+        if has_red {
+            *red = r;
+        }
+        if has_green {
+            (*green, *alpha, *focused_share) = (g, a, sums.focused_share(x));
+        }
+        if has_blue {
+            *blue = b;
+        }
+    }
+}
 
 /// Adds the views `shears` to a row. What no view moves, every view sees alike: one says it all.
 fn add_row(
