@@ -35,6 +35,8 @@ pub(super) struct Bokeh<'a> {
     grid: [f32; GRID],
     /// Half the width of the ring that is taken about each of these.
     half_px: f32,
+    /// Half the width of a ring that stands for both squares as a whole.
+    whole_half_px: f32,
 }
 
 /// The shape of one point, in a set of colours.
@@ -63,7 +65,8 @@ impl<'a> Bokeh<'a> {
         let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
         // A box of this half width has the rest of the variance.
         let half_px = (0.25 * (1.0 + fragment_px * fragment_px) - 3.0 * spread).max(0.0).sqrt();
-        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, half_px }
+        let whole_half_px = 0.5 * 1f32.hypot(fragment_px);
+        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, half_px, whole_half_px }
     }
 
     /// The shapes of a point of CoC radius `coc_px`, one for each set of colours that share it.
@@ -157,11 +160,11 @@ impl<'a> Bokeh<'a> {
         sum / (GRID * GRID) as f32
     }
 
-    /// The light `offset` from a point, if it is even `reach` around.
+    /// The light `offset` from a point, if neither rays nor what is open to them end `reach` around: but for an image, it is then even.
     fn even_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
         let distance = offset.length();
         let (inner, outer) = (distance - reach, distance + reach);
-        if self.optics.image.is_some() || radial.ends_between(inner, outer) {
+        if radial.ends_between(inner, outer) {
             return None;
         }
         // Ends that lie askew come nearer within the pixel.
@@ -174,7 +177,7 @@ impl<'a> Bokeh<'a> {
         radial
             .between(inner, outer)
             .all(|landing| holds_no_end(wide(landing)))
-            .then(|| self.light(radial, offset, height, self.half_px))
+            .then(|| self.light(radial, offset, height, self.whole_half_px))
     }
 
     /// The light `offset` from a point, of the ring of half width `half_px` through there.

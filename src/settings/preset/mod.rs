@@ -30,12 +30,16 @@ pub struct BuiltIn {
 }
 
 /// Every preset that ships inside the program.
-pub static BUILT_IN: [BuiltIn; 7] = [
+pub static BUILT_IN: [BuiltIn; 11] = [
     BuiltIn { name: "portrait", text: include_str!("../../../presets/portrait.toml") },
     BuiltIn { name: "landscape", text: include_str!("../../../presets/landscape.toml") },
     BuiltIn { name: "macro", text: include_str!("../../../presets/macro.toml") },
+    BuiltIn { name: "product", text: include_str!("../../../presets/product.toml") },
+    BuiltIn { name: "miniature", text: include_str!("../../../presets/miniature.toml") },
     BuiltIn { name: "cine", text: include_str!("../../../presets/cine.toml") },
     BuiltIn { name: "anamorphic", text: include_str!("../../../presets/anamorphic.toml") },
+    BuiltIn { name: "swirl", text: include_str!("../../../presets/swirl.toml") },
+    BuiltIn { name: "soap-bubble", text: include_str!("../../../presets/soap-bubble.toml") },
     BuiltIn { name: "phone-like", text: include_str!("../../../presets/phone-like.toml") },
     BuiltIn { name: "pinhole", text: include_str!("../../../presets/pinhole.toml") },
 ];
