@@ -720,3 +720,51 @@ fn the_blurred_highlights_of_a_png_are_extrapolated_unless_that_is_left_out() {
     // The light is one pixel of white, and what it gains as much again, but for the precision of half floats.
     assert!((gained - clipped - 1.0).abs() < 0.05, "{gained} and {clipped}");
 }
+
+#[test]
+fn the_faults_of_a_presets_lens_are_shown_and_its_image_is_found_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("lenses")).unwrap();
+    let light = |x: u32, _| image::Luma([if x < 16 { 255_u8 } else { 0 }]);
+    image::ImageBuffer::from_fn(32, 32, light).save(folder.path().join("lenses/half.png")).unwrap();
+    let preset = "[aperture]\nimage = 'half.png'\ncats_eye = 0.5\n[aberrations]\nspherical_um = -90\n";
+    fs::write(folder.path().join("lenses/mine.toml"), preset).unwrap();
+    let flags =
+        ["inspect", STACK, "--preset", "lenses/mine.toml", "--focus", "6", "--axial-color", "-30,45.5"];
+    let text = stdout(&run(folder.path(), &flags));
+    for (name, value, from) in [
+        ("aperture image", "lenses/half.png", "preset lenses/mine.toml"),
+        ("cat's eye", "0.5 aperture radii", "preset lenses/mine.toml"),
+        ("spherical", "-90 µm", "preset lenses/mine.toml"),
+        ("axial colour", "red -30, blue 45.5 µm", "flag"),
+        ("lateral colour", "red 0, blue 0 µm", "default"),
+        ("vignetting", "0", "default"),
+    ] {
+        let shown =
+            |line: &str| line.trim_start().starts_with(name) && line.contains(value) && line.ends_with(from);
+        assert!(text.lines().any(shown), "{name} {value} {from}:\n{text}");
+    }
+    let decided = |name: &str| {
+        text.lines().find(|line| line.contains(&format!("{name}  "))).unwrap_or_default().to_owned()
+    };
+    assert!(decided("aperture-image").contains("50 % of the light"), "{}", decided("aperture-image"));
+}
+
+#[test]
+fn a_lens_that_cannot_be_is_refused_by_what_is_wrong_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |flags: &[&str]| {
+        let output = run(folder.path(), &[&["plan", STACK, "--focus", "6"], flags].concat());
+        assert_ne!(output.status.code(), Some(0), "{flags:?}");
+        stderr(&output)
+    };
+    assert!(refused(&["--aperture-image", "none.png"]).contains("none.png"));
+    assert!(refused(&["--cats-eye", "2"]).contains("the cat's eye must be from 0 to 1.2"));
+    assert!(refused(&["--spherical", "nan"]).contains("spherical aberration must be from -5000 to 5000"));
+    assert!(refused(&["--lateral-color", "1,1e9"]).contains("lateral colour must be from"));
+    assert!(refused(&["--axial-color", "7"]).contains("two numbers with a comma"));
+    fs::write(folder.path().join("black.png"), b"not a picture").unwrap();
+    assert!(refused(&["--aperture-image", "black.png"]).contains("not a picture"));
+    image::GrayImage::new(8, 8).save(folder.path().join("black.png")).unwrap();
+    assert!(refused(&["--aperture-image", "black.png"]).contains("lets no light through"));
+}

@@ -145,17 +145,17 @@ pub(super) struct LensArgs {
     vignetting: Option<f32>,
     /// Spherical aberration, in micrometres
     ///
-    /// How much nearer to the lens the aperture's rim focuses than its middle, along the axis at the sensor. Positive: soft discs
+    /// How much nearer to the lens the aperture's edge focuses than its middle, along the axis at the sensor. Positive: soft discs
     /// behind focus, hard rings in front of it; negative: soap bubbles behind it.
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     spherical: Option<f32>,
-    /// Axial chromatic aberration of red and blue, in micrometres
+    /// Axial colour error of red and blue, in micrometres
     ///
     /// How much farther from the lens than green they focus, along the axis at the sensor. Both positive: green fringes behind focus,
     /// magenta ones in front of it.
     #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
     axial_color: Option<[f32; 2]>,
-    /// Lateral chromatic aberration of red and blue, in micrometres
+    /// Lateral colour error of red and blue, in micrometres
     ///
     /// How much farther from the axis than green they show what is in the frame's corners, at the sensor.
     #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
@@ -210,8 +210,14 @@ pub(super) struct EffectArgs {
     ///
     /// prefilter, resolve: forced, they run with their own strengths, or with the defaults of those where the strength is 0.
     ///
-    /// blade-curvature, squeeze: forced, the aperture has them even where they are too small to show; without them its sides are
-    /// straight, or it is as wide as high.
+    /// blade-curvature, squeeze, aperture-image, cats-eye: forced, the aperture has them even where they are too small to show; without
+    /// them its sides are straight, it is as wide as high, it has blades, or it is whole in the corners too.
+    ///
+    /// spherical-aberration, axial-color: forced, rays follow them even where they are too small to show; without them all of the
+    /// aperture and all colours focus in one place.
+    ///
+    /// lateral-color, vignetting: done to the picture of any method; without them all colours are one size, and the corners as bright as
+    /// the middle.
     ///
     /// Where nothing is blurred no other step is taken, and nothing extrapolated, asked for or not: force blur as well to have it.
     ///

@@ -4,8 +4,8 @@
 //! A ray of picture point `p` through lens point `u` passes CoC depth `c` at `p + ε(u) + c·u`. Without aberrations `ε` is 0. To the
 //! third order (Welford 1986, "Aberrations of Optical Systems", chapter 7):
 //!
-//! * *Spherical aberration* focuses the aperture's rim elsewhere than its middle: `ε = s (|u|² − ⅔) u`, `s` the CoC radius of the
-//!   rim's rays where those of the middle meet. The term −⅔ is where a photographer would focus: it makes the blur of what is in focus
+//! * *Spherical aberration* focuses the aperture's edge elsewhere than its middle: `ε = s (|u|² − ⅔) u`, `s` the CoC radius of its
+//!   rays where those of the middle meet. The term −⅔ is where a photographer would focus: it makes the blur of what is in focus
 //!   the least, `s / 6` on the root mean square.
 //! * *Axial colour* focuses red and blue elsewhere than green: `ε = a·u`, `a` each colour's CoC radius where green is in focus.
 //! * *The cat's eye*: seen from a place `h` of the field (1 in the frame's corners), a rim as wide as the aperture stands `κ·h`
@@ -37,7 +37,7 @@ pub struct Optics {
     pub image: Option<Arc<ApertureImage>>,
     /// How far aside of the aperture the rim stands, seen from the frame's corners, in aperture radii.
     pub cats_eye: f32,
-    /// CoC radius in picture pixels of the rim's rays where those of the middle meet.
+    /// CoC radius in picture pixels of the edge's rays where those of the middle meet.
     pub spherical_px: f32,
     /// CoC radius of red, green and blue where green is in focus, in picture pixels.
     pub axial_px: [f32; 3],
@@ -180,7 +180,7 @@ impl Optics {
 
     /// The longest way that aberrations move a ray in the picture, in pixels.
     pub fn longest_shift_px(&self) -> f32 {
-        // |ρ³ − ⅔ρ| is largest at the rim.
+        // |ρ³ − ⅔ρ| is largest at the edge.
         let axial = self.axial_px.iter().fold(0.0, |most: f32, axial| most.max(axial.abs()));
         (1.0 - BEST_FOCUS) * self.spherical_px.abs() + axial
     }

@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn rays_that_cross_the_point_come_from_the_other_side_of_the_lens() {
-        // R = 10ρ − 30ρ³ passes 0 at ρ = 0.577 and reaches −20 at the rim.
+        // R = 10ρ − 30ρ³ passes 0 at ρ = 0.577 and reaches −20 at the edge.
         let radial = Radial::new(10.0, -30.0);
         assert_eq!(radial.reach_px(), 20.0);
         let landings: Vec<Landing> = radial.between(1.0, 2.0).collect();

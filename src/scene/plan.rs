@@ -38,7 +38,7 @@ pub enum EffectKind {
     ApertureImage,
     /// A rim that cuts into the aperture towards the frame's corners.
     CatsEye,
-    /// An aperture whose rim focuses elsewhere than its middle.
+    /// An aperture whose edge focuses elsewhere than its middle.
     SphericalAberration,
     /// Red and blue that focus elsewhere than green.
     AxialColor,

@@ -159,7 +159,7 @@ pub struct Values {
     pub cats_eye: Option<f32>,
     /// How much of the lens's falloff of brightness shows: the power to which it is raised.
     pub vignetting: Option<f32>,
-    /// How much nearer to the lens the aperture's rim focuses than its middle, along the axis, in micrometres at the sensor.
+    /// How much nearer to the lens the aperture's edge focuses than its middle, along the axis, in micrometres at the sensor.
     pub spherical_um: Option<f32>,
     /// How much farther from the lens than green red and blue focus, along the axis, in micrometres at the sensor.
     pub axial_color_um: Option<[f32; 2]>,
