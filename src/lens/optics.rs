@@ -185,7 +185,7 @@ impl Optics {
         (1.0 - BEST_FOCUS) * self.spherical_px.abs() + axial
     }
 
-    /// The CoC radius by which the middle of the aperture blurs where its rim and middle together blur least, and how much that
+    /// The CoC radius by which the middle of the aperture blurs where its edge and middle together blur least, and how much that
     /// grows with the square of the distance from the middle: a ray of `|u|` lands `(first + second·|u|²)·|u|` away.
     pub fn spherical_terms(&self) -> [f32; 2] {
         [-BEST_FOCUS * self.spherical_px, self.spherical_px]
@@ -269,6 +269,31 @@ mod tests {
         let rays = Optics::of(Aperture::DISC).rays(64);
         assert_eq!(rays, Rays::alike(views(64, Aperture::DISC)));
         assert_eq!(rays.sets().map(|(_, channels)| channels).collect::<Vec<_>>(), [[0, 1, 2, 3]]);
+    }
+
+    #[test]
+    fn micrometres_at_the_sensor_are_pixels_of_the_picture() {
+        use crate::settings::{MethodParameters, Origin, Values};
+        let values = Values {
+            focal_length_mm: Some(50.0),
+            f_number: Some(2.0),
+            spherical_um: Some(400.0),
+            axial_color_um: Some([80.0, -40.0]),
+            lateral_color_um: Some([30.0, -10.0]),
+            ..Values::default()
+        };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        // 100 px a millimetre.
+        let field = Field { focal_length_px: 5000.0, ..Field::of_picture(3600, 2400) };
+        let optics = Optics::new(&settings, &field).unwrap();
+        // A focus 400 µm nearer than the sensor is a disc of 400 / 2 µm there, of radius 100 µm or 10 px, as for what is far behind focus;
+        // one that is farther from the lens is blurred as what is before focus.
+        assert!((optics.spherical_px - 10.0).abs() < 1e-4, "{}", optics.spherical_px);
+        let [red, green, blue] = optics.axial_px;
+        assert!((red + 2.0).abs() < 1e-4 && green == 0.0 && (blue - 1.0).abs() < 1e-4, "{red}, {blue}");
+        let [red, green, blue] = optics.lateral_px;
+        assert!((red - 3.0).abs() < 1e-4 && green == 0.0 && (blue + 1.0).abs() < 1e-4, "{red}, {blue}");
+        assert!((optics.astray_px() - 3.0 - 10.0 / 3.0 - 2.0).abs() < 1e-3, "{}", optics.astray_px());
     }
 
     #[test]

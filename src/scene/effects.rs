@@ -218,13 +218,10 @@ fn aperture_image(given: &Given<'_>) -> Effect {
             "with it, nothing",
         );
     };
-    let largest = largest_coc_px(given.facts);
     let light = 100.0 * image.mean();
-    let reason = format!(
-        "its picture lets {light:.0} % of the light through; at most {largest:.1} px across half of it"
-    );
+    let reason = format!("its picture lets {light:.0} % of the light of a full disc through");
     let change = "without it, every blurred point would have the outline of the blades, or of a disc";
-    new(EffectKind::ApertureImage, largest > LEAST_OUTLINE_PX, reason, change)
+    new(EffectKind::ApertureImage, largest_coc_px(given.facts) > LEAST_OUTLINE_PX, reason, change)
 }
 
 fn cats_eye(given: &Given<'_>) -> Effect {
