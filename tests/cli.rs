@@ -768,3 +768,35 @@ fn a_lens_that_cannot_be_is_refused_by_what_is_wrong_with_it() {
     image::GrayImage::new(8, 8).save(folder.path().join("black.png")).unwrap();
     assert!(refused(&["--aperture-image", "black.png"]).contains("lets no light through"));
 }
+
+#[test]
+fn what_a_lens_does_to_the_whole_picture_is_in_the_file_whatever_the_method() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = |method: &str, flags: &[&str]| {
+        let own =
+            ["render", STACK, "-o", "out.exr", "--focus", "6", "--focal-length", "20", "--method", method];
+        let output = run(folder.path(), &[own.as_slice(), flags].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        read_picture(&folder.path().join("out.exr")).unwrap()
+    };
+    for method in ["scatter", "shear"] {
+        let plain = picture(method, &[]);
+        let dark = picture(method, &["--vignetting", "1"]);
+        // 20 mm before 36 mm are 177.8 px before 320; the corner's pixel is 159.5 px and 89.5 px from the axis.
+        let tangent = 159.5f32.hypot(89.5) / 177.78;
+        let expected = (1.0 + tangent * tangent).powi(-2);
+        let ratio = dark.pixel(0, 0)[1] / plain.pixel(0, 0)[1];
+        assert!((ratio - expected).abs() < 1e-3, "{method}: {ratio}, expected {expected}");
+        assert_eq!(dark.pixel(0, 0)[3], plain.pixel(0, 0)[3], "{method}: alpha is not light");
+        let fringed = picture(method, &["--lateral-color", "225,0"]);
+        // 225 µm are 2 px in the corner, and nothing on the axis.
+        assert_eq!(fringed.planes[1..3], plain.planes[1..3], "{method}: green and blue stay");
+        let moved = |x, y| (fringed.pixel(x, y)[0] - plain.pixel(x, y)[0]).abs();
+        let near = (150..170).map(|x| moved(x, 90)).fold(0.0, f32::max);
+        let far = (0..40).map(|x| moved(x, 10)).fold(0.0, f32::max);
+        assert!(
+            near < 0.05 && far > 0.1,
+            "{method}: red moved by {near} on the axis, {far} beside the corner"
+        );
+    }
+}

@@ -125,7 +125,7 @@ fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<
 
 /// A name, and what there is to say about it.
 fn line(text: &mut String, name: &str, value: impl Display) -> fmt::Result {
-    writeln!(text, "  {name:<16} {value}")
+    writeln!(text, "  {name:<23} {value}")
 }
 
 fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::Result {
@@ -308,7 +308,7 @@ pub(super) fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
 /// `text` in rows that fit beside an effect's name.
 fn wrapped(text: &str) -> Vec<String> {
     /// Characters of a row, which make 119 columns.
-    const LENGTH: usize = 95;
+    const LENGTH: usize = 88;
     let mut rows: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match rows.last_mut().filter(|row| row.chars().count() + 1 + word.chars().count() <= LENGTH) {
@@ -328,6 +328,6 @@ mod tests {
         let text = "twelve chars ".repeat(30);
         let rows = wrapped(&text);
         assert_eq!(rows.join(" "), text.trim_end());
-        assert!(rows.iter().all(|row| row.len() <= 95) && rows.len() == 5, "390 characters: {rows:?}");
+        assert!(rows.iter().all(|row| row.len() <= 88) && rows.len() == 5, "390 characters: {rows:?}");
     }
 }
