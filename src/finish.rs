@@ -82,6 +82,28 @@ mod tests {
     }
 
     #[test]
+    fn red_that_is_shown_farther_out_is_what_green_shows_nearer_to_the_axis() {
+        use crate::methods;
+        use crate::scene::{Layer, Scene};
+        use crate::settings::{MethodParameters, Origin, Settings, Values};
+        use crate::stack::StackKind;
+        let plane = || Plane::from_fn(64, 36, |x, _| x as f32);
+        let layer =
+            Layer { color: [plane(), plane(), plane()], alpha: plane(), coc_px: Plane::zeros(64, 36) };
+        let scene = Scene::new(vec![layer], StackKind::Coverage, 1, 10.0);
+        // 50 mm before 64 px: 2 mm are 2.56 px, in the corners.
+        let values = Values { lateral_color_um: Some([2000.0, -2000.0]), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let plan = methods::plan(&scene.facts(), &settings).unwrap();
+        let image = finish(scene.pinhole(), &plan, scene.field);
+        // 24 of the 36.7 px to the corner: 1.67 px.
+        let [red, green, blue, _] = image.pixel(55, 18);
+        assert_eq!(green, 55.0);
+        assert!((green - red - 1.6).abs() < 0.1, "{red}: 1.67 px, or so much less of the distance itself");
+        assert!((blue - green - 1.75).abs() < 0.1, "{blue}");
+    }
+
+    #[test]
     fn a_smaller_picture_repeats_its_border() {
         let plane = Plane::from_fn(8, 1, |x, _| x as f32);
         let smaller = magnified(&plane, 0.5, Vec2::new(4.0, 0.5));

@@ -2,7 +2,7 @@
 //!
 //! A small scene made in code is blurred by one method of each kind of work, in turns, a few times; the quickest run counts, since
 //! whatever else the machine does can only slow it down. The result is kept in a file of the user's cache folder, under the
-//! machine's name. A file that cannot be read, is of another machine or version, or cannot be written, costs a calibration, not
+//! machine's name. A file that cannot be read, is of another machine, version or table of costs, or cannot be written, costs a calibration, not
 //! the command.
 
 use super::table;
@@ -53,6 +53,8 @@ pub struct Calibration {
     pub measured_at: Option<u64>,
     /// In the order of [`Kind`].
     pub factors: [Factor; KINDS.len()],
+    /// Processor seconds of the table's machine that the factors are over: another table's factors tell nothing.
+    pub over_seconds: [f64; KINDS.len()],
 }
 
 /// What became of the calibration's file; for the user.
@@ -64,7 +66,7 @@ impl Calibration {
     pub fn assumed() -> Self {
         let machine = Machine::this();
         let factor = Factor { cpu: 1.0, speed_up: machine.threads as f64 };
-        Self { machine, measured_at: None, factors: [factor; KINDS.len()] }
+        Self { machine, measured_at: None, factors: [factor; KINDS.len()], over_seconds: MADE_SECONDS }
     }
 
     /// Measures this machine, in less than a second.
@@ -79,7 +81,7 @@ impl Calibration {
             speed_up: rounded(speed_up),
         });
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
-        Ok(Self { machine: Machine::this(), measured_at: Some(now), factors })
+        Ok(Self { machine: Machine::this(), measured_at: Some(now), factors, over_seconds: MADE_SECONDS })
     }
 
     /// What is kept of this machine in `folder`; measured where nothing is, or `again` asks for it, and then kept.
@@ -133,6 +135,9 @@ impl Calibration {
         };
         if calibration.machine != *machine {
             return Err("is of another machine or version".to_owned());
+        }
+        if calibration.over_seconds != MADE_SECONDS {
+            return Err("is of another table of costs".to_owned());
         }
         if calibration.measured_at.is_none() || !calibration.factors.iter().all(usable) {
             return Err("has factors that cannot be".to_owned());
@@ -263,11 +268,13 @@ mod tests {
             Calibration { machine: Machine { cpu: "another".to_owned(), ..Machine::this() }, ..invented() };
         let still = Factor { cpu: 0.0, speed_up: 1.0 };
         let cannot_be = Calibration { factors: [still; KINDS.len()], ..invented() };
+        let other_table = Calibration { over_seconds: [1.0; KINDS.len()], ..invented() };
         let json = |value: &Calibration| serde_json::to_string(value).unwrap();
         for (text, why) in [
             ("{ not JSON".to_owned(), "is no calibration"),
             (json(&elsewhere), "another machine"),
             (json(&cannot_be), "cannot be"),
+            (json(&other_table), "another table"),
         ] {
             std::fs::write(&file, text).unwrap();
             let (measured, remarks) = Calibration::of_this_machine(Some(folder.path()), false).unwrap();

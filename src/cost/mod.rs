@@ -149,6 +149,17 @@ mod tests {
     }
 
     #[test]
+    fn colours_with_rays_of_their_own_cost_as_three_times_the_views() {
+        let facts = calibration::made((256, 144)).facts();
+        for method in ["shear", "accumulate"] {
+            let alike = plan(&facts, method, Some(48));
+            let mut apart = plan(&facts, method, Some(16));
+            apart.optics.axial_px = [1.0, 0.0, -1.0];
+            assert_eq!(cpu_seconds(&facts, &apart), cpu_seconds(&facts, &alike), "{method}");
+        }
+    }
+
+    #[test]
     fn a_picture_of_twice_the_height_costs_twice_as_much() {
         // Of one width, so that blocks stay as they are.
         let scene = calibration::made((512, 144));

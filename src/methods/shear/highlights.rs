@@ -273,11 +273,22 @@ mod tests {
 
     /// The disc of one highlight of energy 1 at the middle, behind a wall of CoC radius −10 where `wall` says so.
     fn drawn(coc_px: f32, size_px: f32, optics: &Optics, wall: impl Fn(usize) -> f32) -> Image {
+        drawn_behind(-10.0, coc_px, size_px, optics, wall)
+    }
+
+    /// The same behind a wall of CoC radius `wall_px`.
+    fn drawn_behind(
+        wall_px: f32,
+        coc_px: f32,
+        size_px: f32,
+        optics: &Optics,
+        wall: impl Fn(usize) -> f32,
+    ) -> Image {
         let zeros = || Plane::zeros(SIZE, SIZE);
         let alpha = Plane::from_fn(SIZE, SIZE, |x, _| wall(x));
-        let near = Plane::filled(SIZE, SIZE, -10.0);
+        let near = Plane::filled(SIZE, SIZE, wall_px);
         let layers = [Layer { color: [zeros(), zeros(), zeros()], alpha, coc_px: near }];
-        let bins = Bins::new([-10.0, 20.0], 0.5);
+        let bins = Bins::new([-10.0, 25.0], 0.5);
         let runs = runs::find(&layers, &bins);
         let highlight = Highlight { place: Vec2::splat(32.0), coc_px, energy: [1.0; 3] };
         let mut image = Image::transparent(SIZE, SIZE);
@@ -324,6 +335,19 @@ mod tests {
         for x in 0..SIZE {
             let share = [1.0, 1.0 / 6.0, 0.0][(x + 1).saturating_sub(32).min(2)];
             let off = (hidden.pixel(x, 32)[0] - share * free.pixel(x, 32)[0]).abs();
+            assert!(off < 1e-6, "column {x}: off by {off}");
+        }
+    }
+
+    #[test]
+    fn colours_that_focus_elsewhere_are_hidden_as_if_everything_lay_elsewhere() {
+        // A CoC that is 5 px larger for all colours, behind a wall in whose bin the difference falls.
+        let right = |x: usize| f32::from(u8::from(x >= 32));
+        let astray = Optics { axial_px: [5.0; 3], ..disc() };
+        let found = drawn_behind(-10.0, 15.0, 1.0, &astray, right);
+        let expected = drawn_behind(-5.0, 20.0, 1.0, &disc(), right);
+        for x in 0..SIZE {
+            let off = (found.pixel(x, 32)[1] - expected.pixel(x, 32)[1]).abs();
             assert!(off < 1e-6, "column {x}: off by {off}");
         }
     }
