@@ -23,9 +23,19 @@ fn stdout(output: &Output) -> String {
 fn help_lists_every_subcommand() {
     let folder = tempfile::tempdir().unwrap();
     let help = stdout(&run(folder.path(), &["--help"]));
-    for command in
-        ["render", "inspect", "plan", "compare", "score", "methods", "presets", "demo", "completions", "man"]
-    {
+    for command in [
+        "render",
+        "inspect",
+        "plan",
+        "compare",
+        "score",
+        "methods",
+        "presets",
+        "devices",
+        "demo",
+        "completions",
+        "man",
+    ] {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
     }
 }
@@ -46,6 +56,21 @@ fn a_wrong_call_exits_with_2_and_a_failure_with_1() {
     assert_eq!(code(&["render", "no-such.exr", "-o", "a.exr"]), Some(1));
     assert_eq!(code(&["presets", "show", "no-such"]), Some(1));
     assert_eq!(code(&["--version"]), Some(0));
+}
+
+#[test]
+fn devices_lists_the_processor_and_what_auto_chooses_and_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&run(folder.path(), &["devices"]));
+    let json: serde_json::Value =
+        serde_json::from_str(&stdout(&run(folder.path(), &["devices", "--json"]))).unwrap();
+    let processor = json["processor"].as_str().unwrap();
+    assert!(text.starts_with(&format!("cpu   {processor}, ")), "{text}");
+    let reason = json["auto_reason"].as_str().unwrap();
+    assert!(text.lines().last().unwrap() == format!("auto  cpu: {reason}"), "{text}");
+    for adapter in json["adapters"].as_array().unwrap() {
+        assert!(text.contains(adapter["name"].as_str().unwrap()), "{text}");
+    }
 }
 
 #[test]

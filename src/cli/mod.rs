@@ -8,6 +8,7 @@ mod compare;
 mod completions;
 mod console;
 mod demo;
+mod devices;
 mod inspect;
 mod man;
 mod methods;
@@ -61,6 +62,7 @@ enum Command {
     Score(score::ScoreArgs),
     Methods(methods::MethodsArgs),
     Presets(presets::PresetsArgs),
+    Devices(devices::DevicesArgs),
     Demo(demo::DemoArgs),
     Completions(completions::CompletionsArgs),
     Man(man::ManArgs),
@@ -137,6 +139,7 @@ impl Command {
             Self::Score(args) => score::run(&args),
             Self::Methods(args) => methods::run(&args),
             Self::Presets(args) => presets::run(&args),
+            Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
             Self::Completions(args) => completions::run(&args),
             Self::Man(args) => man::run(&args),

@@ -3,6 +3,10 @@
 //! Limits: every method runs on the CPU so far. Asking for a GPU by name is therefore an error that says what was found,
 //! never a silent fall back.
 
+mod adapters;
+
+pub use adapters::{Adapter, AdapterKind};
+
 use crate::error::Error;
 use serde::Serialize;
 
@@ -59,6 +63,50 @@ pub fn choose(choice: DeviceChoice) -> Result<Device, Error> {
     }
 }
 
+/// What can compute on this machine.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Survey {
+    /// The processor.
+    pub processor: String,
+    /// Threads that work at once.
+    pub threads: usize,
+    /// Graphics adapters, software drivers among them.
+    pub adapters: Vec<Adapter>,
+    /// How adapters were looked for.
+    pub looked_for: &'static str,
+    /// What [`DeviceChoice::Auto`] is here.
+    pub auto: DeviceKind,
+    /// Why.
+    pub auto_reason: String,
+}
+
+/// Looks at what can compute here.
+pub fn survey() -> Survey {
+    let adapters = adapters::find();
+    let card = adapters.iter().find(|adapter| adapter.kind != AdapterKind::Software);
+    let auto_reason = match (card, adapters.first()) {
+        (Some(card), _) => format!("no method runs on {card} so far"),
+        (None, Some(software)) => {
+            format!("{software} is a program on the same processor, and no method runs on it so far")
+        }
+        (None, None) => "there is no graphics card".to_owned(),
+    };
+    Survey {
+        processor: cpu_name(),
+        threads: rayon::current_num_threads(),
+        adapters,
+        looked_for: LOOKED_FOR,
+        auto: DeviceKind::Cpu,
+        auto_reason,
+    }
+}
+
+/// How adapters are looked for.
+#[cfg(feature = "gpu")]
+const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
+#[cfg(not(feature = "gpu"))]
+const LOOKED_FOR: &str = "this program was built without GPU support";
+
 /// Model of the processor, or `CPU` where the system does not tell.
 fn cpu_name() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -74,22 +122,12 @@ fn model_name(cpuinfo: &str) -> Option<&str> {
 
 #[cfg(feature = "gpu")]
 fn gpu_error() -> Error {
-    let found = find_adapter().unwrap_or_else(|| "no graphics card".to_owned());
+    let adapters = adapters::find();
+    let card = adapters.iter().find(|adapter| adapter.kind != AdapterKind::Software);
+    let found = card.map_or_else(|| "no graphics card".to_owned(), Adapter::to_string);
     Error::unsupported("no method runs on the GPU so far")
         .with("found", found)
         .help("use --device auto, which runs on the CPU")
-}
-
-/// Name and driver interface of the first adapter that is not a software driver.
-#[cfg(feature = "gpu")]
-fn find_adapter() -> Option<String> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    let info = adapters
-        .iter()
-        .map(wgpu::Adapter::get_info)
-        .find(|info| info.device_type != wgpu::DeviceType::Cpu)?;
-    Some(format!("{} ({})", info.name, info.backend))
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -115,6 +153,16 @@ mod tests {
     fn asking_for_a_gpu_is_refused_with_the_way_out() {
         let error = choose(DeviceChoice::Gpu).unwrap_err().to_string();
         assert!(error.contains("--device auto"), "{error}");
+    }
+
+    #[test]
+    fn a_survey_has_the_processor_and_says_why_it_is_chosen() {
+        let survey = survey();
+        assert!(!survey.processor.is_empty() && survey.threads > 0);
+        assert_eq!(survey.auto, DeviceKind::Cpu, "{}", survey.auto_reason);
+        assert!(
+            survey.adapters.iter().all(|adapter| !adapter.name.is_empty() && adapter.most_buffer_bytes > 0)
+        );
     }
 
     #[test]

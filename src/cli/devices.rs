@@ -1,0 +1,56 @@
+//! `thinlens devices`.
+
+use super::Failure;
+use super::console::{print, print_json};
+use clap::Args;
+use std::fmt::Write;
+use thinlens::gpu::{Adapter, Survey, survey};
+
+const EXAMPLES: &str = "\
+Examples:
+  thinlens devices
+  thinlens devices --json";
+
+/// List what can compute here, and what auto chooses
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct DevicesArgs {
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+pub(super) fn run(args: &DevicesArgs) -> Result<(), Failure> {
+    let survey = survey();
+    if args.json {
+        print_json(&survey)?;
+    } else {
+        print(&in_words(&survey))?;
+    }
+    Ok(())
+}
+
+fn in_words(survey: &Survey) -> String {
+    let Survey { processor, threads, adapters, looked_for, auto, auto_reason } = survey;
+    let mut text = format!("cpu   {processor}, {threads} threads\n");
+    for adapter in adapters {
+        text += &of_adapter(adapter);
+    }
+    if adapters.is_empty() {
+        let _ = writeln!(text, "gpu   none: {looked_for}");
+    }
+    let _ = writeln!(text, "auto  {}: {auto_reason}", auto.name());
+    text
+}
+
+fn of_adapter(adapter: &Adapter) -> String {
+    let mib = |bytes: u64| bytes >> 20;
+    let times = if adapter.has_timestamps { "times itself" } else { "cannot time itself" };
+    format!(
+        "gpu   {adapter}\n      driver {}; bindings of {} MiB, buffers of {} MiB, workgroups of {} threads; {times}\n",
+        adapter.driver,
+        mib(adapter.most_binding_bytes),
+        mib(adapter.most_buffer_bytes),
+        adapter.most_workgroup_threads
+    )
+}
