@@ -13,34 +13,20 @@ pub struct RimShares {
 }
 
 impl RimShares {
-    const DIRECTIONS: usize = 64;
-    const STEPS: usize = 64;
-
-    /// Points of the aperture that are counted.
-    const POINTS: usize = 4096;
-
-    /// Half of the width of the edge that a point's share fades over, so that counts are smooth.
-    const EDGE: f32 = 0.04;
+    const DIRECTIONS: usize = 32;
+    const STEPS: usize = 32;
 
     /// Those of the lens of `optics`.
     pub fn new(optics: &Optics) -> Self {
-        let cats_eye = optics.cats_eye;
-        if cats_eye <= 0.0 || (optics.image.is_none() && optics.aperture == Aperture::DISC) {
-            return Self { cats_eye, table: None };
-        }
-        let points: Vec<Vec2> =
-            (0..Self::POINTS).map(|i| optics.lens_point(sunflower(i, Self::POINTS))).collect();
-        let share = |rim: Vec2| {
-            let inside =
-                |point: &Vec2| ((1.0 - (*point - rim).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
-            points.iter().map(inside).sum::<f32>() / Self::POINTS as f32
-        };
+        let light = Light::of(optics).filter(|_| optics.cats_eye > 0.0);
         let direction = |i: usize| Vec2::from_angle(i as f32 * 2.0 * PI / Self::DIRECTIONS as f32);
-        let along = |i: usize| {
-            let middle = share(Vec2::ZERO);
-            std::array::from_fn(|k| share(k as f32 * 2.0 / Self::STEPS as f32 * direction(i)) / middle)
-        };
-        Self { cats_eye, table: Some((0..Self::DIRECTIONS).map(along).collect()) }
+        let table = light.map(|light| {
+            let along = |i: usize| {
+                std::array::from_fn(|k| light.share(k as f32 * 2.0 / Self::STEPS as f32 * direction(i)))
+            };
+            (0..Self::DIRECTIONS).map(along).collect()
+        });
+        Self { cats_eye: optics.cats_eye, table }
     }
 
     /// What is left at the place `height` of the field: 1 on the axis.
@@ -56,6 +42,52 @@ impl RimShares {
             row[step] + along * (row[step + 1] - row[step])
         };
         of(direction) + between * (of(direction + 1) - of(direction))
+    }
+}
+
+impl Optics {
+    /// What the rim leaves of the aperture's light at the place `height` of the field, for a single place: see [`RimShares`].
+    pub fn rim_share(&self, height: Vec2) -> f32 {
+        let rim = self.cats_eye * height;
+        Light::of(self).map_or_else(|| lens_share(rim.length()), |light| light.share(rim))
+    }
+
+    /// What the lens leaves of the brightness at `place` of its `field`, for a single place: see [`Falloff`].
+    pub fn brightness(&self, field: &Field, place: Vec2) -> f32 {
+        (self.rim_share(field.height(place)) * field.cosine(place).powi(4)).powf(self.vignetting)
+    }
+}
+
+/// Points that stand for equal shares of an aperture's light.
+struct Light {
+    points: Vec<Vec2>,
+    /// How many of them lie within the rim on the axis.
+    whole: f32,
+}
+
+impl Light {
+    /// Points that are counted.
+    const POINTS: usize = 4096;
+
+    /// Half of the width of the edge that a point's share fades over, so that counts are smooth.
+    const EDGE: f32 = 0.04;
+
+    /// That of the aperture of `optics`; none for a disc, which needs no counting.
+    fn of(optics: &Optics) -> Option<Self> {
+        if optics.image.is_none() && optics.aperture == Aperture::DISC {
+            return None;
+        }
+        let points = (0..Self::POINTS).map(|i| optics.lens_point(sunflower(i, Self::POINTS))).collect();
+        let light = Self { points, whole: 1.0 };
+        let whole = light.share(Vec2::ZERO);
+        Some(Self { whole, ..light })
+    }
+
+    /// The share of it within a rim that stands `rim` aside.
+    fn share(&self, rim: Vec2) -> f32 {
+        let inside =
+            |point: &Vec2| ((1.0 - (*point - rim).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
+        self.points.iter().map(inside).sum::<f32>() / self.whole
     }
 }
 
@@ -114,8 +146,9 @@ mod tests {
                     optics.within_rim(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
                 };
                 let counted = (0..count).filter(within).count() as f32 / count as f32;
-                let share = RimShares::new(optics).at(height);
-                assert!((share - counted).abs() < 4e-3, "{height}: {share}, counted {counted}");
+                for share in [RimShares::new(optics).at(height), optics.rim_share(height)] {
+                    assert!((share - counted).abs() < 5e-3, "{height}: {share}, counted {counted}");
+                }
             }
         }
         let half = RimShares::new(&disc).at(Vec2::X);
@@ -133,5 +166,10 @@ mod tests {
         let half = Optics { vignetting: 0.5, ..optics };
         assert!((Falloff::new(&half, field).at(Vec2::ZERO) - 0.5).abs() < 1e-6);
         assert_eq!(Falloff::new(&rim, field).at(field.axis_px), 1.0, "on the axis");
+        let place = Vec2::new(11.0, 17.0);
+        assert!(
+            (Falloff::new(&rim, field).at(place) - rim.brightness(&field, place)).abs() < 1e-5,
+            "one place alone"
+        );
     }
 }

@@ -5,9 +5,10 @@
 use super::facts::{BrightStep, bright_step_floor};
 use super::plan::{Effect, EffectKind};
 use super::{Abilities, Extrapolation, Facts};
-use crate::lens::{Falloff, Optics, RimShares};
+use crate::lens::Optics;
 use crate::settings::{MethodParameters, ShearParameters};
 use crate::stack::{ColorRange, StackKind};
+use glam::Vec2;
 use std::f32::consts::PI;
 
 /// No fragment reaches beyond its own pixel below this CoC radius.
@@ -235,7 +236,7 @@ fn cats_eye(given: &Given<'_>) -> Effect {
         );
     }
     let cut_px = rim * largest_coc_px(given.facts);
-    let left = 100.0 * RimShares::new(given.optics).at(glam::Vec2::X);
+    let left = 100.0 * given.optics.rim_share(Vec2::X);
     let reason = format!(
         "the rim leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
     );
@@ -292,7 +293,7 @@ fn vignetting(given: &Given<'_>) -> Effect {
     let (optics, field) = (given.optics, given.facts.field);
     if optics.vignetting == 0.0 {
         let full = Optics { vignetting: 1.0, ..optics.clone() };
-        let left = 100.0 * Falloff::new(&full, field).at(field.far_out());
+        let left = 100.0 * full.brightness(&field, field.far_out());
         let change = format!("at its full strength, the corners would keep {left:.0} % of their light");
         return new(
             EffectKind::Vignetting,
@@ -301,7 +302,7 @@ fn vignetting(given: &Given<'_>) -> Effect {
             change,
         );
     }
-    let left = Falloff::new(optics, field).at(field.far_out());
+    let left = optics.brightness(&field, field.far_out());
     let reason = format!("the corners keep {:.1} % of their light", 100.0 * left);
     let change = "without it, they would be as bright as the middle";
     new(EffectKind::Vignetting, left < MOST_LIGHT, reason, change)
