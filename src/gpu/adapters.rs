@@ -88,7 +88,7 @@ impl Adapter {
             },
             interface: info.backend.to_string(),
             driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
-            most_binding_bytes: u64::from(limits.max_storage_buffer_binding_size),
+            most_binding_bytes: limits.max_storage_buffer_binding_size,
             most_buffer_bytes: limits.max_buffer_size,
             most_workgroup_threads: limits.max_compute_invocations_per_workgroup,
             has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
