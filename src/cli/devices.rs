@@ -9,7 +9,8 @@ use thinlens::gpu::{Adapter, Survey, survey};
 const EXAMPLES: &str = "\
 Examples:
   thinlens devices
-  thinlens devices --json";
+  thinlens devices --json
+  thinlens render stack.exr -o out.exr --device cpu";
 
 /// List what can compute here, and what auto chooses
 #[derive(Debug, Args)]
