@@ -245,7 +245,9 @@ fn the_number_of_threads_does_not_change_a_bit() {
 fn inspect_shows_what_a_render_would_do() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&run(folder.path(), &["inspect", STACK, "--preset", "portrait", "--focus", "6"]));
-    for words in ["peels            4", "85 mm", "preset portrait", "6 depth units", "CoC radius", "method"] {
+    for words in
+        ["peels                   4", "85 mm", "preset portrait", "6 depth units", "CoC radius", "method"]
+    {
         assert!(text.contains(words), "{words}: {text}");
     }
     let json = stdout(&run(folder.path(), &["inspect", STACK, "--focus", "6", "--json"]));
@@ -283,7 +285,7 @@ fn inspect_says_how_many_peels_the_lens_sees() {
         stdout(&run(folder.path(), &[&lens, more].concat()))
     };
     let text = inspect(&[]);
-    assert!(text.contains("peels needed     3 of 4") && text.contains("export 3"), "{text}");
+    assert!(text.contains("peels needed            3 of 4") && text.contains("export 3"), "{text}");
     let json: serde_json::Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
     let psnr_db: Vec<f64> = (0..2).filter_map(|k| json["peels_seen"]["psnr_db"][k].as_f64()).collect();
     assert!(psnr_db[0] < psnr_db[1] && psnr_db[1] < 50.0, "{json}");
@@ -332,9 +334,13 @@ fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
 fn plan_shows_the_effects_and_what_every_step_will_cost() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&plan(folder.path(), "cache", &["--views", "48", "--uncalibrated"]));
-    for words in
-        ["method           shear", "highlights       off", "* shear:48 ", "  shear:256 ", "not calibrated"]
-    {
+    for words in [
+        "method                  shear",
+        "highlights              off",
+        "* shear:48 ",
+        "  shear:256 ",
+        "not calibrated",
+    ] {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(!text.contains("gather"), "one method alone: {text}");
@@ -630,8 +636,8 @@ fn a_plan_says_what_was_asked_for_and_what_each_choice_changes_on_a_page_of_119_
     let text = stdout(&run(folder.path(), &[["inspect", STACK].as_slice(), &common, &switches].concat()));
     let plan = text.split("\nplan\n").nth(1).unwrap();
     assert_eq!(plan.matches("asked for; the plan's own choice was ").count(), 4, "{plan}");
-    assert!(plan.contains("fill             on   asked for; the plan's own choice was off"), "{plan}");
-    assert!(plan.contains("resolve          off  asked for; the plan's own choice was on"), "{plan}");
+    assert!(plan.contains("fill                    on   asked for; the plan's own choice was off"), "{plan}");
+    assert!(plan.contains("resolve                 off  asked for; the plan's own choice was on"), "{plan}");
     assert!(plan.contains("without it, about ") && plan.contains("with it, "), "both ways: {plan}");
     assert!(text.lines().all(|line| line.chars().count() < 120), "{text}");
     let files = ["-o", "a.exr", "--views", "4", "--json"];

@@ -534,12 +534,12 @@ fn a_flag_outranks_focus_keys() {
 fn inspect_lists_the_objects_and_says_which_is_in_focus() {
     let folder = sequence();
     let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "sphere"]);
-    assert!(text.contains("objects          CryptoObject, 2: cube, sphere"), "{text}");
+    assert!(text.contains("objects                 CryptoObject, 2: cube, sphere"), "{text}");
     assert!(
-        text.contains("focus            object 'sphere' of CryptoObject: 3, the median of 2 pixels"),
+        text.contains("focus                   object 'sphere' of CryptoObject: 3, the median of 2 pixels"),
         "{text}"
     );
-    assert!(text.contains("focus            3 depth units, 'sphere'"), "{text}");
+    assert!(text.contains("focus                   3 depth units, 'sphere'"), "{text}");
     let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(json["objects"][0]["names"], serde_json::json!(["cube", "sphere"]));
