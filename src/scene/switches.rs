@@ -69,7 +69,7 @@ impl Plan {
             };
             effect.change = "it goes with blur".to_owned();
         }
-        self
+        self.outlined()
     }
 
     /// The same plan with `kind` switched on or off, whatever the facts say. What has a strength of 0 gets its default.
