@@ -54,7 +54,7 @@ impl Optics {
 
     /// What the lens leaves of the brightness at `place` of its `field`, for a single place: see [`Falloff`].
     pub fn brightness(&self, field: &Field, place: Vec2) -> f32 {
-        (self.rim_share(field.height(place)) * field.cosine(place).powi(4)).powf(self.vignetting)
+        brightness(self.rim_share(field.height(place)), field.cosine(place), self.vignetting)
     }
 }
 
@@ -107,9 +107,13 @@ impl Falloff {
 
     /// What is left at `place`, in picture pixels from the picture's corner: 1 on the axis.
     pub fn at(&self, place: Vec2) -> f32 {
-        let share = self.shares.at(self.field.height(place));
-        (share * self.field.cosine(place).powi(4)).powf(self.power)
+        brightness(self.shares.at(self.field.height(place)), self.field.cosine(place), self.power)
     }
+}
+
+/// What is left of brightness where the rim leaves `share` of the aperture and the axis is at an angle of this `cosine`.
+fn brightness(share: f32, cosine: f32, power: f32) -> f32 {
+    (share * cosine.powi(4)).powf(power)
 }
 
 /// The cell of `count` that `position` lies in, and how far into it.

@@ -149,7 +149,9 @@ impl Ready {
                     for (&x, (color, focused_share)) in columns.iter().zip(&mut painted) {
                         let pixel = sums.pixel(x, open);
                         channels.iter().for_each(|&channel| color[channel] = pixel[channel]);
-                        *focused_share = sums.focused_share(x);
+                        if channels.contains(&ALPHA) {
+                            *focused_share = sums.focused_share(x);
+                        }
                     }
                 }
                 columns.into_iter().map(move |x| y * width + x).zip(painted)
@@ -164,6 +166,9 @@ impl Ready {
         highlights::draw(image, highlights, &Bokeh::new(&plan.optics, field, plan.fragment_px), &occluders);
     }
 }
+
+/// The channel of alpha.
+const ALPHA: usize = 3;
 
 /// Writes `channels` of a row to its planes; with alpha goes the share of rays that met something in focus.
 fn write_row(sums: &RowSums, channels: &[usize], open: bool, planes: &mut [&mut [f32]; 5]) {
