@@ -24,6 +24,8 @@ pub enum ErrorKind {
     Unsupported,
     /// The result could not be written.
     Output,
+    /// A graphics device that is not there, or that failed.
+    Device,
 }
 
 /// An error with its context. `Display` prints it in the form shown in the module's head, without the leading `error: `.
@@ -64,6 +66,11 @@ impl Error {
     /// [`ErrorKind::Output`].
     pub fn output(what: impl Into<String>) -> Self {
         Self::new(ErrorKind::Output, what)
+    }
+
+    /// [`ErrorKind::Device`].
+    pub fn device(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Device, what)
     }
 
     /// Adds a labelled line of context, such as `found: …`.

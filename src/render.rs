@@ -8,10 +8,10 @@ use crate::cost::{self, Calibration, Remark};
 use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::finish;
-use crate::gpu::{self, Device, DeviceChoice};
+use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
-use crate::methods::{self, Progress};
+use crate::methods::{self, METHODS, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
@@ -78,6 +78,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// Where.
     pub device: Device,
+    /// The adapter, if that is a GPU.
+    pub gpu: Option<Gpu>,
     /// How many pixels of the picture to compare with the stack's truth, if any.
     pub verify: Option<usize>,
     /// Whether to say how much of each pixel the stack knows.
@@ -105,6 +107,8 @@ pub struct Rendered {
     pub plan: Plan,
     /// Where.
     pub device: Device,
+    /// What a GPU spent its time on, if one was at work.
+    pub gpu_usage: Option<GpuUsage>,
     /// How the number of lens samples was found, if it was not given.
     pub outcome: Option<Outcome>,
     /// The sampling error, if it was to be verified.
@@ -121,8 +125,8 @@ pub struct Rendered {
 /// Those of reading, of the lens and of the plan; an unknown method or effect, before anything is read.
 pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
-    let device = gpu::choose(job.device)?;
     check_methods(job)?;
+    let demanded = gpu::demanded(job.device)?;
     scene::asked_for(&job.switches)?;
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
@@ -136,6 +140,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     if job.confidence {
         confidence::check(&plan)?;
     }
+    let (device, gpu) = clock.time(Stage::Plan, || device(job.device, demanded, &plan))?;
     let (verify, confidence) = (job.verify, job.confidence);
     Ok(Prepared {
         stack,
@@ -147,6 +152,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
         facts,
         plan,
         device,
+        gpu,
         verify,
         confidence,
         clock,
@@ -160,14 +166,24 @@ impl Prepared {
     /// # Errors
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
-        let Self { mut stack, summary, settings, lens, scene, facts, plan, device, mut clock, .. } = self;
+        let Self {
+            mut stack, summary, settings, lens, scene, facts, plan, mut device, gpu, mut clock, ..
+        } = self;
         let outside_px = scene.outside_px;
         let calibration = calibration(&plan, &mut stack)?;
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
         let field = scene.field;
-        let (image, outcome) =
-            clock.time(Stage::Blur, || paint(scene, (&facts, &plan), &calibration, progress))?;
+        let Painted { image, outcome, fault } = clock.time(Stage::Blur, || match &gpu {
+            Some(gpu) => paint_on(gpu, scene, &plan, progress),
+            None => paint(scene, (&facts, &plan), &calibration, progress),
+        })?;
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
+        if let Some(fault) = fault {
+            let text = fault.to_string().replace('\n', ";");
+            stack.findings.push(Finding::warning("device", format!("the frame was done on the CPU: {text}")));
+            device = Device::cpu("the GPU failed");
+        }
+        let gpu_usage = gpu.and_then(|gpu| gpu.usage().ok());
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
         let plan = Plan { views, ..plan };
         let probe = kept.as_ref().zip(self.verify).map(|(scene, probes)| {
@@ -188,6 +204,7 @@ impl Prepared {
             lens,
             plan,
             device,
+            gpu_usage,
             outcome,
             probe,
             confidence: known,
@@ -196,21 +213,63 @@ impl Prepared {
     }
 }
 
-/// The picture of `scene` by the plan, and how the number of lens samples was found where the plan has a goal instead.
+/// A picture by a plan.
+struct Painted {
+    image: Image,
+    /// How the number of lens samples was found, where the plan has a goal instead.
+    outcome: Option<Outcome>,
+    /// Why the GPU did not make it, where it should have.
+    fault: Option<Error>,
+}
+
+/// The picture of `scene` by `plan` on `gpu`.
+fn paint_on(gpu: &Gpu, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Painted, Error> {
+    let outcome = match plan.goal {
+        Some(Goal::TargetDb { psnr_db, most_views }) => {
+            Some(dial::look(scene.clone(), plan, (psnr_db, most_views))?)
+        }
+        _ => None,
+    };
+    let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
+    let (image, fault) = methods::render_on(gpu, scene, &Plan { views, ..plan.clone() }, progress)?;
+    Ok(Painted { image, outcome, fault })
+}
+
+/// The same on the CPU.
 fn paint(
     scene: Scene,
     (facts, plan): (&Facts, &Plan),
     calibration: &Calibration,
     progress: &Progress<'_>,
-) -> Result<(Image, Option<Outcome>), Error> {
-    let found = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
+) -> Result<Painted, Error> {
+    let (image, outcome) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
         Some(Goal::TargetDb { psnr_db, most_views }) => {
-            dial::reach(scene, plan, (psnr_db, most_views), progress)
+            dial::reach(scene, plan, (psnr_db, most_views), progress)?
         }
-        Some(Goal::TimeBudget { seconds }) => dial::fit(scene, (facts, plan), seconds, calibration, progress),
-        None => return methods::render(scene, plan, progress).map(|image| (image, None)),
+        Some(Goal::TimeBudget { seconds }) => {
+            dial::fit(scene, (facts, plan), seconds, calibration, progress)?
+        }
+        None => {
+            let image = methods::render(scene, plan, progress)?;
+            return Ok(Painted { image, outcome: None, fault: None });
+        }
     };
-    found.map(|(image, outcome)| (image, Some(outcome)))
+    Ok(Painted { image, outcome: Some(outcome), fault: None })
+}
+
+/// Where to carry out `plan`, and the GPU if it is one; `demanded` is the one that `choice` insists on.
+fn device(choice: DeviceChoice, demanded: Option<Gpu>, plan: &Plan) -> Result<(Device, Option<Gpu>), Error> {
+    if !plan.does(EffectKind::Blur) {
+        return Ok((Device::cpu("there is nothing to blur"), None));
+    }
+    let hindrance = methods::bound_to_cpu(plan);
+    if let (DeviceChoice::Gpu, Some(hindrance)) = (choice, &hindrance) {
+        let able = METHODS.iter().filter(|method| method.twin().is_some());
+        let able: Vec<&str> = able.map(|method| method.info().name).collect();
+        return Err(Error::unsupported(hindrance.clone())
+            .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
+    }
+    gpu::choose(choice, demanded, hindrance)
 }
 
 /// Carries out `job` from files to picture.
@@ -234,7 +293,12 @@ impl Rendered {
             input,
             output,
             method: self.plan.method,
-            device: output::report::Device { kind: self.device.kind.name(), name: self.device.name.clone() },
+            device: output::report::Device {
+                kind: self.device.kind.name(),
+                name: self.device.name.clone(),
+                reason: self.device.reason.clone(),
+                gpu: self.gpu_usage.as_ref().and_then(|usage| serde_json::to_value(usage).ok()),
+            },
             lens: LensReport::new(&self.settings, &self.lens),
             picture: self.settings.picture.clone(),
             stack: self.summary.clone(),

@@ -339,7 +339,12 @@ mod the_report {
             input: vec!["a.exr".to_owned()],
             output: "b.exr".to_owned(),
             method: plan.method,
-            device: report::Device { kind: "cpu", name: "a processor".to_owned() },
+            device: report::Device {
+                kind: "cpu",
+                name: "a processor".to_owned(),
+                reason: "asked for".to_owned(),
+                gpu: None,
+            },
             lens: report::LensReport::new(
                 &settings,
                 &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0 },

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use std::fmt;
 
-/// What an adapter is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// What an adapter is made of, in the order in which one is taken rather than another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdapterKind {
     /// A card with memory of its own.
@@ -13,10 +13,10 @@ pub enum AdapterKind {
     Integrated,
     /// A card that is shared with other machines.
     Virtual,
-    /// A program on the processor.
-    Software,
     /// Not known.
     Other,
+    /// A program on the processor.
+    Software,
 }
 
 impl AdapterKind {
@@ -62,9 +62,7 @@ impl fmt::Display for Adapter {
 /// Every adapter of this machine.
 #[cfg(feature = "gpu")]
 pub(super) fn find() -> Vec<Adapter> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    adapters.iter().map(Adapter::of).collect()
+    enumerate().iter().map(Adapter::of).collect()
 }
 
 /// None: this program was built without them.
@@ -73,9 +71,18 @@ pub(super) fn find() -> Vec<Adapter> {
     Vec::new()
 }
 
+/// Every adapter as wgpu has it.
+#[cfg(feature = "gpu")]
+pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
+    super::quiet::quietly(|| {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
+    })
+}
+
 #[cfg(feature = "gpu")]
 impl Adapter {
-    fn of(adapter: &wgpu::Adapter) -> Self {
+    pub(super) fn of(adapter: &wgpu::Adapter) -> Self {
         let (info, limits) = (adapter.get_info(), adapter.limits());
         Self {
             name: info.name,

@@ -1,11 +1,35 @@
-//! Device choice: which device carries out a plan.
+//! Graphics cards: device choice, and adapters at work. Knows no method by name.
 //!
-//! Limits: every method runs on the CPU so far. Asking for a GPU by name is therefore an error that says what was found,
-//! never a silent fall back.
+//! [`choose`] says where a plan is carried out. A [`Gpu`] is an adapter that was opened: it takes buffers and kernels, and every
+//! failure is one error. What a frame needs beyond an adapter's limits goes in [`bands()`]. Structures that shaders share with
+//! the program are [`Mirrored`].
 
 mod adapters;
+mod clock;
+mod quiet;
 
+#[cfg(feature = "gpu")]
+mod bands;
+#[cfg(feature = "gpu")]
+mod context;
+#[cfg(feature = "gpu")]
+mod shader;
+
+#[cfg(not(feature = "gpu"))]
+mod absent;
+
+#[cfg(not(feature = "gpu"))]
+pub use absent::Gpu;
 pub use adapters::{Adapter, AdapterKind};
+#[cfg(feature = "gpu")]
+pub use bands::{Band, bands};
+pub use clock::GpuUsage;
+#[cfg(feature = "gpu")]
+pub use context::{Buffer, Gpu, Kernel, Work, tiles};
+#[cfg(feature = "gpu")]
+pub(crate) use shader::mirrored;
+#[cfg(feature = "gpu")]
+pub use shader::{Layout, Mirrored, Scalar, ScalarKind, Shader};
 
 use crate::error::Error;
 use serde::Serialize;
@@ -13,12 +37,12 @@ use serde::Serialize;
 /// What the user asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceChoice {
-    /// The fastest device that gives the same picture.
+    /// A graphics card where there is one that gives the same picture, the processor elsewhere.
     #[default]
     Auto,
     /// The processor.
     Cpu,
-    /// A graphics card; software drivers do not count as one.
+    /// A graphics adapter, be it a program on the processor.
     Gpu,
 }
 
@@ -28,7 +52,7 @@ pub enum DeviceChoice {
 pub enum DeviceKind {
     /// The processor.
     Cpu,
-    /// A graphics card.
+    /// A graphics adapter.
     Gpu,
 }
 
@@ -49,18 +73,57 @@ pub struct Device {
     pub kind: DeviceKind,
     /// The name it gives itself.
     pub name: String,
+    /// Why it was chosen.
+    pub reason: String,
 }
 
-/// The device for `choice`.
+impl Device {
+    /// The processor, for this reason.
+    pub fn cpu(reason: impl Into<String>) -> Self {
+        Self { kind: DeviceKind::Cpu, name: cpu_name(), reason: reason.into() }
+    }
+
+    fn gpu(adapter: &Adapter, reason: impl Into<String>) -> Self {
+        Self { kind: DeviceKind::Gpu, name: adapter.to_string(), reason: reason.into() }
+    }
+}
+
+/// The adapter that `choice` insists on, opened; `None` where it insists on none.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Unsupported`] for [`DeviceChoice::Gpu`], with the adapter that was found: no method runs on
-/// it so far.
-pub fn choose(choice: DeviceChoice) -> Result<Device, Error> {
-    match choice {
-        DeviceChoice::Auto | DeviceChoice::Cpu => Ok(Device { kind: DeviceKind::Cpu, name: cpu_name() }),
-        DeviceChoice::Gpu => Err(gpu_error()),
+/// [`crate::error::ErrorKind::Device`] where there is none, or it cannot be opened.
+pub fn demanded(choice: DeviceChoice) -> Result<Option<Gpu>, Error> {
+    if choice != DeviceChoice::Gpu {
+        return Ok(None);
     }
+    let help = "use --device auto, which runs on the CPU here; `thinlens devices` lists what there is";
+    let none = || Error::device("there is no graphics adapter").with("looked for", LOOKED_FOR).help(help);
+    Gpu::open(true)?.ok_or_else(none).map(Some)
+}
+
+/// Where to carry out a plan that `hindrance`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
+/// found.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Device`] for a card that cannot be opened.
+pub fn choose(
+    choice: DeviceChoice,
+    demanded: Option<Gpu>,
+    hindrance: Option<String>,
+) -> Result<(Device, Option<Gpu>), Error> {
+    if let Some(hindrance) = hindrance {
+        return Ok((Device::cpu(hindrance), None));
+    }
+    let (opened, reason) = match choice {
+        DeviceChoice::Cpu => return Ok((Device::cpu("asked for"), None)),
+        DeviceChoice::Gpu => (demanded, "asked for"),
+        DeviceChoice::Auto => (Gpu::open(false)?, "a graphics card"),
+    };
+    let device = match &opened {
+        Some(gpu) => Device::gpu(gpu.adapter(), reason),
+        None => Device::cpu("there is no graphics card"),
+    };
+    Ok((device, opened))
 }
 
 /// What can compute on this machine.
@@ -83,20 +146,20 @@ pub struct Survey {
 /// Looks at what can compute here.
 pub fn survey() -> Survey {
     let adapters = adapters::find();
-    let card = adapters.iter().find(|adapter| adapter.kind != AdapterKind::Software);
-    let auto_reason = match (card, adapters.first()) {
-        (Some(card), _) => format!("no method runs on {card} so far"),
-        (None, Some(software)) => {
-            format!("{software} is a program on the same processor, and no method runs on it so far")
+    let best = adapters.iter().min_by_key(|adapter| adapter.kind);
+    let (auto, auto_reason) = match best {
+        Some(card) if card.kind != AdapterKind::Software => {
+            (DeviceKind::Gpu, format!("{card}; methods without a GPU twin run on the CPU"))
         }
-        (None, None) => "there is no graphics card".to_owned(),
+        Some(software) => (DeviceKind::Cpu, format!("{software} is a program on the same processor")),
+        None => (DeviceKind::Cpu, "there is no graphics card".to_owned()),
     };
     Survey {
         processor: cpu_name(),
         threads: rayon::current_num_threads(),
         adapters,
         looked_for: LOOKED_FOR,
-        auto: DeviceKind::Cpu,
+        auto,
         auto_reason,
     }
 }
@@ -120,46 +183,27 @@ fn model_name(cpuinfo: &str) -> Option<&str> {
     Some(name.trim()).filter(|name| !name.is_empty())
 }
 
-#[cfg(feature = "gpu")]
-fn gpu_error() -> Error {
-    let adapters = adapters::find();
-    let card = adapters.iter().find(|adapter| adapter.kind != AdapterKind::Software);
-    let found = card.map_or_else(|| "no graphics card".to_owned(), Adapter::to_string);
-    Error::unsupported("no method runs on the GPU so far")
-        .with("found", found)
-        .help("use --device auto, which runs on the CPU")
-}
-
-#[cfg(not(feature = "gpu"))]
-fn gpu_error() -> Error {
-    Error::unsupported("this program was built without GPU support")
-        .help("use --device auto, or build with the feature `gpu`")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn auto_and_cpu_are_the_processor() {
-        for choice in [DeviceChoice::Auto, DeviceChoice::Cpu] {
-            let device = choose(choice).unwrap();
-            assert_eq!(device.kind, DeviceKind::Cpu);
-            assert!(!device.name.is_empty(), "a device has a name");
+    fn the_processor_is_taken_where_it_is_asked_for_or_nothing_else_will_do() {
+        let (device, gpu) = choose(DeviceChoice::Cpu, None, None).unwrap();
+        assert!(device.kind == DeviceKind::Cpu && gpu.is_none() && !device.name.is_empty());
+        for choice in [DeviceChoice::Auto, DeviceChoice::Gpu] {
+            let (device, gpu) = choose(choice, None, Some("it has none".to_owned())).unwrap();
+            assert!(device.kind == DeviceKind::Cpu && gpu.is_none(), "{choice:?}");
+            assert_eq!(device.reason, "it has none");
         }
     }
 
     #[test]
-    fn asking_for_a_gpu_is_refused_with_the_way_out() {
-        let error = choose(DeviceChoice::Gpu).unwrap_err().to_string();
-        assert!(error.contains("--device auto"), "{error}");
-    }
-
-    #[test]
-    fn a_survey_has_the_processor_and_says_why_it_is_chosen() {
+    fn a_survey_says_what_auto_is_and_why() {
         let survey = survey();
-        assert!(!survey.processor.is_empty() && survey.threads > 0);
-        assert_eq!(survey.auto, DeviceKind::Cpu, "{}", survey.auto_reason);
+        assert!(!survey.processor.is_empty() && survey.threads > 0 && !survey.auto_reason.is_empty());
+        let has_card = survey.adapters.iter().any(|adapter| adapter.kind != AdapterKind::Software);
+        assert_eq!(survey.auto == DeviceKind::Gpu, has_card, "{}", survey.auto_reason);
         assert!(
             survey.adapters.iter().all(|adapter| !adapter.name.is_empty() && adapter.most_buffer_bytes > 0)
         );

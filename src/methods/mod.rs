@@ -21,8 +21,9 @@ pub use accumulate::Volume;
 pub use laws::{Deviation, Law};
 
 use crate::error::Error;
+use crate::gpu::Gpu;
 use crate::image::{Image, Plane};
-use crate::scene::{Abilities, EffectKind, Facts, Plan, Scene};
+use crate::scene::{Abilities, EffectKind, Facts, Goal, Plan, Scene};
 use crate::settings::{Effort, MethodParameters, Origin, Quality, Settings, Sourced, nearest};
 use rayon::prelude::*;
 use std::fmt;
@@ -71,6 +72,25 @@ pub trait Method: fmt::Debug + Sync {
     /// # Errors
     /// When a device fails; on the CPU a method that has a plan succeeds.
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
+
+    /// The method on a GPU; `None` for one that runs on the CPU alone.
+    fn twin(&self) -> Option<&dyn Twin> {
+        None
+    }
+}
+
+/// A method on a GPU: the same picture by the same plan.
+pub trait Twin: fmt::Debug + Sync {
+    /// The picture that [`Method::blur`] makes, to within what both round. The scene stays as it is: where the GPU fails, it is
+    /// needed once more.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Device`] when the device fails or has not the room.
+    fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
+
+    /// The shader that it runs.
+    #[cfg(feature = "gpu")]
+    fn shader(&self) -> &'static crate::gpu::Shader;
 }
 
 /// A method that samples the lens as often as it is asked to.
@@ -194,6 +214,36 @@ pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Imag
         return Ok(scene.into_pinhole());
     }
     by_name(plan.method)?.blur(scene, plan, progress)
+}
+
+/// Why `plan` cannot be carried out on a GPU, if it cannot.
+pub fn bound_to_cpu(plan: &Plan) -> Option<String> {
+    let Plan { method, goal, .. } = plan;
+    let has_twin = by_name(method).is_ok_and(|method| method.twin().is_some());
+    match goal {
+        _ if !has_twin => Some(format!("{method} runs on the CPU alone")),
+        Some(Goal::TimeBudget { .. }) => Some("only on the CPU is it known how long views take".to_owned()),
+        _ => None,
+    }
+}
+
+/// Carries out `plan` as [`render`] does, on `gpu`; where that fails, on the CPU after all, and says what failed.
+///
+/// # Errors
+/// Those of the method on the CPU.
+pub fn render_on(
+    gpu: &Gpu,
+    scene: Scene,
+    plan: &Plan,
+    progress: &Progress<'_>,
+) -> Result<(Image, Option<Error>), Error> {
+    let twin = by_name(plan.method)?.twin().filter(|_| plan.does(EffectKind::Blur));
+    let fault = match twin.map(|twin| twin.blur(gpu, &scene, plan, progress)) {
+        Some(Ok(image)) => return Ok((image, None)),
+        Some(Err(fault)) => Some(fault),
+        None => None,
+    };
+    render(scene, plan, progress).map(|image| (image, fault))
 }
 
 /// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(scratch, y, planes)` writes row `y`

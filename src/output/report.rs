@@ -81,6 +81,11 @@ pub struct Device {
     pub kind: &'static str,
     /// The device's own name.
     pub name: String,
+    /// Why it was chosen.
+    pub reason: String,
+    /// What a GPU spent its time on; absent where none was at work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu: Option<serde_json::Value>,
 }
 
 /// The lens as it was set, and what follows.

@@ -1,0 +1,63 @@
+//! Frames larger than what an adapter takes at once, cut into bands of rows.
+
+use crate::error::Error;
+use std::ops::Range;
+
+/// Rows of the picture that are made together.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Band {
+    /// The rows that it makes.
+    pub rows: Range<usize>,
+    /// The rows that it reads.
+    pub source: Range<usize>,
+}
+
+/// The bands of a picture of `height` rows, each of which is made from what lies up to `reach` rows away, when `most_rows` can be read at
+/// once.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Device`] where not even one row can be made.
+pub fn bands(height: usize, reach: usize, most_rows: usize) -> Result<Vec<Band>, Error> {
+    if height <= most_rows {
+        return Ok(vec![Band { rows: 0..height, source: 0..height }]);
+    }
+    let rows = most_rows.saturating_sub(2 * reach);
+    if rows == 0 {
+        return Err(Error::device("the frame is too large for the GPU")
+            .with("found", format!("{height} rows, blurred over {reach} rows either way"))
+            .with("wanted", format!("{} rows at most at once", most_rows))
+            .help("use --device cpu"));
+    }
+    // As many bands as it takes, of one height.
+    let count = height.div_ceil(rows);
+    let band = |i: usize| {
+        let rows = i * height / count..(i + 1) * height / count;
+        Band { source: rows.start.saturating_sub(reach)..(rows.end + reach).min(height), rows }
+    };
+    Ok((0..count).map(band).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_make_every_row_once_and_read_no_more_than_they_may() {
+        for (height, reach, most) in [(100, 0, 7), (100, 3, 7), (101, 10, 64), (5, 9, 5), (4320, 200, 900)] {
+            let bands = bands(height, reach, most).unwrap();
+            let made: Vec<usize> = bands.iter().flat_map(|band| band.rows.clone()).collect();
+            assert_eq!(made, (0..height).collect::<Vec<_>>(), "{height} rows, reach {reach}");
+            for Band { rows, source } in bands {
+                assert!(source.len() <= most, "{source:?} of {most}");
+                let wanted = rows.start.saturating_sub(reach)..(rows.end + reach).min(height);
+                assert_eq!(source, wanted, "all that {rows:?} sees");
+            }
+        }
+    }
+
+    #[test]
+    fn a_reach_that_leaves_no_row_is_refused() {
+        let error = bands(100, 30, 60).unwrap_err().to_string();
+        assert!(error.contains("100 rows") && error.contains("--device cpu"), "{error}");
+    }
+}

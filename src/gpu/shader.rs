@@ -1,0 +1,108 @@
+//! Shaders, and the structures that they share with the program.
+
+/// A WGSL module: a method's own text after what several methods share.
+#[derive(Debug)]
+pub struct Shader {
+    /// Its name in messages: that of its file.
+    pub name: &'static str,
+    /// Its parts, in order.
+    pub parts: &'static [&'static str],
+    /// The structures that it shares with the program.
+    pub structs: &'static [Layout],
+}
+
+impl Shader {
+    /// The text of the whole module.
+    pub fn source(&self) -> String {
+        self.parts.join("\n")
+    }
+}
+
+/// A structure as the program has it: members of four bytes, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Its name.
+    pub name: &'static str,
+    /// Names and types of its members.
+    pub members: &'static [(&'static str, ScalarKind)],
+}
+
+/// Type of a member.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScalarKind {
+    /// `i32`.
+    Int,
+    /// `u32`.
+    Uint,
+    /// `f32`.
+    Float,
+}
+
+/// A member of a structure that shaders read.
+pub trait Scalar: Copy {
+    /// Its type.
+    const KIND: ScalarKind;
+
+    /// Its bits.
+    fn bits(self) -> u32;
+}
+
+impl Scalar for u32 {
+    const KIND: ScalarKind = ScalarKind::Uint;
+
+    fn bits(self) -> u32 {
+        self
+    }
+}
+
+impl Scalar for i32 {
+    const KIND: ScalarKind = ScalarKind::Int;
+
+    fn bits(self) -> u32 {
+        self as u32
+    }
+}
+
+impl Scalar for f32 {
+    const KIND: ScalarKind = ScalarKind::Float;
+
+    fn bits(self) -> u32 {
+        self.to_bits()
+    }
+}
+
+/// A structure that shaders read: see [`mirrored!`].
+pub trait Mirrored {
+    /// What the shader must call and lay out the same way.
+    const LAYOUT: Layout;
+
+    /// Its members, bit by bit.
+    fn words(&self) -> Vec<u32>;
+}
+
+/// Declares a structure that a shader declares too, with members `u32`, `i32` or `f32`; its [`Layout`] belongs into
+/// [`Shader::structs`], by which a test holds the two together.
+macro_rules! mirrored {
+    ($(#[$of_struct:meta])* $visibility:vis struct $name:ident {
+        $($(#[$of_member:meta])* $member:ident: $scalar:ty),* $(,)?
+    }) => {
+        $(#[$of_struct])*
+        #[derive(Debug, Clone, Copy)]
+        $visibility struct $name {
+            $($(#[$of_member])* $visibility $member: $scalar),*
+        }
+
+        impl $crate::gpu::Mirrored for $name {
+            const LAYOUT: $crate::gpu::Layout = $crate::gpu::Layout {
+                name: stringify!($name),
+                members: &[$((stringify!($member), <$scalar as $crate::gpu::Scalar>::KIND)),*],
+            };
+
+            fn words(&self) -> Vec<u32> {
+                vec![$($crate::gpu::Scalar::bits(self.$member)),*]
+            }
+        }
+    };
+}
+
+pub(crate) use mirrored;

@@ -1,0 +1,387 @@
+//! What a method makes on a GPU is what it makes on the CPU, looped over every method that has a twin.
+//!
+//! The twins run on whatever adapter there is, be it a program on the processor. Where there is none these tests have nothing to do,
+//! unless `THINLENS_REQUIRE_GPU` is set: then they fail.
+
+#![cfg(feature = "gpu")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
+use std::path::Path;
+use std::sync::OnceLock;
+use thinlens::gpu::{DeviceChoice, DeviceKind, Gpu};
+use thinlens::image::{Image, Plane};
+use thinlens::methods::{self, METHODS, Method};
+use thinlens::render::{Job, NamedPreset, prepare, render};
+use thinlens::scene::{Layer, Plan, Scene};
+use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::stack::{Source, StackKind};
+
+/// How far a method's two pictures may be apart.
+#[derive(Clone, Copy)]
+struct Tolerance {
+    method: &'static str,
+    /// Difference of a value, as a share of one plus that value.
+    apart: f32,
+    /// Share of all values that may be farther apart.
+    outliers: f64,
+    /// Why.
+    reason: &'static str,
+}
+
+const TOLERANCES: &[Tolerance] = &[Tolerance {
+    method: "shear",
+    apart: 2e-5,
+    outliers: 0.0,
+    reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
+}];
+
+fn tolerance(method: &dyn Method) -> Tolerance {
+    let name = method.info().name;
+    let found = TOLERANCES.iter().find(|tolerance| tolerance.method == name);
+    *found.unwrap_or_else(|| panic!("{name} has a twin and no tolerance"))
+}
+
+impl Tolerance {
+    /// Share of the values of `found` that are farther than `apart` from those of `expected`, and the farthest.
+    fn outside(&self, found: &Image, expected: &Image) -> (f64, f32) {
+        assert_eq!((found.width(), found.height()), (expected.width(), expected.height()));
+        let (mut outside, mut count, mut worst) = (0usize, 0usize, 0.0f32);
+        for (found, expected) in found.planes.iter().zip(&expected.planes) {
+            for (&found, &expected) in found.values().iter().zip(expected.values()) {
+                let apart = (found - expected).abs() / (1.0 + expected.abs());
+                // What is not a number is outside of everything.
+                outside += usize::from(apart.is_nan() || apart > self.apart);
+                worst = if apart.is_nan() { f32::INFINITY } else { worst.max(apart) };
+                count += 1;
+            }
+        }
+        (outside as f64 / count as f64, worst)
+    }
+
+    fn holds(&self, found: &Image, expected: &Image) -> bool {
+        self.outside(found, expected).0 <= self.outliers
+    }
+
+    fn demand(&self, found: &Image, expected: &Image, case: &str) {
+        let (outside, worst) = self.outside(found, expected);
+        assert!(
+            outside <= self.outliers,
+            "{}: {case}: {outside:.5} of all values are more than {} apart, {} may be ({}); the farthest {worst}",
+            self.method,
+            self.apart,
+            self.outliers,
+            self.reason
+        );
+    }
+}
+
+/// The adapter of all tests, if there is one.
+fn gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    GPU.get_or_init(|| {
+        let gpu = Gpu::open(true).unwrap();
+        let required = std::env::var_os("THINLENS_REQUIRE_GPU").is_some();
+        assert!(gpu.is_some() || !required, "THINLENS_REQUIRE_GPU is set, and there is no adapter");
+        gpu
+    })
+    .as_ref()
+}
+
+fn methods_with_twin() -> impl Iterator<Item = &'static dyn Method> {
+    METHODS.into_iter().filter(|method| method.twin().is_some())
+}
+
+/// A number from 0 to 1 that depends on its arguments alone.
+fn noise(x: usize, y: usize, seed: usize) -> f32 {
+    let mut bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
+    bits = (bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) ^ (bits >> 15);
+    (bits % 65_536) as f32 / 65_535.0
+}
+
+/// A layer of `width × height` samples, `sample(x, y)` = colour, alpha and CoC radius.
+fn layer(width: usize, height: usize, sample: impl Fn(usize, usize) -> ([f32; 4], f32)) -> Layer {
+    Layer {
+        color: std::array::from_fn(|k| Plane::from_fn(width, height, |x, y| sample(x, y).0[k])),
+        alpha: Plane::from_fn(width, height, |x, y| sample(x, y).0[3]),
+        coc_px: Plane::from_fn(width, height, |x, y| sample(x, y).1),
+    }
+}
+
+/// A near bar, a translucent pane, a slanted floor through focus, and a far wall with a hole in it.
+fn layers(width: usize, height: usize, blur: f32) -> Vec<Layer> {
+    let texture = |x: usize, y: usize, seed: usize, alpha: f32| {
+        let fine =
+            [0.2 + 0.6 * noise(x / 2, y / 3, seed), noise(x / 5, y / 4, seed + 1), noise(x, y, seed + 2)];
+        [alpha * fine[0], alpha * fine[1], alpha * fine[2], alpha]
+    };
+    let bar = |x: usize| (x * 7 / width.max(1)) % 3 == 1;
+    let pane = |x: usize, y: usize| (x + 2 * y) % 29 < 9;
+    let hole = |x: usize, y: usize| (x / 6 + y / 5) % 7 == 3;
+    let floor = move |y: usize| blur * (8.0 - 14.0 * y as f32 / height as f32);
+    let fragments = move |x: usize, y: usize| {
+        let near = bar(x).then(|| (texture(x, y, 1, 1.0), -9.0 * blur));
+        let veil = pane(x, y).then(|| (texture(x, y, 2, 0.4), -7.5 * blur));
+        let ground = (y * 3 > height).then(|| (texture(x, y, 3, 1.0), floor(y)));
+        let wall = (!hole(x, y)).then(|| (texture(x, y, 4, 1.0), 9.0 * blur));
+        [near, veil, ground, wall].into_iter().flatten().collect::<Vec<_>>()
+    };
+    let at = |x, y, k: usize| fragments(x, y).get(k).copied().unwrap_or(([0.0; 4], 0.0));
+    (0..4).map(|k| layer(width, height, |x, y| at(x, y, k))).collect()
+}
+
+/// A case: what it is called, a scene, and what is set.
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    values: Values,
+}
+
+fn cases() -> Vec<Case> {
+    let scene = |layers, kind| Scene::new(layers, kind, 1, 60.0);
+    let world = |blur| scene(layers(67, 41, blur), StackKind::PointSampled);
+    let case = |name, scene| Case { name, scene, values: Values::default() };
+    let supersampled = Scene::new(layers(62, 34, 1.0), StackKind::Supersampled, 2, 60.0);
+    let lights = || {
+        let mut layers = layers(67, 41, 1.0);
+        [(9, 9), (40, 12), (41, 30), (63, 38)].into_iter().for_each(|(x, y)| {
+            layers[0].color.iter_mut().for_each(|plane| plane.set(x, y, 300.0));
+            layers[0].alpha.set(x, y, 1.0);
+        });
+        scene(layers, StackKind::PointSampled)
+    };
+    let opaque = |width, height| {
+        let near = layer(width, height, |x, y| {
+            ([noise(x, y, 1), 0.5, noise(x, y, 2), f32::from((x + y) % 3 != 0)], -6.0 - x as f32)
+        });
+        let far = layer(width, height, |x, y| ([noise(x, y, 3), noise(x, y, 4), 0.2, 1.0], 5.0));
+        scene(vec![near, far], StackKind::PointSampled)
+    };
+    let blades = Values {
+        blades: Some(5),
+        rotation_deg: Some(20.0),
+        blade_curvature: Some(0.5),
+        squeeze: Some(1.6),
+        ..Values::default()
+    };
+    let faults = Values {
+        cats_eye: Some(0.8),
+        spherical_um: Some(-400.0),
+        axial_color_um: Some([120.0, -60.0]),
+        ..Values::default()
+    };
+    vec![
+        case("a world", world(1.0)),
+        case("little blur", world(0.2)),
+        case("much blur", world(6.0)),
+        case("samples averaged over pixels", scene(layers(67, 41, 1.0), StackKind::Coverage)),
+        case("a supersampled stack", supersampled),
+        case("one layer", scene(layers(67, 41, 1.0)[..1].to_vec(), StackKind::BeautyDepth)),
+        case("lights", lights()),
+        case("one pixel", opaque(1, 1)),
+        case("one row", opaque(19, 1)),
+        case("one column", opaque(1, 23)),
+        case("an odd size", opaque(33, 17)),
+        Case { name: "blades", scene: world(1.0), values: blades },
+        Case { name: "a faulty lens", scene: lights(), values: faults },
+    ]
+}
+
+/// The plan of `method` for `scene`, and the scene as it is to be blurred.
+fn settle(method: &dyn Method, scene: Scene, values: &Values, views: usize) -> (Scene, Plan) {
+    let samples = method.lens_samples(&MethodParameters::default()).is_some();
+    let values = Values {
+        method: Some(method.info().name.to_owned()),
+        effort: samples.then_some(Effort::Views(views)),
+        ..values.clone()
+    };
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+    let (scene, _, plan) = methods::settle(scene, &settings).unwrap();
+    (scene, plan)
+}
+
+fn on_cpu(scene: &Scene, plan: &Plan) -> Image {
+    methods::render(scene.clone(), plan, &|_| {}).unwrap()
+}
+
+/// The picture that `gpu` makes; it must have been at work, and nothing must have been left to the CPU.
+fn on_gpu(gpu: &Gpu, scene: &Scene, plan: &Plan) -> Image {
+    let before = gpu.usage().unwrap().passes;
+    let (image, fault) = methods::render_on(gpu, scene.clone(), plan, &|_| {}).unwrap();
+    assert!(fault.is_none(), "{}: {}", plan.method, fault.unwrap());
+    assert!(gpu.usage().unwrap().passes > before, "{}: the GPU had nothing to do", plan.method);
+    image
+}
+
+#[test]
+fn every_case_is_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_twin() {
+        for Case { name, scene, values } in cases() {
+            for views in [5, 48] {
+                let (scene, plan) = settle(method, scene.clone(), &values, views);
+                let case = format!("{name}, {views} views");
+                tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_effect_on_and_off_is_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_twin() {
+        for Case { name, scene, values } in cases().into_iter().filter(|case| case.name != "much blur") {
+            let (scene, plan) = settle(method, scene, &values, 24);
+            for kind in method.info().effects {
+                for on in [false, true] {
+                    let plan = plan.clone().forced(*kind, on);
+                    let case = format!("{name}, {kind:?} {on}");
+                    tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn many_views_are_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_twin().filter(|method| method.lens_sampling().is_some()) {
+        let scene = Scene::new(layers(31, 21, 0.6), StackKind::PointSampled, 1, 60.0);
+        for views in [1, 130, 700] {
+            let (scene, plan) = settle(method, scene.clone(), &Values::default(), views);
+            tolerance(method).demand(
+                &on_gpu(gpu, &scene, &plan),
+                &on_cpu(&scene, &plan),
+                &format!("{views} views"),
+            );
+        }
+    }
+}
+
+/// Real stacks, as far as they fit into a test.
+fn samples() -> Vec<(Scene, Settings)> {
+    let sample = |name: &str, input: &str| {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name);
+        let preset = std::fs::read_to_string(folder.join("preset.toml")).unwrap();
+        let preset =
+            Some(NamedPreset { name: name.to_owned(), preset: Preset::parse(&preset, name).unwrap() });
+        let sources = vec![Source::File(folder.join(input))];
+        let prepared =
+            prepare(&Job { sources, preset, device: DeviceChoice::Cpu, ..Job::default() }).unwrap();
+        (prepared.scene, prepared.settings)
+    };
+    vec![sample("fence", "stack.exr"), sample("table", "pinhole.exr")]
+}
+
+#[test]
+fn real_stacks_are_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for (scene, settings) in samples() {
+        for method in methods_with_twin() {
+            let mut settings = settings.clone();
+            settings.method.value = method.info().name.to_owned();
+            settings.effort.value =
+                method.lens_samples(&MethodParameters::default()).is_some().then_some(Effort::Views(16));
+            let (scene, _, plan) = methods::settle(scene.clone(), &settings).unwrap();
+            tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a sample");
+        }
+    }
+}
+
+#[test]
+fn bands_leave_no_seams() {
+    let Some(whole) = gpu() else { return };
+    for method in methods_with_twin() {
+        for (blur, bytes) in [(0.4, 40_000), (1.0, 80_000)] {
+            let scene = Scene::new(layers(61, 157, blur), StackKind::PointSampled, 1, 60.0);
+            let (scene, plan) = settle(method, scene, &Values::default(), 24);
+            let banded = Gpu::open(true).unwrap().unwrap().limited_to(bytes);
+            let before = whole.usage().unwrap().passes;
+            let expected = on_gpu(whole, &scene, &plan);
+            let in_bands = on_gpu(&banded, &scene, &plan);
+            let passes = whole.usage().unwrap().passes - before;
+            assert!(
+                banded.usage().unwrap().passes >= 2 * passes,
+                "{}: {bytes} bytes are not few enough for bands",
+                method.info().name
+            );
+            tolerance(method).demand(&in_bands, &expected, &format!("bands of {bytes} bytes"));
+        }
+    }
+}
+
+/// The same picture, `columns` to the right.
+fn moved(image: &Image, columns: usize) -> Image {
+    Image::from_fn(image.width(), image.height(), |x, y| image.pixel(x.saturating_sub(columns), y))
+}
+
+#[test]
+fn the_comparison_sees_a_shift_a_difference_and_peels_in_another_order() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_twin() {
+        let tolerance = tolerance(method);
+        let scene = Scene::new(layers(67, 41, 1.0), StackKind::PointSampled, 1, 60.0);
+        let (scene, plan) = settle(method, scene, &Values::default(), 24);
+        let expected = on_cpu(&scene, &plan);
+        let name = method.info().name;
+        assert!(!tolerance.holds(&moved(&on_gpu(gpu, &scene, &plan), 1), &expected), "{name}: a pixel aside");
+        let off = |value: f32| value + 2.0 * tolerance.apart * (1.0 + value.abs());
+        let brighter = Image::from_fn(67, 41, |x, y| expected.pixel(x, y).map(off));
+        assert!(!tolerance.holds(&brighter, &expected), "{name}: twice the tolerance");
+        let mut swapped = scene.clone();
+        swapped.layers.reverse();
+        // A method that sorts by depth sees no difference in the order alone.
+        swapped.layers.iter_mut().for_each(|layer| {
+            layer.coc_px.values_mut().iter_mut().for_each(|coc| *coc = -*coc);
+        });
+        assert!(!tolerance.holds(&on_gpu(gpu, &swapped, &plan), &expected), "{name}: peels swapped");
+    }
+}
+
+#[test]
+fn a_frame_that_the_gpu_loses_is_done_on_the_cpu_and_says_so() {
+    if gpu().is_none() {
+        return;
+    }
+    for method in methods_with_twin() {
+        let lost = Gpu::open(true).unwrap().unwrap();
+        lost.lose();
+        let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
+        let (scene, plan) = settle(method, scene, &Values::default(), 8);
+        let (image, fault) = methods::render_on(&lost, scene.clone(), &plan, &|_| {}).unwrap();
+        assert!(fault.unwrap().to_string().contains("the GPU failed"), "{}", method.info().name);
+        assert_eq!(image, on_cpu(&scene, &plan), "{}: bit for bit", method.info().name);
+    }
+}
+
+#[test]
+fn a_frame_that_does_not_fit_is_done_on_the_cpu_with_a_warning() {
+    if gpu().is_none() {
+        return;
+    }
+    let small = Gpu::open(true).unwrap().unwrap().limited_to(256);
+    for method in methods_with_twin() {
+        let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
+        let (scene, plan) = settle(method, scene, &Values::default(), 8);
+        let (image, fault) = methods::render_on(&small, scene.clone(), &plan, &|_| {}).unwrap();
+        assert!(fault.unwrap().to_string().contains("too large for the GPU"), "{}", method.info().name);
+        assert_eq!(image, on_cpu(&scene, &plan), "{}: bit for bit", method.info().name);
+    }
+}
+
+#[test]
+fn a_job_for_the_gpu_runs_there_and_reports_it() {
+    if gpu().is_none() {
+        return;
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join("fence");
+    let job =
+        |device| Job { sources: vec![Source::File(folder.join("stack.exr"))], device, ..Job::default() };
+    let rendered = render(&job(DeviceChoice::Gpu), &|_| {}).unwrap();
+    assert_eq!(rendered.device.kind, DeviceKind::Gpu, "{:?}", rendered.device);
+    assert!(rendered.gpu_usage.unwrap().passes > 0);
+    let on_cpu = render(&job(DeviceChoice::Cpu), &|_| {}).unwrap();
+    assert_eq!(on_cpu.device.kind, DeviceKind::Cpu);
+    tolerance(methods::by_name("auto").unwrap()).demand(&rendered.image, &on_cpu.image, "a job");
+}
