@@ -488,12 +488,13 @@ mod tests {
 
     static SHADER: Shader = Shader {
         name: "scale",
+        constants: &[("BASE", 0.0)],
         parts: &["struct Scaling { count: u32, factor: f32 }
             @group(0) @binding(0) var<uniform> scaling: Scaling;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
             @compute @workgroup_size(64)
             fn scale(@builtin(global_invocation_id) at: vec3u) {
-                if at.x < scaling.count { values[at.x] *= scaling.factor; }
+                if at.x < scaling.count { values[at.x] = BASE + values[at.x] * scaling.factor; }
             }"],
         structs: &[Scaling::LAYOUT],
     };

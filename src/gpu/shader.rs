@@ -5,6 +5,8 @@
 pub struct Shader {
     /// Its name in messages: that of its file.
     pub name: &'static str,
+    /// Constants of the program that it reads too: declared before its parts.
+    pub constants: &'static [(&'static str, f32)],
     /// Its parts, in order.
     pub parts: &'static [&'static str],
     /// The structures that it shares with the program.
@@ -14,7 +16,9 @@ pub struct Shader {
 impl Shader {
     /// The text of the whole module.
     pub fn source(&self) -> String {
-        self.parts.join("\n")
+        let constants =
+            self.constants.iter().map(|(name, value)| format!("const {name} = f32({value:e});\n"));
+        constants.collect::<String>() + &self.parts.join("\n")
     }
 }
 

@@ -18,11 +18,15 @@
 //! | draw | [`highlights`], [`bokeh`] | the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
+//! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) it is the pixels that look for fragments, and no runs are made.
+//!
 //! Cost: rows × views × (bins + pixels). Memory: the scene, in which it works, the runs, and the picture. Limits: knows only what the
 //! peels know; content past the frame is its border repeated.
 
 mod bins;
 mod bokeh;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod highlights;
 mod paint;
 mod prefilter;
@@ -32,6 +36,8 @@ mod runs;
 mod sampler;
 mod saved;
 
+#[cfg(feature = "gpu")]
+use super::Twin;
 use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
 use crate::image::Image;
@@ -83,6 +89,11 @@ impl Method for Shear {
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn Twin> {
+        Some(&gpu::ShearTwin)
     }
 }
 

@@ -29,10 +29,10 @@ const LANES: usize = MARGIN;
 type Mask = u16;
 
 /// A ray with less than this left has been stopped.
-const STOPPED_BELOW: f32 = 0.002;
+pub(super) const STOPPED_BELOW: f32 = 0.002;
 
 /// A pixel of whose rays less than this hit anything is empty.
-const LEAST_HIT: f32 = 1e-3;
+pub(super) const LEAST_HIT: f32 = 1e-3;
 
 /// A fragment with a smaller CoC radius counts as in focus, in picture pixels.
 const FOCUSED_BELOW_PX: f32 = 1.01;
@@ -87,21 +87,22 @@ impl Canvas<'_> {
 
 /// How far a view moves a bin.
 #[derive(Debug, Clone, Copy)]
-struct Shift {
+pub(super) struct Shift {
     /// Source row less output row.
-    rows: i32,
+    pub(super) rows: i32,
     /// Source column less output column.
-    columns: i32,
+    pub(super) columns: i32,
     /// Whether the bin counts as in focus.
-    focused: bool,
+    pub(super) focused: bool,
 }
 
 /// One view: how far it moves each bin, the same for every row.
 #[derive(Debug)]
 pub(super) struct Shear {
     /// Point on the lens.
-    lens: Vec2,
-    shifts: Vec<Shift>,
+    pub(super) lens: Vec2,
+    /// For each bin.
+    pub(super) shifts: Vec<Shift>,
 }
 
 impl Shear {

@@ -12,14 +12,19 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-const SURFACE_PX: f32 = 0.6;
+pub(super) const SURFACE_PX: f32 = 0.6;
 
 /// Columns that one task smooths.
 const STRIP: usize = 128;
 
+/// Radius of the box, for each pixel of CoC radius, that closes the gaps between `views` lens samples times `strength`.
+pub(super) fn radius_per_coc(views: usize, strength: f32) -> f32 {
+    0.5 * strength * (PI / views as f32).sqrt()
+}
+
 /// Smooths `layers` for `views` lens samples; `strength` scales the box's radius.
 pub(super) fn smooth(layers: &mut [Layer], views: usize, strength: f32) {
-    let radius_per_coc = 0.5 * strength * (PI / views as f32).sqrt();
+    let radius_per_coc = radius_per_coc(views, strength);
     for layer in layers {
         along_rows(layer, radius_per_coc);
         along_columns(layer, radius_per_coc);

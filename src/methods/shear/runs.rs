@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-const JOIN_PX: f32 = 0.5;
+pub(super) const JOIN_PX: f32 = 0.5;
 
 /// A stretch of fragments of one row, one layer and one bin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -27,6 +27,26 @@ const MANY_VIEWS: usize = 128;
 /// Views fade in at the rim over this share of the gap between them.
 const RIM_SOFTNESS: f32 = 0.5;
 
+/// The bins in which `views` views are painted.
+pub(super) fn bins(plan: &Plan, views: usize) -> Bins {
+    Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)])
+}
+
+/// Over how many aperture radii each of `views` views fades in at the rim.
+pub(super) fn rim_softness(views: usize) -> f32 {
+    RIM_SOFTNESS * (PI / views as f32).sqrt()
+}
+
+/// The views of a set of colours, and the channels that they make: see [`crate::lens::Rays`].
+pub(super) type ShearSet = (Vec<Shear>, &'static [usize]);
+
+/// How far each of `count` views of each set of colours moves `bins`.
+pub(super) fn shears(plan: &Plan, bins: &Bins, count: usize) -> Vec<ShearSet> {
+    let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, bins);
+    let rays = plan.optics.rays(count);
+    rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
+}
+
 /// What the stack has to paint, and what was made of it for the last number of views that was asked for.
 #[derive(Debug)]
 pub(super) struct ShearSampler<'p> {
@@ -54,8 +74,8 @@ struct Ready {
     views: usize,
     bins: Bins,
     runs: Runs,
-    /// The views of each set of colours, and the channels that they make: see [`crate::lens::Rays`].
-    shears: Vec<(Vec<Shear>, &'static [usize])>,
+    /// The views of each set of colours.
+    shears: Vec<ShearSet>,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
 }
@@ -63,7 +83,7 @@ struct Ready {
 impl Ready {
     /// Gets `layers` ready for `views` views.
     fn new(layers: Vec<Layer>, plan: &Plan, views: usize) -> Self {
-        let bins = Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)]);
+        let bins = bins(plan, views);
         let runs = runs::find(&layers, &bins);
         Self::with_runs(layers, (bins, runs), plan, views)
     }
@@ -86,17 +106,14 @@ impl Ready {
         if plan.does(EffectKind::Prefilter) {
             prefilter::smooth(&mut layers, count, plan.parameters.shear.prefilter);
         }
-        let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, &bins);
-        let rays = plan.optics.rays(count);
-        let shears =
-            rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect();
+        let shears = shears(plan, &bins, count);
         Self { views: count, bins, runs, shears, layers }
     }
 
     fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
         let Self { layers, runs, bins, .. } = self;
         let optics = &plan.optics;
-        let softness = RIM_SOFTNESS * (PI / self.views as f32).sqrt();
+        let softness = rim_softness(self.views);
         let rim = (optics.cats_eye > 0.0).then_some(Rim { optics, field, softness });
         Canvas { layers, runs, bins, rim, astray_px: optics.longest_shift_px() }
     }
