@@ -3,7 +3,8 @@
 #![cfg(feature = "gpu")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
-use naga::back::{hlsl, msl, spv};
+use naga::back::pipeline_constants::process_overrides;
+use naga::back::{PipelineConstants, hlsl, msl, spv};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ScalarKind as NagaKind, TypeInner};
 use thinlens::gpu::{Layout, ScalarKind, Shader};
@@ -33,6 +34,8 @@ fn every_shader_can_be_had_for_vulkan_metal_and_dx12() {
     for shader in shaders() {
         let (module, info) = module(shader);
         assert!(!module.entry_points.is_empty(), "{} has entry points", shader.name);
+        // Languages have no constants of pipelines: they are put in first.
+        let (module, info) = process_overrides(&module, &info, None, &PipelineConstants::default()).unwrap();
         let spirv = spv::write_vec(&module, &info, &spv::Options::default(), None).unwrap();
         assert_eq!(spirv.first(), Some(&0x0723_0203), "{}: SPIR-V's magic number", shader.name);
         let options =

@@ -1,28 +1,31 @@
 // `shear` on a GPU; its twin is src/methods/shear/.
 //
 // A view (u, j) sees at pixel p, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋: the shifts, made by the CPU in whole
-// numbers. A thread has a pixel, and walks the bins of each view front to back until its ray is stopped; a group has a tile of
-// pixels and walks only bins that the view can show it (`find_candidates`), most often one to three. Nothing is sorted, and no two
-// threads write to one place.
+// numbers. A group of threads has a tile of pixels, and for each view a list of what the view can show it, nearest first: groups of
+// neighbouring bins that it moves alike, most often one or two. A thread follows the rays of four pixels along that list until
+// they are stopped. Nothing is sorted, and no two threads write to one place.
 //
-//   load_layer       planes of a layer → colours and CoC radii
 //   find_bins        CoC radius → bin
 //   join_bins        bin → key: the bin, which neighbouring bins the fragment joins, whether it is opaque
 //   smooth_rows      the prefilter along rows, a thread a row
 //   smooth_columns   the prefilter along columns, a thread a column
 //   mark_blocks      which bins each block of pixels holds
 //   mark_windows     which bins each window of blocks holds: what a tile can see, wherever a view moves it
-//   find_candidates  which bins each view can show to each tile
+//   mark_far         the same for a square of tiles
+//   find_far         the bins that each view can show to each square of tiles
+//   find_groups      of those, the groups of bins that it can show to each tile
 //   paint            sums over some views
+//   paint_veils      the same where fragments let light through
 //   finish           sums → picture
 //
-// Buffers of layers are [layer][row][column], rows those that the band reads; sums and pictures are [plane][row][column], rows
-// those that it makes.
+// Layers are [layer][row][column], rows those that the band reads; keys have four layers a texel; sums and pictures are
+// [plane][row][column], rows those that the band makes.
 
 struct Params {
-    // Of the picture.
+    // Of the picture; columns of a row of colours.
     width: u32,
     height: u32,
+    stride: u32,
     // The rows that are read.
     source_start: u32,
     source_rows: u32,
@@ -30,11 +33,11 @@ struct Params {
     band_start: u32,
     band_rows: u32,
     layers: u32,
-    // The layer that is loaded.
-    layer: u32,
     bins: u32,
     // Words of 32 bins.
     words: u32,
+    // Entries that a list of groups has room for.
+    entries: u32,
     // Bins in focus: from the first to before the end.
     focused_start: u32,
     focused_end: u32,
@@ -61,20 +64,30 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> planes: array<f32>;
+// [view][bin], two to a vector.
+@group(0) @binding(1) var<uniform> shifts: array<vec4i, 4096>;
 @group(0) @binding(2) var<storage, read_write> colors: array<vec4f>;
-@group(0) @binding(3) var<storage, read_write> coc_px: array<f32>;
-@group(0) @binding(4) var<storage, read_write> indices: array<u32>;
-@group(0) @binding(5) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(6) var<storage, read> bin_ends_px: array<f32>;
-@group(0) @binding(7) var<storage, read> first_in_cell: array<u32>;
-@group(0) @binding(8) var<storage, read_write> blocks: array<u32>;
-@group(0) @binding(9) var<storage, read_write> windows: array<u32>;
-@group(0) @binding(10) var<storage, read_write> candidates: array<u32>;
-@group(0) @binding(11) var<storage, read> shifts: array<vec2i>;
-@group(0) @binding(12) var<storage, read> lens_points: array<vec2f>;
-@group(0) @binding(13) var<storage, read_write> sums: array<f32>;
-@group(0) @binding(14) var<storage, read_write> picture: array<f32>;
+@group(0) @binding(3) var<storage, read> coc_px: array<f32>;
+@group(0) @binding(4) var<storage, read> bin_ends_px: array<f32>;
+@group(0) @binding(5) var<storage, read> first_in_cell: array<u32>;
+// A fragment: the bits of its CoC radius, and its bin.
+@group(0) @binding(6) var fragments_made: texture_storage_2d_array<rg32uint, write>;
+@group(0) @binding(7) var fragments: texture_2d_array<u32>;
+@group(0) @binding(8) var keys_made: texture_storage_2d_array<rg32uint, write>;
+@group(0) @binding(9) var keys: texture_2d_array<u32>;
+@group(0) @binding(10) var<storage, read_write> blocks: array<u32>;
+@group(0) @binding(11) var<storage, read_write> windows: array<u32>;
+// [tile][view][entry]: see `Group`. Entries of the longest list, whether or not there was room.
+@group(0) @binding(12) var<storage, read_write> groups: array<vec2u>;
+@group(0) @binding(17) var<storage, read_write> longest: atomic<u32>;
+// [square][view][word]: a bit a bin.
+@group(0) @binding(18) var<storage, read_write> far: array<u32>;
+@group(0) @binding(19) var<storage, read_write> far_windows: array<u32>;
+@group(0) @binding(13) var<storage, read> lens_points: array<vec2f>;
+@group(0) @binding(14) var<storage, read_write> sums: array<f32>;
+@group(0) @binding(15) var<storage, read_write> picture: array<f32>;
+// The colours once more, smoothed.
+@group(0) @binding(16) var smoothed: texture_2d_array<f32>;
 
 // The bin of a sample without a fragment.
 const EMPTY = 0xffffu;
@@ -82,169 +95,169 @@ const EMPTY = 0xffffu;
 // Bits of a key; the bin is above them.
 const NEARER = 1u;
 const FARTHER = 2u;
-const OPAQUE = 4u;
 const BIN_SHIFT = 3u;
 const NO_KEY = 0xffffu;
 
 // OPAQUE_ALPHA, JOIN_PX, SURFACE_PX, LEAST_VARIANCE, STOPPED_BELOW and LEAST_HIT are the program's.
+
+// Whether there are fragments in more layers than a texel of keys has, and whether a rim hides views: what a kernel need not ask
+// each ray. (A pipeline's own constants.)
+override MANY_LAYERS = true;
+override RIM = true;
 
 // Sides of a tile and of a block, and blocks along a window: as many as a tile can touch.
 const TILE = 16u;
 const BLOCK = 4u;
 const WINDOW = 5u;
 
-fn samples() -> u32 {
-    return params.width * params.source_rows;
-}
+// Tiles along a square, and windows along a far one: as many as a square can touch.
+const SQUARE = 4u;
 
-@compute @workgroup_size(16, 16)
-fn load_layer(@builtin(global_invocation_id) at: vec3u) {
-    if at.x >= params.width || at.y >= params.source_rows {
-        return;
-    }
-    let sample = at.y * params.width + at.x;
-    let plane = samples();
-    let target_sample = params.layer * plane + sample;
-    colors[target_sample] = vec4f(
-        planes[sample],
-        planes[plane + sample],
-        planes[2u * plane + sample],
-        planes[3u * plane + sample],
-    );
-    coc_px[target_sample] = planes[4u * plane + sample];
-}
+// Rows of a tile that a thread's pixels are apart.
+const ROWS_APART = 4u;
 
 @compute @workgroup_size(16, 16)
 fn find_bins(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= params.width || at.y >= params.source_rows {
         return;
     }
-    let sample = (at.z * params.source_rows + at.y) * params.width + at.x;
+    let row = at.z * params.source_rows + at.y;
+    let c = coc_px[row * params.width + at.x];
     var bin = EMPTY;
-    if colors[sample].a > 0.0 {
-        let c = coc_px[sample];
+    if colors[row * params.stride + at.x].a > 0.0 {
         let cell = u32(max((c - params.start_px) * params.cells_per_px, 0.0));
         bin = first_in_cell[min(cell, params.cells - 1u)];
         bin += u32(c >= bin_ends_px[bin]);
     }
-    indices[sample] = bin;
+    textureStore(fragments_made, at.xy, at.z, vec4u(bitcast<u32>(c), bin, 0u, 0u));
 }
 
-// The bits by which the fragment of `bin` joins its neighbour `other`, if that is of its surface; 8 says that it is.
-const FOUND = 8u;
+// The bits by which the fragment `own` joins the neighbour in `layer` at `place`, if that is of its surface; FOUND says that it is.
+const FOUND = 4u;
 
-fn joined(bin: u32, c: f32, other: u32) -> u32 {
-    let other_bin = indices[other];
-    if other_bin == EMPTY || abs(coc_px[other] - c) >= JOIN_PX {
-        return 0u;
-    }
-    return FOUND | select(0u, NEARER, other_bin < bin) | select(0u, FARTHER, other_bin > bin);
+fn joined(own: vec2u, place: vec2u, layer: u32) -> u32 {
+    let other = textureLoad(fragments, place, layer, 0).xy;
+    let near = abs(bitcast<f32>(other.x) - bitcast<f32>(own.x)) < JOIN_PX;
+    let bits = FOUND | select(0u, NEARER, other.y < own.y) | select(0u, FARTHER, other.y > own.y);
+    return select(0u, bits, near && other.y != EMPTY);
 }
 
-// The bits by which the fragment of `layer` joins its neighbours at `neighbour`: a surface goes on in its own peel; only where
+// The bits by which the fragment `own` of `layer` joins its neighbours at `place`: a surface goes on in its own peel; only where
 // another begins there may it go on in any other.
-fn joined_at(bin: u32, c: f32, layer: u32, neighbour: u32) -> u32 {
-    let plane = samples();
-    var bits = joined(bin, c, layer * plane + neighbour);
-    for (var other = 0u; other < params.layers && bits == 0u; other++) {
+fn joined_at(own: vec2u, layer: u32, place: vec2u) -> u32 {
+    var bits = joined(own, place, layer);
+    for (var other = 0u; bits == 0u && other < params.layers; other++) {
         if other != layer {
-            bits = joined(bin, c, other * plane + neighbour);
+            bits = joined(own, place, other);
         }
     }
     return bits;
 }
 
 fn key_of(layer: u32, at: vec2u) -> u32 {
-    let here = at.y * params.width + at.x;
-    let sample = layer * samples() + here;
-    let bin = indices[sample];
-    if bin == EMPTY {
+    if layer >= params.layers {
         return NO_KEY;
     }
-    if colors[sample].a < OPAQUE_ALPHA {
-        return bin << BIN_SHIFT;
+    let own = textureLoad(fragments, at, layer, 0).xy;
+    if own.y == EMPTY {
+        return NO_KEY;
     }
-    let c = coc_px[sample];
-    var bits = OPAQUE;
-    if at.y > 0u {
-        bits |= joined_at(bin, c, layer, here - params.width);
+    // Translucent fragments join nothing: they would count twice.
+    let row = layer * params.source_rows + at.y;
+    var bits = 0u;
+    if colors[row * params.stride + at.x].a >= OPAQUE_ALPHA {
+        if at.y > 0u {
+            bits |= joined_at(own, layer, at - vec2u(0u, 1u));
+        }
+        if at.y + 1u < params.source_rows {
+            bits |= joined_at(own, layer, at + vec2u(0u, 1u));
+        }
+        if at.x > 0u {
+            bits |= joined_at(own, layer, at - vec2u(1u, 0u));
+        }
+        if at.x + 1u < params.width {
+            bits |= joined_at(own, layer, at + vec2u(1u, 0u));
+        }
     }
-    if at.y + 1u < params.source_rows {
-        bits |= joined_at(bin, c, layer, here + params.width);
-    }
-    if at.x > 0u {
-        bits |= joined_at(bin, c, layer, here - 1u);
-    }
-    if at.x + 1u < params.width {
-        bits |= joined_at(bin, c, layer, here + 1u);
-    }
-    return (bin << BIN_SHIFT) | (bits & (NEARER | FARTHER | OPAQUE));
+    return (own.y << BIN_SHIFT) | (bits & (NEARER | FARTHER));
 }
 
-// Two layers a word: the nearer one in the lower half.
 @compute @workgroup_size(16, 16)
 fn join_bins(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= params.width || at.y >= params.source_rows {
         return;
     }
-    let layer = 2u * at.z;
-    let nearer = key_of(layer, at.xy);
-    var farther = NO_KEY;
-    if layer + 1u < params.layers {
-        farther = key_of(layer + 1u, at.xy);
-    }
-    keys[(at.z * params.source_rows + at.y) * params.width + at.x] = nearer | (farther << 16u);
+    let layer = 4u * at.z;
+    let first = key_of(layer, at.xy) | (key_of(layer + 1u, at.xy) << 16u);
+    let second = key_of(layer + 2u, at.xy) | (key_of(layer + 3u, at.xy) << 16u);
+    textureStore(keys_made, at.xy, at.z, vec4u(first, second, 0u, 0u));
 }
 
-// The weight of neighbour `there` in the mean at `here`: see src/methods/shear/prefilter.rs.
-fn smoothing(here: u32, there: u32, alpha: f32, other_alpha: f32) -> f32 {
-    let c = coc_px[here];
+// The weight of the other of two neighbours in the mean at one with CoC radius `c`: see src/methods/shear/prefilter.rs.
+fn smoothing(c: f32, other_c: f32, alpha: f32, other_alpha: f32) -> f32 {
     let radius = abs(c) * params.radius_per_coc;
     let variance = radius * radius * (1.0 / 3.0);
     let v = max(variance, 1e-4);
     let a = (v + 1.0 - sqrt(1.0 + 2.0 * v)) / v;
     let same = alpha > 0.0 && alpha == other_alpha;
-    let smooth_here = same && abs(c - coc_px[there]) < SURFACE_PX && variance > LEAST_VARIANCE;
-    return select(0.0, a, smooth_here);
+    return select(0.0, a, same && abs(c - other_c) < SURFACE_PX && variance > LEAST_VARIANCE);
 }
 
-// Smooths `count` samples from `first` on, `step` apart, there and back. The weight between two neighbours is the farther one's.
-fn smooth_line(first: u32, step: u32, count: u32) {
-    var last = colors[first];
-    for (var i = 1u; i < count; i++) {
-        let here = first + i * step;
+// A line of samples: where it begins among the colours and among the CoC radii, how far its samples lie apart there, and how many
+// there are.
+struct Line {
+    color: u32,
+    coc: u32,
+    color_step: u32,
+    coc_step: u32,
+    count: u32,
+}
+
+// Smooths a line, there and back. The weight between two neighbours is by the farther one's CoC radius.
+fn smooth_line(line: Line) {
+    var last = colors[line.color];
+    var last_c = coc_px[line.coc];
+    for (var i = 1u; i < line.count; i++) {
+        let here = line.color + i * line.color_step;
+        let c = coc_px[line.coc + i * line.coc_step];
         var color = colors[here];
-        let a = smoothing(here, here - step, color.a, last.a);
+        let a = smoothing(c, last_c, color.a, last.a);
         if a > 0.0 {
             color = vec4f((1.0 - a) * color.rgb + a * last.rgb, color.a);
             colors[here] = color;
         }
         last = color;
+        last_c = c;
     }
-    for (var i = count - 1u; i > 0u; i--) {
-        let there = first + i * step;
-        let here = there - step;
+    for (var i = line.count - 1u; i > 0u; i--) {
+        let here = line.color + (i - 1u) * line.color_step;
+        let c = coc_px[line.coc + (i - 1u) * line.coc_step];
         var color = colors[here];
-        let a = smoothing(there, here, last.a, color.a);
+        let a = smoothing(last_c, c, last.a, color.a);
         if a > 0.0 {
             color = vec4f((1.0 - a) * color.rgb + a * last.rgb, color.a);
             colors[here] = color;
         }
         last = color;
+        last_c = c;
     }
 }
 
 @compute @workgroup_size(64)
 fn smooth_rows(@builtin(global_invocation_id) at: vec3u) {
     if at.x < params.source_rows {
-        smooth_line((at.y * params.source_rows + at.x) * params.width, 1u, params.width);
+        let row = at.y * params.source_rows + at.x;
+        smooth_line(Line(row * params.stride, row * params.width, 1u, 1u, params.width));
     }
 }
 
 @compute @workgroup_size(64)
 fn smooth_columns(@builtin(global_invocation_id) at: vec3u) {
     if at.x < params.width {
-        smooth_line(at.y * samples() + at.x, params.width, params.source_rows);
+        let row = at.y * params.source_rows;
+        let color = row * params.stride + at.x;
+        let coc = row * params.width + at.x;
+        smooth_line(Line(color, coc, params.stride, params.width, params.source_rows));
     }
 }
 
@@ -254,16 +267,12 @@ fn blocks_size() -> vec2u {
 
 // The bins of `word` that `key` is in.
 fn bins_of(key: u32, word: u32) -> u32 {
-    if key == NO_KEY {
-        return 0u;
-    }
-    let first = (key >> BIN_SHIFT) - (key & NEARER);
-    let end = (key >> BIN_SHIFT) + ((key & FARTHER) / FARTHER) + 1u;
-    var bits = 0u;
-    for (var bin = first; bin < end; bin++) {
-        bits |= select(0u, 1u << (bin & 31u), bin >> 5u == word);
-    }
-    return bits;
+    let nearer = key & NEARER;
+    let bins = (2u << (nearer + ((key & FARTHER) / FARTHER))) - 1u;
+    let first = i32((key >> BIN_SHIFT) - nearer) - i32(32u * word);
+    let from_here = select(0u, bins << u32(first & 31), first >= 0 && first < 32);
+    let from_before = select(0u, bins >> u32(-first & 31), first < 0 && first > -3);
+    return select(from_here | from_before, 0u, key == NO_KEY);
 }
 
 @compute @workgroup_size(8, 8)
@@ -274,15 +283,12 @@ fn mark_blocks(@builtin(global_invocation_id) at: vec3u) {
     }
     let end = min(BLOCK * (at.xy + 1u), vec2u(params.width, params.source_rows));
     var bits = 0u;
-    for (var pair = 0u; 2u * pair < params.layers; pair++) {
-        var last = NO_KEY | (NO_KEY << 16u);
+    for (var slice = 0u; 4u * slice < params.layers; slice++) {
         for (var y = BLOCK * at.y; y < end.y; y++) {
             for (var x = BLOCK * at.x; x < end.x; x++) {
-                let both = keys[(pair * params.source_rows + y) * params.width + x];
-                if both != last {
-                    bits |= bins_of(both & 0xffffu, at.z) | bins_of(both >> 16u, at.z);
-                    last = both;
-                }
+                let four = textureLoad(keys, vec2u(x, y), slice, 0).xy;
+                bits |= bins_of(four.x & 0xffffu, at.z) | bins_of(four.x >> 16u, at.z);
+                bits |= bins_of(four.y & 0xffffu, at.z) | bins_of(four.y >> 16u, at.z);
             }
         }
     }
@@ -316,27 +322,123 @@ fn tiles_size() -> vec2u {
     return (vec2u(params.width, params.band_rows) + (TILE - 1u)) / TILE;
 }
 
-// A thread has a tile and a view, one row of tiles a group.
+// Neighbouring bins, from the first to before the end, that a view moves by the same shift.
+struct Group {
+    first: u32,
+    end: u32,
+    shift: vec2i,
+}
+
+// Bits of an entry beside its first bin and its end: whether it is the last of its list.
+const END_SHIFT = 13u;
+const BIN_MASK = 0x1fffu;
+const LAST = 0x4000000u;
+
+fn packed(group: Group, flags: u32) -> vec2u {
+    let shift = (u32(group.shift.x) & 0xffffu) | (u32(group.shift.y) << 16u);
+    return vec2u(shift, group.first | (group.end << END_SHIFT) | flags);
+}
+
+fn unpacked(entry: vec2u) -> Group {
+    let shift = vec2i(i32(entry.x << 16u) >> 16u, i32(entry.x) >> 16u);
+    return Group(entry.y & BIN_MASK, (entry.y >> END_SHIFT) & BIN_MASK, shift);
+}
+
+fn shift_of(view: u32, bin: u32) -> vec2i {
+    let i = view * params.bins + bin;
+    let two = shifts[i >> 1u];
+    return select(two.xy, two.zw, (i & 1u) == 1u);
+}
+
+// Bit `bin` of the block in which `view` shows what it moves to pixel `corner`: where among windows that is.
+fn window_of(corner: vec2u, view: u32, bin: u32) -> u32 {
+    let size = blocks_size();
+    let block = source_of(corner, shift_of(view, bin)) / BLOCK;
+    return ((bin >> 5u) * size.y + block.y) * size.x + block.x;
+}
+
+@compute @workgroup_size(8, 8)
+fn mark_far(@builtin(global_invocation_id) at: vec3u) {
+    let size = blocks_size();
+    if at.x >= size.x || at.y >= size.y {
+        return;
+    }
+    let step = TILE / BLOCK;
+    let end = min(at.xy + SQUARE * step, size);
+    var bits = 0u;
+    for (var y = at.y; y < end.y; y += step) {
+        for (var x = at.x; x < end.x; x += step) {
+            bits |= windows[(at.z * size.y + y) * size.x + x];
+        }
+    }
+    far_windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
+}
+
+fn squares_size() -> vec2u {
+    return (tiles_size() + (SQUARE - 1u)) / SQUARE;
+}
+
 @compute @workgroup_size(64)
-fn find_candidates(@builtin(global_invocation_id) at: vec3u) {
+fn find_far(@builtin(global_invocation_id) at: vec3u) {
+    let squares = squares_size();
+    if at.x >= squares.x {
+        return;
+    }
+    let corner = SQUARE * TILE * at.xy;
+    let bins = ((at.y * squares.x + at.x) * params.views_in_go + at.z) * params.words;
+    for (var word = 0u; word < params.words; word++) {
+        let count = min(32u, params.bins - 32u * word);
+        var bits = 0u;
+        for (var bit = 0u; bit < count; bit++) {
+            bits |= far_windows[window_of(corner, at.z, 32u * word + bit)] & (1u << bit);
+        }
+        far[bins + word] = bits;
+    }
+}
+
+@compute @workgroup_size(64)
+fn find_groups(@builtin(global_invocation_id) at: vec3u) {
     let tiles = tiles_size();
     if at.x >= tiles.x {
         return;
     }
-    let view = at.z;
-    let size = blocks_size();
-    let corner = TILE * at.xy;
-    let result = ((at.y * tiles.x + at.x) * params.views_in_go + view) * params.words;
-    for (var word = 0u; word < params.words; word++) {
-        let end = min(32u, params.bins - 32u * word);
-        var bits = 0u;
-        for (var bit = 0u; bit < end; bit++) {
-            let shift = shifts[view * params.bins + 32u * word + bit];
-            let block = source_of(corner, shift) / BLOCK;
-            bits |= windows[(word * size.y + block.y) * size.x + block.x] & (1u << bit);
+    let square = at.y / SQUARE * squares_size().x + at.x / SQUARE;
+    let bins = (square * params.views_in_go + at.z) * params.words;
+    let list = ((at.y * tiles.x + at.x) * params.views_in_go + at.z) * params.entries;
+    // A list of nothing has one group, that no fragment is in.
+    var group = Group(BIN_MASK, BIN_MASK, vec2i(0));
+    var count = 1u;
+    var word = 0u;
+    var bits = far[bins];
+    loop {
+        if bits == 0u {
+            word++;
+            if word == params.words {
+                break;
+            }
+            bits = far[bins + word];
+            continue;
         }
-        candidates[result + word] = bits;
+        let bin = 32u * word + firstTrailingBit(bits);
+        bits &= bits - 1u;
+        let shift = shift_of(at.z, bin);
+        let is_first = group.first == BIN_MASK;
+        if !is_first && all(shift == group.shift) {
+            group.end = bin + 1u;
+        } else if ((windows[window_of(TILE * at.xy, at.z, bin)] >> (bin & 31u)) & 1u) == 1u {
+            if !is_first {
+                if count < params.entries {
+                    groups[list + count - 1u] = packed(group, 0u);
+                }
+                count++;
+            }
+            group = Group(bin, bin + 1u, shift);
+        }
     }
+    if count <= params.entries {
+        groups[list + count - 1u] = packed(group, LAST);
+    }
+    atomicMax(&longest, count);
 }
 
 // How much of the view through `lens` passes the rim, seen from `pixel`.
@@ -347,88 +449,214 @@ fn passing(lens: vec2f, pixel: vec2u) -> f32 {
     return clamp(within / params.softness + 0.5, 0.0, 1.0);
 }
 
-// What the rays of a pixel have met.
-struct Seen {
-    color: vec3f,
-    // Share of rays that met something in focus.
-    focused: f32,
-    // Share of rays that met nothing.
-    missed: f32,
-    // Views that the rim hides.
-    hidden: f32,
+// No fragment.
+const NONE = 0xffffffffu;
+
+// `nearest` among the four layers from `4 · slice` on.
+fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
+    let four = textureLoad(keys, source, slice, 0).xy;
+    let key = vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
+    let bin = key >> vec4u(BIN_SHIFT);
+    let first = max(bin - (key & vec4u(NEARER)), vec4u(group.first));
+    let last = min(bin + ((key & vec4u(FARTHER)) >> vec4u(1u)), vec4u(group.end - 1u));
+    let order = (first << vec4u(8u)) + (4u * slice + vec4u(0u, 1u, 2u, 3u));
+    let found = select(vec4u(NONE), order, (first <= last) & (order >= vec4u(start)));
+    return min(min(found.x, found.y), min(found.z, found.w));
 }
 
-// Whether the fragment of `key` is in `bin`.
-fn is_in(key: u32, bin: u32) -> bool {
-    let own = key >> BIN_SHIFT;
-    return own == bin || (own == bin + 1u && (key & NEARER) != 0u) || (own + 1u == bin && (key & FARTHER) != 0u);
-}
-
-// Adds what a ray, of which `before` is left, meets in `bin` at `sample`, and returns what is left then: 0 of a ray that is stopped.
-fn meet(bin: u32, sample: u32, before: f32, seen: ptr<function, Seen>) -> f32 {
-    let plane = samples();
-    let focused = bin >= params.focused_start && bin < params.focused_end;
-    var left = before;
-    for (var layer = 0u; layer < params.layers && left > 0.0; layer += 2u) {
-        var both = keys[(layer >> 1u) * plane + sample];
-        for (var half = 0u; half < 2u && left > 0.0; half++) {
-            let key = both & 0xffffu;
-            both >>= 16u;
-            if is_in(key, bin) {
-                let color = colors[(layer + half) * plane + sample];
-                let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
-                (*seen).color += left * color.rgb;
-                (*seen).focused += select(0.0, left * alpha, focused);
-                left *= 1.0 - alpha;
-                left = select(0.0, left, left >= STOPPED_BELOW);
-            }
+// The place in the order of `group` at `source` of the nearest fragment that is not before place `start`: its bin, and below that, in
+// eight bits, its layer.
+fn nearest(group: Group, source: vec2u, start: u32) -> u32 {
+    var best = nearest_of_four(group, source, 0u, start);
+    if MANY_LAYERS {
+        for (var slice = 1u; 4u * slice < params.layers; slice++) {
+            best = min(best, nearest_of_four(group, source, slice, start));
         }
     }
-    return left;
+    return best;
 }
 
-@compute @workgroup_size(16, 16)
-fn paint(@builtin(global_invocation_id) at: vec3u, @builtin(workgroup_id) tile: vec3u) {
-    if at.x >= params.width || at.y >= params.band_rows {
-        return;
+fn in_focus(order: u32) -> bool {
+    let bin = order >> 8u;
+    return bin >= params.focused_start && bin < params.focused_end;
+}
+
+// A thread's pixels: one, and three more below it.
+fn pixel_of(tile: vec2u, at: vec2u, i: u32) -> vec2u {
+    return TILE * tile + at + vec2u(0u, i * ROWS_APART);
+}
+
+// What of the rays of `view` passes the rim, from a thread's pixels.
+fn start_of(view: u32, tile: vec2u, at: vec2u) -> vec4f {
+    if !RIM {
+        return vec4f(1.0);
     }
-    var seen: Seen;
-    let in_tile = (tile.y * tiles_size().x + tile.x) * params.views_in_go;
+    let lens = lens_points[view];
+    return vec4f(
+        passing(lens, pixel_of(tile, at, 0u)),
+        passing(lens, pixel_of(tile, at, 1u)),
+        passing(lens, pixel_of(tile, at, 2u)),
+        passing(lens, pixel_of(tile, at, 3u)),
+    );
+}
+
+fn list_of(view: u32, tile: vec2u) -> u32 {
+    return ((tile.y * tiles_size().x + tile.x) * params.views_in_go + view) * params.entries;
+}
+
+// Where a ray is stopped: the sample and the place in the order there.
+struct Hit {
+    source: vec2u,
+    order: u32,
+}
+
+// `hit`, or where the ray through `pixel` is stopped in `group` if it was not before.
+fn stopped(hit: Hit, group: Group, pixel: vec2u) -> Hit {
+    let source = source_of(pixel, group.shift);
+    let order = nearest(group, source, 0u);
+    let was_before = hit.order != NONE;
+    return Hit(select(source, hit.source, was_before), select(order, hit.order, was_before));
+}
+
+// What a ray that is stopped at `hit` sees: colour, and whether it is in focus; of one that is not, nothing.
+fn light_at(hit: Hit) -> vec4f {
+    let color = textureLoad(smoothed, hit.source, hit.order & 0xffu, 0);
+    let seen = vec4f(color.rgb, select(0.0, 1.0, in_focus(hit.order)));
+    return select(vec4f(0.0), seen, hit.order != NONE);
+}
+
+@compute @workgroup_size(16, 4)
+fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
+    let at = local.xy;
+    let tile = tile_id.xy;
+    var first_sum = vec4f(0.0);
+    var second_sum = vec4f(0.0);
+    var third_sum = vec4f(0.0);
+    var fourth_sum = vec4f(0.0);
+    var missed = vec4f(0.0);
+    var hidden = vec4f(0.0);
     for (var view = 0u; view < params.views_in_go; view++) {
-        var left = 1.0;
-        if params.cats_eye > 0.0 {
-            left = passing(lens_points[view], at.xy);
-            seen.hidden += 1.0 - left;
-        }
-        for (var word = 0u; word < params.words && left > 0.0; word++) {
-            var bits = candidates[(in_tile + view) * params.words + word];
-            while bits != 0u && left > 0.0 {
-                let bin = 32u * word + firstTrailingBit(bits);
-                bits &= bits - 1u;
-                let source = source_of(at.xy, shifts[view * params.bins + bin]);
-                left = meet(bin, source.y * params.width + source.x, left, &seen);
+        let list = list_of(view, tile);
+        var first = Hit(vec2u(0u), NONE);
+        var second = first;
+        var third = first;
+        var fourth = first;
+        var entry = 0u;
+        loop {
+            let next = groups[list + entry];
+            let group = unpacked(next);
+            first = stopped(first, group, pixel_of(tile, at, 0u));
+            second = stopped(second, group, pixel_of(tile, at, 1u));
+            third = stopped(third, group, pixel_of(tile, at, 2u));
+            fourth = stopped(fourth, group, pixel_of(tile, at, 3u));
+            entry++;
+            let last = max(max(first.order, second.order), max(third.order, fourth.order));
+            if (next.y & LAST) != 0u || last != NONE {
+                break;
             }
         }
-        seen.missed += left;
+        let start = start_of(view, tile, at);
+        first_sum += start.x * light_at(first);
+        second_sum += start.y * light_at(second);
+        third_sum += start.z * light_at(third);
+        fourth_sum += start.w * light_at(fourth);
+        let orders = vec4u(first.order, second.order, third.order, fourth.order);
+        missed += select(vec4f(0.0), start, orders == vec4u(NONE));
+        hidden += 1.0 - start;
     }
-    add(at.y * params.width + at.x, seen);
+    add(pixel_of(tile, at, 0u), first_sum, missed.x, hidden.x);
+    add(pixel_of(tile, at, 1u), second_sum, missed.y, hidden.y);
+    add(pixel_of(tile, at, 2u), third_sum, missed.z, hidden.z);
+    add(pixel_of(tile, at, 3u), fourth_sum, missed.w, hidden.w);
+}
+
+// What a ray meets: the colour, in its fourth part what of it was in focus; and what is left then, 0 of a ray that is stopped.
+struct Met {
+    light: vec4f,
+    left: f32,
+}
+
+// What a ray of which `before` is left meets in `group` at `pixel`.
+fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
+    var light = vec4f(0.0);
+    var left = before;
+    if before <= 0.0 {
+        return Met(light, left);
+    }
+    let source = source_of(pixel, group.shift);
+    var start = 0u;
+    loop {
+        let order = nearest(group, source, start);
+        if order == NONE {
+            break;
+        }
+        let color = textureLoad(smoothed, source, order & 0xffu, 0);
+        let alpha = select(color.a, 1.0, color.a >= OPAQUE_ALPHA);
+        light += left * vec4f(color.rgb, select(0.0, alpha, in_focus(order)));
+        left *= 1.0 - alpha;
+        left = select(0.0, left, left >= STOPPED_BELOW);
+        start = order + 1u;
+        if left <= 0.0 {
+            break;
+        }
+    }
+    return Met(light, left);
+}
+
+@compute @workgroup_size(16, 4)
+fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
+    let at = local.xy;
+    let tile = tile_id.xy;
+    var first_sum = vec4f(0.0);
+    var second_sum = vec4f(0.0);
+    var third_sum = vec4f(0.0);
+    var fourth_sum = vec4f(0.0);
+    var missed = vec4f(0.0);
+    var hidden = vec4f(0.0);
+    for (var view = 0u; view < params.views_in_go; view++) {
+        let list = list_of(view, tile);
+        var left = start_of(view, tile, at);
+        hidden += 1.0 - left;
+        var entry = 0u;
+        loop {
+            let next = groups[list + entry];
+            let group = unpacked(next);
+            let first = meet(group, pixel_of(tile, at, 0u), left.x);
+            let second = meet(group, pixel_of(tile, at, 1u), left.y);
+            let third = meet(group, pixel_of(tile, at, 2u), left.z);
+            let fourth = meet(group, pixel_of(tile, at, 3u), left.w);
+            first_sum += first.light;
+            second_sum += second.light;
+            third_sum += third.light;
+            fourth_sum += fourth.light;
+            left = vec4f(first.left, second.left, third.left, fourth.left);
+            entry++;
+            if (next.y & LAST) != 0u || all(left <= vec4f(0.0)) {
+                break;
+            }
+        }
+        missed += left;
+    }
+    add(pixel_of(tile, at, 0u), first_sum, missed.x, hidden.x);
+    add(pixel_of(tile, at, 1u), second_sum, missed.y, hidden.y);
+    add(pixel_of(tile, at, 2u), third_sum, missed.z, hidden.z);
+    add(pixel_of(tile, at, 3u), fourth_sum, missed.w, hidden.w);
 }
 
 // Adds a go's sums to those of the goes before it.
-fn add(pixel: u32, seen: Seen) {
-    let plane = params.width * params.band_rows;
-    let values = array<f32, 6>(
-        seen.color.r,
-        seen.color.g,
-        seen.color.b,
-        seen.focused,
-        seen.missed,
-        seen.hidden,
-    );
-    for (var i = 0u; i < 6u; i++) {
-        let before = select(0.0, sums[i * plane + pixel], params.views_before > 0u);
-        sums[i * plane + pixel] = before + values[i];
+fn add(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
+    if at.x >= params.width || at.y >= params.band_rows {
+        return;
     }
+    let plane = params.width * params.band_rows;
+    let pixel = at.y * params.width + at.x;
+    let more = params.views_before > 0u;
+    sums[pixel] = sum.r + select(0.0, sums[pixel], more);
+    sums[plane + pixel] = sum.g + select(0.0, sums[plane + pixel], more);
+    sums[2u * plane + pixel] = sum.b + select(0.0, sums[2u * plane + pixel], more);
+    sums[3u * plane + pixel] = sum.a + select(0.0, sums[3u * plane + pixel], more);
+    sums[4u * plane + pixel] = missed + select(0.0, sums[4u * plane + pixel], more);
+    sums[5u * plane + pixel] = hidden + select(0.0, sums[5u * plane + pixel], more);
 }
 
 // The mean over all views: rays that met nothing are transparent where the background is open, and left out of the mean where it

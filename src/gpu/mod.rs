@@ -13,7 +13,11 @@ mod bands;
 #[cfg(feature = "gpu")]
 mod context;
 #[cfg(feature = "gpu")]
+mod memory;
+#[cfg(feature = "gpu")]
 mod shader;
+#[cfg(feature = "gpu")]
+mod work;
 
 #[cfg(not(feature = "gpu"))]
 mod absent;
@@ -25,11 +29,15 @@ pub use adapters::{Adapter, AdapterKind};
 pub use bands::{Band, bands};
 pub use clock::GpuUsage;
 #[cfg(feature = "gpu")]
-pub use context::{Buffer, Gpu, Kernel, Work, tiles};
+pub use context::Gpu;
+#[cfg(feature = "gpu")]
+pub use memory::{Buffer, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
 pub use shader::{Layout, Mirrored, Scalar, ScalarKind, Shader};
+#[cfg(feature = "gpu")]
+pub use work::{Kernel, ROW_ALIGNMENT, Work, tiles};
 
 use crate::error::Error;
 use serde::Serialize;

@@ -3,7 +3,7 @@
 //! What is made once (bins, shifts of views, what the rim hides) the CPU makes as for itself, and it draws the few discs of
 //! highlights while the GPU paints. Bands read as far as views and the prefilter reach.
 //!
-//! Memory: 26 bytes a fragment, 44 a pixel, and for each tile of 256 pixels and view a bit a bin.
+//! Memory: 46 bytes a fragment, 60 a pixel.
 
 use super::bins::Bins;
 use super::bokeh::Bokeh;
@@ -14,12 +14,16 @@ use super::resolve;
 use super::runs::{self, JOIN_PX};
 use super::sampler::{ShearSet, bins, rim_softness, shears};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Mirrored, Shader, bands, mirrored, tiles};
+use crate::gpu::{
+    Band, Buffer, Gpu, Kernel, Mirrored, ROW_ALIGNMENT, Resource, Shader, Texels, Texture, bands, mirrored,
+    tiles,
+};
 use crate::image::{Image, Plane};
 use crate::methods::{Progress, Twin};
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, PREFILTER_LEAST_VARIANCE, Plan, Scene};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 static SHADER: Shader = Shader {
     name: "shear",
@@ -42,6 +46,29 @@ const BLOCK: usize = 4;
 /// Views that are painted at once: a go stays short, and its sums exact.
 const VIEWS_IN_A_GO: usize = 64;
 
+/// The shader's `shifts`: what may be uniform everywhere.
+const SHIFTS: usize = 8192;
+
+/// Entries that lists of groups have room for at first: more than enough where surfaces are large.
+const ENTRIES: usize = 8;
+
+/// Most bytes of lists.
+const LISTS_BYTES: u64 = 256 << 20;
+
+/// Tiles along one of the shader's squares.
+const SQUARE: usize = 4;
+
+/// Bytes of a colour.
+const TEXEL: usize = size_of::<[f32; 4]>();
+
+/// Layers whose keys share a texel.
+const LAYERS_PER_TEXEL: usize = 4;
+
+/// Bytes of a fragment in colours (twice), CoC radii, bins and keys, and of a pixel in sums, the picture and its readback, and the
+/// lists of its tile.
+const FRAGMENT_BYTES: usize = 46;
+const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16;
+
 /// Past so many radii of the prefilter's box what it brings is below a millionth: `e^(−√6 · 6)`.
 const SMOOTHING_RADII: f32 = 6.0;
 
@@ -56,14 +83,15 @@ mirrored! {
     struct Params {
         width: u32,
         height: u32,
+        stride: u32,
         source_start: u32,
         source_rows: u32,
         band_start: u32,
         band_rows: u32,
         layers: u32,
-        layer: u32,
         bins: u32,
         words: u32,
+        entries: u32,
         focused_start: u32,
         focused_end: u32,
         cells: u32,
@@ -175,11 +203,10 @@ impl<'a> Work<'a> {
 
     /// Rows that can be read at once.
     fn most_rows(&self) -> usize {
-        let (width, layers) = (self.size.0.max(1), self.layers.len());
-        let largest = width * size_of::<f32>() * (4 * layers).max(SUMS);
-        let together = width * (26 * layers + size_of::<f32>() * (2 * PLANES + SUMS));
+        let (stride, layers) = (self.params.stride as usize, self.layers.len());
+        let largest = stride * size_of::<f32>() * (4 * layers).max(SUMS);
+        let together = stride * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
-        // A band's tiles must have room for the bins of one view at least.
         rows(self.gpu.most_binding_bytes(), largest).min(rows(self.gpu.most_working_bytes(), together))
     }
 
@@ -222,14 +249,15 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
     Params {
         width: width as u32,
         height: height as u32,
+        stride: (width * TEXEL).next_multiple_of(ROW_ALIGNMENT) as u32 / TEXEL as u32,
         source_start: 0,
         source_rows: height as u32,
         band_start: 0,
         band_rows: height as u32,
         layers: layers as u32,
-        layer: 0,
         bins: bins.count() as u32,
         words: bins.count().div_ceil(32) as u32,
+        entries: ENTRIES as u32,
         focused_start: focused.start as u32,
         focused_end: focused.end as u32,
         cells: cells.len() as u32,
@@ -261,10 +289,12 @@ struct BandWork<'a> {
     work: &'a Work<'a>,
     rows: usize,
     params: Params,
-    colors: Buffer,
-    coc_px: Buffer,
-    keys: Buffer,
+    /// Whether some fragment lets light through.
+    veiled: bool,
+    colors: Texture,
+    keys: Texture,
     windows: Buffer,
+    far_windows: Buffer,
     sums: Buffer,
     picture: Buffer,
 }
@@ -272,8 +302,7 @@ struct BandWork<'a> {
 impl<'a> BandWork<'a> {
     /// The band's rows on the GPU, in bins and prefiltered.
     fn new(work: &'a Work<'a>, Band { rows, source }: &Band) -> Result<Self, Error> {
-        let (gpu, (width, _)) = (work.gpu, work.size);
-        let (layers, samples) = (work.layers.len(), width * source.len());
+        let (gpu, (width, _), layers) = (work.gpu, work.size, work.layers.len());
         let params = Params {
             source_start: source.start as u32,
             source_rows: source.len() as u32,
@@ -282,88 +311,98 @@ impl<'a> BandWork<'a> {
             ..work.params
         };
         let blocks = width.div_ceil(BLOCK) * source.len().div_ceil(BLOCK) * params.words as usize;
-        let band = Self {
+        let size = (width, source.len());
+        let mut band = Self {
             work,
             rows: rows.len(),
             params,
-            colors: gpu.zeros::<[f32; 4]>("colours", layers * samples)?,
-            coc_px: gpu.zeros::<f32>("CoC radii", layers * samples)?,
-            keys: gpu.zeros::<u32>("keys", layers.div_ceil(2) * samples)?,
+            veiled: false,
+            colors: gpu.texture("colours", Texels::FourFloats, size, layers)?,
+            keys: gpu.texture("keys", Texels::TwoWords, size, layers.div_ceil(LAYERS_PER_TEXEL))?,
             windows: gpu.zeros::<u32>("windows", blocks)?,
+            far_windows: gpu.zeros::<u32>("windows", blocks)?,
             sums: gpu.zeros::<f32>("sums", SUMS * width * rows.len())?,
             picture: gpu.zeros::<f32>("the picture", PLANES * width * rows.len())?,
         };
-        band.load(source)?;
-        band.find_bins(source.len())?;
+        let (colors, coc_px) = band.upload(source)?;
+        band.prepare(&colors, &coc_px)?;
         Ok(band)
     }
 
-    /// Brings all layers to the GPU, and smooths them where the plan asks for it.
-    fn load(&self, source: &Range<usize>) -> Result<(), Error> {
-        let (gpu, (width, _)) = (self.work.gpu, self.work.size);
+    /// Colours and CoC radii of all layers; finds out whether they are veiled.
+    fn upload(&mut self, source: &Range<usize>) -> Result<(Buffer, Buffer), Error> {
+        let Work { gpu, layers, size: (width, _), .. } = *self.work;
+        let stride = self.params.stride as usize;
+        let veiled = AtomicBool::new(false);
+        let colors = gpu.upload_rows("colours", (stride, layers.len() * source.len()), |i, row| {
+            let Layer { color: [red, green, blue], alpha, .. } = &layers[i / source.len()];
+            let y = source.start + i % source.len();
+            let [red, green, blue, alpha] = [red, green, blue, alpha].map(|plane| plane.row(y));
+            let pixels = red.iter().zip(green).zip(blue).zip(alpha);
+            for (texel, (((&r, &g), &b), &a)) in row.iter_mut().zip(pixels) {
+                *texel = [r, g, b, a];
+            }
+            if alpha.iter().fold(false, |veiled, &a| veiled | ((a > 0.0) & (a < OPAQUE_ALPHA))) {
+                veiled.store(true, Ordering::Relaxed);
+            }
+        })?;
+        self.veiled = veiled.into_inner();
         let values = source.start * width..source.end * width;
-        let load = gpu.kernel(&SHADER, "load_layer")?;
-        for (i, Layer { color: [red, green, blue], alpha, coc_px }) in self.work.layers.iter().enumerate() {
-            let planes = [red, green, blue, alpha, coc_px].map(|plane| &plane.values()[values.clone()]);
-            let planes = gpu.upload_all("a layer", &planes)?;
-            let params = gpu.uniform(&Params { layer: i as u32, ..self.params })?;
-            let bindings = [(0, &params), (1, &planes), (2, &self.colors), (3, &self.coc_px)];
-            gpu.submit(|work| work.pass(&load, &bindings, tiles(width, source.len(), TILE)))?;
-        }
-        Ok(())
+        let coc_px: Vec<&[f32]> = layers.iter().map(|layer| &layer.coc_px.values()[values.clone()]).collect();
+        Ok((colors, gpu.upload_all("CoC radii", &coc_px)?))
     }
 
-    /// Puts the fragments into bins, and smooths them where the plan asks for it.
-    fn find_bins(&self, rows: usize) -> Result<(), Error> {
-        let Work { gpu, layers, size: (width, _), plan, .. } = *self.work;
+    /// Puts the fragments into bins, smooths them where the plan asks for it, and notes where each bin is.
+    fn prepare(&self, colors: &Buffer, coc_px: &Buffer) -> Result<(), Error> {
+        let Work { gpu, plan, size: (width, _), .. } = *self.work;
+        let Params { layers, words, stride, .. } = self.params;
+        let rows = self.params.source_rows as usize;
         let kernel = |name| gpu.kernel(&SHADER, name);
-        let (params, layers, words) = (gpu.uniform(&self.params)?, layers.len() as u32, self.params.words);
-        let indices = gpu.zeros::<u32>("bins", layers as usize * width * rows)?;
-        let blocks = gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
-        let (colors, coc_px, keys) = (&self.colors, &self.coc_px, &self.keys);
+        let params = &gpu.uniform(&self.params)?;
+        let blocks = &gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
+        let fragments = &gpu.texture("bins", Texels::TwoWords, (width, rows), layers as usize)?;
         let [x, y, _] = tiles(width, rows, TILE);
-        let of_blocks = tiles(width.div_ceil(BLOCK), rows.div_ceil(BLOCK), 8);
-        let of_blocks = [of_blocks[0], of_blocks[1], words];
+        let [across, down, _] = tiles(width.div_ceil(BLOCK), rows.div_ceil(BLOCK), 8);
+        let stack = [(0, Resource::from(params)), (2, colors.into())];
         gpu.submit(|work| {
-            let tables = [(6, &self.work.bin_ends_px), (7, &self.work.first_in_cell)];
-            let layer = [(0, &params), (2, colors), (3, coc_px), (4, &indices)];
-            work.pass(&kernel("find_bins")?, &[&layer[..], &tables].concat(), [x, y, layers])?;
-            work.pass(
-                &kernel("join_bins")?,
-                &[&layer[..], &[(5, keys)]].concat(),
-                [x, y, layers.div_ceil(2)],
-            )?;
-            work.pass(&kernel("mark_blocks")?, &[(0, &params), (5, keys), (8, &blocks)], of_blocks)?;
-            work.pass(
-                &kernel("mark_windows")?,
-                &[(0, &params), (8, &blocks), (9, &self.windows)],
-                of_blocks,
-            )?;
+            let tables = [(4, (&self.work.bin_ends_px).into()), (5, (&self.work.first_in_cell).into())];
+            let found = [(3, coc_px.into()), (6, fragments.into())];
+            work.pass(&kernel("find_bins")?, &[&stack[..], &tables, &found].concat(), [x, y, layers])?;
+            let joined = [(7, fragments.into()), (8, (&self.keys).into())];
+            let slices = layers.div_ceil(LAYERS_PER_TEXEL as u32);
+            work.pass(&kernel("join_bins")?, &[&stack[..], &joined].concat(), [x, y, slices])?;
+            let marked = [(0, params.into()), (9, Resource::from(&self.keys)), (10, blocks.into())];
+            work.pass(&kernel("mark_blocks")?, &marked, [across, down, words])?;
+            let marked = [(0, params), (10, blocks), (11, &self.windows)];
+            work.pass(&kernel("mark_windows")?, &marked, [across, down, words])?;
+            let marked = [(0, params), (11, &self.windows), (19, &self.far_windows)];
+            work.pass(&kernel("mark_far")?, &marked, [across, down, words])?;
             if plan.does(EffectKind::Prefilter) {
+                let smoothed = [(0, params), (2, colors), (3, coc_px)];
                 let lines = |count: usize| [count.div_ceil(64) as u32, layers, 1];
-                let bindings = [(0, &params), (2, colors), (3, coc_px)];
-                work.pass(&kernel("smooth_rows")?, &bindings, lines(rows))?;
-                work.pass(&kernel("smooth_columns")?, &bindings, lines(width))?;
+                work.pass(&kernel("smooth_rows")?, &smoothed, lines(rows))?;
+                work.pass(&kernel("smooth_columns")?, &smoothed, lines(width))?;
             }
+            work.copy(colors, &self.colors, stride as usize * TEXEL);
             Ok(())
         })
     }
 
     /// Paints all views of all sets.
-    fn picture(self, progress: &Progress<'_>) -> Result<Buffer, Error> {
+    fn picture(mut self, progress: &Progress<'_>) -> Result<Buffer, Error> {
         let gpu = self.work.gpu;
         let finish = gpu.kernel(&SHADER, "finish")?;
         let total = (self.work.sets.len() * self.work.views) as f32;
         for (set, (shears, channels)) in self.work.sets.iter().enumerate() {
             let mut before = 0;
-            for go in shears.chunks(self.views_in_a_go()?) {
-                self.paint(go, before)?;
-                before += go.len();
+            while before < shears.len() {
+                let go = &shears[before..];
+                before += self.paint(&go[..go.len().min(self.views_in_a_go()?)], before)?;
                 progress((set * self.work.views + before) as f32 / total);
             }
             let channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
             let params = gpu.uniform(&Params { channels, ..self.params })?;
-            let bindings = [(0, &params), (13, &self.sums), (14, &self.picture)];
+            let bindings = [(0, &params), (14, &self.sums), (15, &self.picture)];
             gpu.submit(|work| work.pass(&finish, &bindings, tiles(self.work.size.0, self.rows, TILE)))?;
         }
         Ok(self.picture)
@@ -373,51 +412,86 @@ impl<'a> BandWork<'a> {
         tiles(self.work.size.0, self.rows, TILE)
     }
 
-    /// Views whose candidates and shifts fit into a buffer.
+    /// Views whose lists and shifts fit into a buffer.
     fn views_in_a_go(&self) -> Result<usize, Error> {
         let [columns, rows, _] = self.tiles();
-        let of_candidates = (columns * rows * self.params.words) as usize * size_of::<u32>();
-        let of_shifts = self.params.bins as usize * size_of::<[i32; 2]>();
-        let most = self.work.gpu.most_binding_bytes() as usize / of_candidates.max(of_shifts);
+        let lists = (columns * rows * self.params.entries) as usize * size_of::<[u32; 2]>();
+        let room = self.work.gpu.most_binding_bytes().min(LISTS_BYTES) as usize;
+        let most = (room / lists).min(SHIFTS / self.params.bins as usize);
         if most == 0 {
             return Err(Error::device("the bins of one view are too large for the GPU")
-                .with("found", format!("{} bins for {columns} × {rows} tiles", self.params.bins))
+                .with("found", format!("{} bins, {columns} × {rows} tiles", self.params.bins))
                 .help("use --device cpu"));
         }
         Ok(most.min(VIEWS_IN_A_GO))
     }
 
-    /// Adds the views of `go`, which `before` views went before.
-    fn paint(&self, go: &[Shear], before: usize) -> Result<(), Error> {
-        let Work { gpu, .. } = *self.work;
-        let views = go.len();
-        let shifts: Vec<[i32; 2]> = go
-            .iter()
-            .flat_map(|shear| shear.shifts.iter().map(|shift| [shift.columns, shift.rows]))
-            .collect();
-        let lens: Vec<[f32; 2]> = go.iter().map(|shear| shear.lens.to_array()).collect();
-        let shifts = gpu.upload("shifts", &shifts)?;
-        let lens = gpu.upload("lens samples", &lens)?;
+    /// Adds the views of `go`, which `before` views went before, and returns how many there are; none where lists turn out to need
+    /// more room, which they have from then on.
+    fn paint(&mut self, go: &[Shear], before: usize) -> Result<usize, Error> {
+        let (gpu, views) = (self.work.gpu, go.len());
         let params = Params { views_before: before as u32, views_in_go: views as u32, ..self.params };
-        let params = gpu.uniform(&params)?;
+        let params = &gpu.uniform(&params)?;
+        let shifts = &gpu.uniform_of(&shifts(go))?;
+        let (groups, longest) = self.lists(params, shifts, views)?;
+        if longest > self.params.entries {
+            self.params.entries = longest;
+            return Ok(0);
+        }
+        let lens: Vec<[f32; 2]> = go.iter().map(|shear| shear.lens.to_array()).collect();
+        let lens = &gpu.upload("lens samples", &lens)?;
+        let paint = self.paint_kernel()?;
         let [columns, rows, _] = self.tiles();
-        let words = columns as usize * rows as usize * views * self.params.words as usize;
-        let candidates = gpu.zeros::<u32>("candidates", words)?;
-        let find = gpu.kernel(&SHADER, "find_candidates")?;
-        let paint = gpu.kernel(&SHADER, "paint")?;
         gpu.submit(|work| {
-            work.pass(
-                &find,
-                &[(0, &params), (9, &self.windows), (10, &candidates), (11, &shifts)],
-                [columns.div_ceil(64), rows, views as u32],
-            )?;
-            let layers = [(2, &self.colors), (5, &self.keys)];
-            let views = [(10, &candidates), (11, &shifts), (12, &lens)];
-            work.pass(
-                &paint,
-                &[&[(0, &params)], &layers[..], &views, &[(13, &self.sums)]].concat(),
-                [columns, rows, 1],
-            )
-        })
+            let scene = [(9, (&self.keys).into()), (16, (&self.colors).into())];
+            let sums = [(0, Resource::from(params)), (12, (&groups).into()), (14, (&self.sums).into())];
+            let rim = [(13, lens.into())];
+            work.pass(&paint, &[&sums[..], &scene, &rim].concat(), [columns, rows, 1])
+        })?;
+        Ok(views)
     }
+
+    /// The groups of bins that each view shows to each tile, and how many entries the longest list has.
+    fn lists(&self, params: &Buffer, shifts: &Buffer, views: usize) -> Result<(Buffer, u32), Error> {
+        let gpu = self.work.gpu;
+        let [columns, rows, _] = self.tiles().map(|tiles| tiles as usize);
+        let (far_columns, far_rows) = (columns.div_ceil(SQUARE), rows.div_ceil(SQUARE));
+        let far = &gpu.zeros::<u32>("bins", far_columns * far_rows * views * self.params.words as usize)?;
+        let entries = columns * rows * views * self.params.entries as usize;
+        let groups = gpu.zeros::<[u32; 2]>("groups of bins", entries)?;
+        let longest = &gpu.zeros::<u32>("the longest list", 1)?;
+        let (find_far, find) = (gpu.kernel(&SHADER, "find_far")?, gpu.kernel(&SHADER, "find_groups")?);
+        gpu.submit(|work| {
+            let lists = [(0, params), (1, shifts), (18, far)];
+            let groups_of =
+                |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, views as u32];
+            let seen = [(19, &self.far_windows)];
+            work.pass(&find_far, &[&lists[..], &seen].concat(), groups_of((far_columns, far_rows)))?;
+            let seen = [(11, &self.windows), (12, &groups), (17, longest)];
+            work.pass(&find, &[&lists[..], &seen].concat(), groups_of((columns, rows)))
+        })?;
+        let longest = gpu.read::<u32>(longest)?;
+        Ok((groups, longest.first().copied().unwrap_or(0)))
+    }
+
+    /// What paints this scene: what it has not need not be asked for ray by ray.
+    fn paint_kernel(&self) -> Result<Kernel, Error> {
+        let name = if self.veiled { "paint_veils" } else { "paint" };
+        let constants = [
+            ("MANY_LAYERS", f64::from(self.params.layers > LAYERS_PER_TEXEL as u32)),
+            ("RIM", f64::from(self.params.cats_eye > 0.0)),
+        ];
+        self.work.gpu.kernel_with(&SHADER, name, &constants)
+    }
+}
+
+/// Columns and rows that each of `shears` moves each bin by, as the shader has them: past the border all samples are the border's, so
+/// that no more than 16 bits are needed.
+fn shifts(shears: &[Shear]) -> Vec<[i32; 2]> {
+    let most = i32::from(i16::MAX);
+    let moved = |by: i32| by.clamp(-most, most);
+    let of_view = |shear: &Shear| shear.shifts.iter().map(|s| [moved(s.columns), moved(s.rows)]).collect();
+    let mut shifts: Vec<[i32; 2]> = shears.iter().flat_map::<Vec<_>, _>(of_view).collect();
+    shifts.resize(SHIFTS, [0; 2]);
+    shifts
 }
