@@ -100,10 +100,12 @@ fn structures_are_laid_out_alike_in_shaders_and_in_the_program() {
         for layout in shader.structs {
             assert_eq!(mismatch(&module, layout), None, "{}", shader.name);
         }
+        // (Arrays of vectors have one layout everywhere.)
         let uniforms = module
             .global_variables
             .iter()
-            .filter(|(_, variable)| variable.space == naga::AddressSpace::Uniform);
+            .filter(|(_, variable)| variable.space == naga::AddressSpace::Uniform)
+            .filter(|(_, variable)| matches!(module.types[variable.ty].inner, TypeInner::Struct { .. }));
         for (_, variable) in uniforms {
             let name = module.types[variable.ty].name.clone().unwrap_or_default();
             let known = shader.structs.iter().any(|layout| layout.name == name);
