@@ -313,6 +313,14 @@ impl Gpu {
         Ok(Some((set, Stamps { names, ticks })))
     }
 
+    /// Waits until everything that was asked for is done.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn finish(&self) -> Result<(), Error> {
+        self.wait()
+    }
+
     /// What `buffer` holds after everything that was asked for.
     ///
     /// # Errors
