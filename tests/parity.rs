@@ -28,12 +28,26 @@ struct Tolerance {
     reason: &'static str,
 }
 
-const TOLERANCES: &[Tolerance] = &[Tolerance {
-    method: "shear",
-    apart: 2e-5,
-    outliers: 0.0,
-    reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
-}];
+const TOLERANCES: &[Tolerance] = &[
+    Tolerance {
+        method: "shear",
+        apart: 2e-5,
+        outliers: 0.0,
+        reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
+    },
+    Tolerance {
+        method: "accumulate",
+        apart: 2e-6,
+        outliers: 0.0,
+        reason: "rays take the same steps by the same table; a ray on the very edge of a sample may find its neighbour, which no case does",
+    },
+    Tolerance {
+        method: "layer-rays",
+        apart: 2e-5,
+        outliers: 2e-5,
+        reason: "the level of a cone is a logarithm; false position that ends on the very edge of a sample may find its neighbour",
+    },
+];
 
 fn tolerance(method: &dyn Method) -> Tolerance {
     let name = method.info().name;
@@ -291,14 +305,18 @@ fn real_stacks_are_the_same_picture() {
 
 #[test]
 fn bands_leave_no_seams() {
-    let Some(whole) = gpu() else { return };
+    if gpu().is_none() {
+        return;
+    }
+    // One of its own, as passes are counted.
+    let whole = Gpu::open(true).unwrap().unwrap();
     for method in methods_with_twin() {
         let name = method.info().name;
         for blur in [0.3, 1.0] {
             let scene = Scene::new(layers(61, 157, blur), StackKind::PointSampled, 1, 60.0);
             let (scene, plan) = settle(method, scene, &Values::default(), 24);
             let before = whole.usage().unwrap().passes;
-            let expected = on_gpu(whole, &scene, &plan);
+            let expected = on_gpu(&whole, &scene, &plan);
             let passes = whole.usage().unwrap().passes - before;
             // Ever smaller bands, until not one row fits.
             let mut banded = 0;

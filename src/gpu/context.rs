@@ -135,7 +135,10 @@ impl Gpu {
     }
 
     /// Waits until everything that was asked for is done.
-    pub(super) fn wait(&self) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn finish(&self) -> Result<(), Error> {
         let watch = Instant::now();
         // A device that is lost while it is waited for makes wgpu panic.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));

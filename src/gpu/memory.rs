@@ -215,7 +215,7 @@ impl Gpu {
     /// # Errors
     /// When the device fails.
     pub fn read<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, Error> {
-        self.wait()?;
+        self.finish()?;
         let watch = Instant::now();
         let values: Vec<T> = self.fetch(buffer)?;
         lock(&self.usage).read_back(size_of_val(&values[..]), watch.elapsed());
@@ -227,7 +227,7 @@ impl Gpu {
     /// # Errors
     /// When the device fails.
     pub fn read_into(&self, buffer: &Buffer, parts: &mut [&mut [f32]]) -> Result<(), Error> {
-        self.wait()?;
+        self.finish()?;
         let watch = Instant::now();
         let bytes = self.mapped(buffer, |bytes| {
             let mut rest = bytes;
@@ -262,7 +262,7 @@ impl Gpu {
             copy.map_async(wgpu::MapMode::Read, .., |_| ());
             copy
         })?;
-        self.wait()?;
+        self.finish()?;
         let view = copy.get_mapped_range(..).map_err(|error| self.failure(LABEL, &error.to_string()))?;
         Ok(look(&view))
     }

@@ -11,12 +11,17 @@
 //!
 //! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer: only where a tile of samples has
 //! nothing at all at a ray's CoC depth does the ray pass it as a whole. Memory: none but the picture. Limits: knows only what the peels know.
+//! GPU twin: `shaders/methods/accumulate.wgsl`.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod tiles;
 mod volume;
 
 pub use volume::Volume;
 
+#[cfg(feature = "gpu")]
+use super::Twin;
 use super::shared::{RaySampler, Tracer};
 use super::{LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
@@ -59,6 +64,11 @@ impl Method for Accumulate {
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn Twin> {
+        Some(self)
     }
 }
 

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(super) const TILE: i32 = 8;
 
 /// Slabs of equal thickness that the CoC depths are cut into at most: one bit each.
-const SLABS: u32 = 62;
+pub(super) const SLABS: u32 = 62;
 
 /// Set in a tile that was looked at.
 const KNOWN: u64 = 1 << 63;
@@ -28,7 +28,7 @@ pub(super) struct Tiles {
     tiles: Vec<AtomicU64>,
     /// Columns and rows of tiles.
     size: IVec2,
-    slabs: Slabs,
+    pub(super) slabs: Slabs,
 }
 
 /// The part of a ray's way over a tile in which there may be fragments.
@@ -99,9 +99,9 @@ impl Tiles {
 
 /// The CoC depths from `nearest` on, in slabs.
 #[derive(Debug, Clone, Copy)]
-struct Slabs {
+pub(super) struct Slabs {
     nearest: f32,
-    per_px: f32,
+    pub(super) per_px: f32,
 }
 
 impl Slabs {

@@ -13,15 +13,16 @@ pub(super) const JOIN_PX: f32 = 0.5;
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
 pub struct Volume<L> {
-    layers: Vec<L>,
-    tiles: Tiles,
-    size: [i32; 2],
-    supersample: f32,
-    coc_range_px: [f32; 2],
-    jitter: f32,
-    open_background: bool,
-    optics: Optics,
-    field: Field,
+    pub(super) layers: Vec<L>,
+    pub(super) tiles: Tiles,
+    /// Columns and rows of samples.
+    pub(super) size: [i32; 2],
+    pub(super) supersample: f32,
+    pub(super) coc_range_px: [f32; 2],
+    pub(super) jitter: f32,
+    pub(super) open_background: bool,
+    pub(super) optics: Optics,
+    pub(super) field: Field,
 }
 
 /// The middle of picture pixel `x, y`.
@@ -250,11 +251,11 @@ impl<L: Borrow<Layer>> Volume<L> {
 }
 
 /// The samples `start + c·step` that a ray passes, `c` its CoC depth.
-struct Ray {
+pub(super) struct Ray {
     start: Vec2,
     step: Vec2,
     /// `1 / step`, 0 along an axis that it does not move on.
-    inverse: Vec2,
+    pub(super) inverse: Vec2,
     /// CoC depth at which it leaves a sample along such an axis: never.
     never: Vec2,
     /// Where it heads: −1 or 1 on each axis.
@@ -262,7 +263,7 @@ struct Ray {
 }
 
 impl Ray {
-    fn new(start: Vec2, step: Vec2) -> Self {
+    pub(super) fn new(start: Vec2, step: Vec2) -> Self {
         // A ray this steep crosses no sample within any CoC that occurs.
         const STEEP: f32 = 1e-7;
         let moves = step.abs().cmpgt(Vec2::splat(STEEP));

@@ -32,22 +32,22 @@ pub(super) fn level(diameter: f32) -> f32 {
 #[derive(Debug)]
 pub(super) struct Cones {
     /// Diameter of a cone in samples for each pixel of CoC radius.
-    per_coc_px: f32,
-    levels: Vec<Level>,
+    pub(super) per_coc_px: f32,
+    pub(super) levels: Vec<Level>,
 }
 
 /// What one layer has in a texel: red, green, blue (premultiplied) and coverage.
-type Texel = (u32, [f32; 4]);
+pub(super) type Texel = (u32, [f32; 4]);
 
 /// One level of all mipmaps.
 #[derive(Debug)]
-struct Level {
-    width: usize,
-    height: usize,
+pub(super) struct Level {
+    pub(super) width: usize,
+    pub(super) height: usize,
     /// Where each texel's list begins, and where the last one ends.
-    starts: Vec<usize>,
+    pub(super) starts: Vec<usize>,
     /// The lists, each in the order of the layers.
-    texels: Vec<Texel>,
+    pub(super) texels: Vec<Texel>,
 }
 
 impl Cones {

@@ -13,11 +13,11 @@ const MOST_SLABS: usize = 64;
 /// Where the layers of a stack have fragments.
 #[derive(Debug)]
 pub(super) struct Cull {
-    blocks: Blocks,
+    pub(super) blocks: Blocks,
     spacing: Spacing,
-    layers_per_slab: usize,
+    pub(super) layers_per_slab: usize,
     /// The least CoC radius of the slab's layers in each block; infinite in empty blocks. None for an empty slab.
-    slabs: Vec<Option<NBuffer>>,
+    pub(super) slabs: Vec<Option<NBuffer>>,
     supersample: f32,
 }
 
@@ -49,7 +49,7 @@ impl Cull {
     }
 
     /// How far rays of one pixel go from its centre within a slab, in samples: its larger CoC, and the pixel itself.
-    fn reach(&self, slab: usize) -> f32 {
+    pub(super) fn reach(&self, slab: usize) -> f32 {
         let [near, far] = self.interval(slab);
         (near.abs().max(far.abs()) + 0.5) * self.supersample
     }

@@ -27,12 +27,17 @@
 //! stack; at most 64 N-buffers of at most 65536 blocks; mipmaps as large as the fragments that cones reach, a third of them as
 //! a rule. Limits: knows only what the peels know; within a layer a ray may hit what it would have passed by (silhouettes gain
 //! or lose up to half of δ), and step over things thinner than its way through the layer.
+//! GPU twin: `shaders/methods/layer_rays.wgsl`.
 
 mod cones;
 mod cull;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod layers;
 mod samples;
 
+#[cfg(feature = "gpu")]
+use super::Twin;
 use super::shared::{Fragments, RaySampler, Tracer};
 use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
@@ -93,6 +98,11 @@ impl Method for LayerRays {
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn Twin> {
+        Some(self)
     }
 }
 

@@ -23,7 +23,7 @@ const SYMMETRIES: [fn(Vec2) -> Vec2; 8] = [
 /// The lens samples of every pixel.
 #[derive(Debug)]
 pub(super) struct Samples {
-    sets: Vec<Vec<View>>,
+    pub(super) sets: Vec<Vec<View>>,
 }
 
 impl Samples {

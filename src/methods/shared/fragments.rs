@@ -7,6 +7,8 @@ use super::nbuffer::{NBuffer, Window};
 use crate::scene::Scene;
 use glam::Vec2;
 use rayon::prelude::*;
+#[cfg(feature = "gpu")]
+use std::ops::Range;
 
 /// The fragments of all samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +65,26 @@ impl Fragments {
         let coc_px: Vec<f32> = padded.collect();
         let color = coc_px.iter().map(|&coc| [coc, coc, coc, 1.0]).collect();
         Self { width, height, depth, coc_px, color }
+    }
+
+    /// Fragments that a sample may have.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn depth(&self) -> usize {
+        self.depth
+    }
+
+    /// CoC radii of the fragments of `rows`, `[row][column][fragment]`; infinite where there is none.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn coc_px_of_rows(&self, rows: Range<usize>) -> &[f32] {
+        let row = self.width * self.depth;
+        &self.coc_px[rows.start * row..rows.end * row]
+    }
+
+    /// The same for red, green, blue (premultiplied) and alpha.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn color_of_rows(&self, rows: Range<usize>) -> &[[f32; 4]] {
+        let row = self.width * self.depth;
+        &self.color[rows.start * row..rows.end * row]
     }
 
     /// Width and height in samples.

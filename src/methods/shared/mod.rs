@@ -6,6 +6,8 @@ mod disc;
 mod fragments;
 mod nbuffer;
 mod pyramid;
+#[cfg(feature = "gpu")]
+mod ray_goes;
 mod rays;
 mod sub_images;
 
@@ -16,5 +18,7 @@ pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
+#[cfg(feature = "gpu")]
+pub(super) use ray_goes::{Go, Goes, RAY_SUMS};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;

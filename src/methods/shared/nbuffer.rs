@@ -52,6 +52,12 @@ impl NBuffer {
         least
     }
 
+    /// All minima, `[level][row][column]`; level 0 is the grid itself.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn levels(&self) -> &[Vec<f32>] {
+        &self.levels
+    }
+
     /// Width and height in cells.
     pub(in crate::methods) fn size(&self) -> (usize, usize) {
         (self.width, self.height)

@@ -1,0 +1,296 @@
+//! The reference on a GPU: one thread a pixel, all rays of a go one after the other, so that neighbours walk the same way.
+//!
+//! Rows of the stack go up as they are, a band at a time; `look` makes extents and tiles of them, `follow` sums rays.
+//!
+//! Memory: 28 bytes a fragment, 36 a pixel.
+
+use super::volume::{JOIN_PX, Ray, Volume};
+use super::{Accumulate, tiles::TILE};
+use crate::error::Error;
+use crate::gpu::{Band, Buffer, Gpu, Mirrored, Shader, Work, bands, mirrored, tiles};
+use crate::image::{Image, Plane};
+use crate::lens::{Rays, View as LensView};
+use crate::methods::shared::{Go, Goes, RAY_SUMS};
+use crate::methods::{Progress, Twin};
+use crate::scene::{Layer, OPAQUE_ALPHA, Plan, Scene};
+use glam::Vec2;
+use std::ops::Range;
+
+/// Bytes of a fragment's extent, its largest part, and of all of it.
+const FRAGMENT_BYTES: [usize; 2] = [8, 28];
+
+static SHADER: Shader = Shader {
+    name: "accumulate",
+    constants: &[],
+    parts: &[RAY_SUMS, include_str!("../../../shaders/methods/accumulate.wgsl")],
+    structs: &[Go::LAYOUT, Frame::LAYOUT, View::LAYOUT],
+};
+
+mirrored! {
+    /// The rows of the stack at hand, and the lens before them.
+    struct Frame {
+        /// Columns of the picture.
+        width: u32,
+        /// Its first row that is made.
+        row: u32,
+        /// How many are.
+        rows: u32,
+        /// Layers.
+        layers: u32,
+        /// Samples of a pixel along each axis.
+        supersample: f32,
+        /// Columns of the stack, in samples.
+        columns: i32,
+        /// Its first row at hand.
+        top: i32,
+        /// Its last row at hand.
+        bottom: i32,
+        /// No fragment has less CoC depth.
+        nearest: f32,
+        /// No fragment has more.
+        farthest: f32,
+        /// Slabs for each pixel of CoC depth.
+        slabs_per_px: f32,
+        /// [`JOIN_PX`].
+        join_px: f32,
+        /// [`OPAQUE_ALPHA`].
+        opaque_alpha: f32,
+        /// Where the lens's axis meets the picture.
+        axis_x: f32,
+        /// The same, down.
+        axis_y: f32,
+        /// From there to the frame's corners.
+        half_diagonal_px: f32,
+        /// How far aside of the aperture the rim stands, seen from there.
+        cats_eye: f32,
+    }
+}
+
+mirrored! {
+    /// A lens sample, as rays need it.
+    struct View {
+        /// Samples that a ray moves by for each pixel of CoC depth, to the right.
+        step_x: f32,
+        /// The same, down.
+        step_y: f32,
+        /// One over that; 0 along an axis that it does not move on.
+        inverse_x: f32,
+        /// The same, down.
+        inverse_y: f32,
+        /// Place in the pixel.
+        jitter_x: f32,
+        /// The same, down.
+        jitter_y: f32,
+        /// How far aberrations move the ray, in pixels.
+        shift_x: f32,
+        /// The same, down.
+        shift_y: f32,
+        /// Point on the aperture.
+        lens_x: f32,
+        /// The same, down.
+        lens_y: f32,
+    }
+}
+
+impl View {
+    fn of(view: &LensView, volume: &Volume<&Layer>) -> Self {
+        let step = view.lens * volume.supersample;
+        let inverse = Ray::new(Vec2::ZERO, step).inverse;
+        let jitter = volume.jitter * view.jitter;
+        Self {
+            step_x: step.x,
+            step_y: step.y,
+            inverse_x: inverse.x,
+            inverse_y: inverse.y,
+            jitter_x: jitter.x,
+            jitter_y: jitter.y,
+            shift_x: view.shift.x,
+            shift_y: view.shift.y,
+            lens_x: view.lens.x,
+            lens_y: view.lens.y,
+        }
+    }
+
+    /// How many rows above or below its pixel a ray goes at most, between the CoC depths `range_px`.
+    fn rows_away(&self, supersample: f32, range_px: [f32; 2]) -> f32 {
+        let rows = |coc: f32| (self.jitter_y + self.shift_y + coc * self.step_y / supersample).abs();
+        rows(range_px[0]).max(rows(range_px[1]))
+    }
+}
+
+/// The lens samples of all sets.
+struct Lens {
+    views: Buffer,
+    /// Those of each set, and the channels that they make.
+    sets: Vec<(Range<usize>, &'static [usize])>,
+    count: usize,
+    /// How many rows away the rays of a pixel meet anything.
+    reach_rows: usize,
+}
+
+impl Lens {
+    fn new(gpu: &Gpu, volume: &Volume<&Layer>, rays: &Rays) -> Result<Self, Error> {
+        let mut views: Vec<View> = Vec::new();
+        let mut sets = Vec::new();
+        for (set, channels) in rays.sets() {
+            let first = views.len();
+            // Where the rim is the aperture's own, it is so for all pixels.
+            let passes = |view: &&LensView| {
+                volume.optics.cats_eye > 0.0 || volume.optics.within_rim(view.lens, Vec2::ZERO) >= 0.0
+            };
+            views.extend(set.iter().filter(passes).map(|view| View::of(view, volume)));
+            sets.push((first..views.len(), channels));
+        }
+        let away = views.iter().map(|view| view.rows_away(volume.supersample, volume.coc_range_px));
+        // A fragment reaches as far as its neighbours let it: they must be at hand.
+        let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 1;
+        let words: Vec<u32> = views.iter().flat_map(View::words).collect();
+        Ok(Self { views: gpu.upload("lens samples", &words)?, sets, count: views.len(), reach_rows })
+    }
+}
+
+/// The rows of the stack that a band reads, as rays walk them.
+struct Rows {
+    frame: Buffer,
+    colors: [Buffer; 4],
+    extents: Buffer,
+    tiles: Buffer,
+}
+
+impl Rows {
+    fn new(gpu: &Gpu, volume: &Volume<&Layer>, width: usize, band: &Band) -> Result<Self, Error> {
+        let supersample = volume.supersample as usize;
+        let samples = band.source.start * supersample..band.source.end * supersample;
+        let upload =
+            |label, plane: &dyn Fn(&Layer) -> &Plane| upload(gpu, label, &volume.layers, &samples, plane);
+        let colors = [
+            upload("red", &|layer| &layer.color[0])?,
+            upload("green", &|layer| &layer.color[1])?,
+            upload("blue", &|layer| &layer.color[2])?,
+            upload("alpha", &|layer| &layer.alpha)?,
+        ];
+        let coc_px = upload("CoC radii", &|layer| &layer.coc_px)?;
+        let frame = gpu.uniform(&frame(volume, width, band, &samples))?;
+        let tile = TILE as usize;
+        let [columns, rows] =
+            [(volume.size[0] as usize).div_ceil(tile), samples.end.div_ceil(tile) - samples.start / tile];
+        let fragments = volume.size[0] as usize * samples.len() * volume.layers.len();
+        let extents = gpu.zeros::<[f32; 2]>("extents", fragments)?;
+        let tiles = gpu.zeros::<[u32; 2]>("tiles", columns * rows)?;
+        let look = gpu.kernel(&SHADER, "look")?;
+        let bindings = [(3, &frame), (8, &colors[3]), (9, &coc_px), (12, &extents), (13, &tiles)];
+        gpu.submit(|work| work.pass(&look, &bindings, [columns as u32, rows as u32, 1]))?;
+        Ok(Self { frame, colors, extents, tiles })
+    }
+}
+
+/// Rows `samples` of a plane of all `layers`.
+fn upload(
+    gpu: &Gpu,
+    label: &str,
+    layers: &[&Layer],
+    samples: &Range<usize>,
+    plane: &dyn Fn(&Layer) -> &Plane,
+) -> Result<Buffer, Error> {
+    let rows = |layer: &&'_ Layer| {
+        let plane = plane(layer);
+        samples.start * plane.width()..samples.end * plane.width()
+    };
+    let parts: Vec<&[f32]> = layers.iter().map(|layer| &plane(layer).values()[rows(layer)]).collect();
+    gpu.upload_all(label, &parts)
+}
+
+fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usize>) -> Frame {
+    let [nearest, farthest] = volume.coc_range_px;
+    Frame {
+        width: width as u32,
+        row: band.rows.start as u32,
+        rows: band.rows.len() as u32,
+        layers: volume.layers.len() as u32,
+        supersample: volume.supersample,
+        columns: volume.size[0],
+        top: samples.start as i32,
+        bottom: samples.end as i32 - 1,
+        nearest,
+        farthest,
+        slabs_per_px: volume.tiles.slabs.per_px,
+        join_px: JOIN_PX,
+        opaque_alpha: OPAQUE_ALPHA,
+        axis_x: volume.field.axis_px.x,
+        axis_y: volume.field.axis_px.y,
+        half_diagonal_px: volume.field.half_diagonal_px,
+        cats_eye: volume.optics.cats_eye,
+    }
+}
+
+/// Rows of the picture that `gpu` holds at once.
+fn most_rows(gpu: &Gpu, scene: &Scene) -> usize {
+    let fragments = scene.supersample.pow(2) * scene.layers.len();
+    Goes::most_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
+}
+
+impl Twin for Accumulate {
+    fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
+        let volume = Volume::new(scene, plan);
+        let lens = Lens::new(gpu, &volume, &plan.optics.rays(plan.lens_samples()))?;
+        let (width, height) = scene.picture_size();
+        let mut image = Image::transparent(width, height);
+        let bands = bands(height, lens.reach_rows, most_rows(gpu, scene))?;
+        for (i, band) in bands.iter().enumerate() {
+            let progress = |share: f32| progress((i as f32 + share) / bands.len() as f32);
+            let rows = Rows::new(gpu, &volume, width, band)?;
+            let goes = Goes::new(gpu, &SHADER, width * band.rows.len(), volume.open_background)?;
+            follow(gpu, (&rows, &lens), &goes, tiles(width, band.rows.len(), TILE as usize), &progress)?;
+            goes.read_into(&mut image, band)?;
+        }
+        Ok(image)
+    }
+
+    fn shader(&self) -> &'static Shader {
+        &SHADER
+    }
+}
+
+/// Follows all rays through `rows`.
+fn follow(
+    gpu: &Gpu,
+    (rows, lens): (&Rows, &Lens),
+    goes: &Goes<'_>,
+    groups: [u32; 3],
+    progress: &dyn Fn(f32),
+) -> Result<(), Error> {
+    let follow = gpu.kernel(&SHADER, "follow")?;
+    let [red, green, blue, alpha] = &rows.colors;
+    let own = [(3, &rows.frame), (4, &lens.views), (5, red), (6, green), (7, blue), (8, alpha)];
+    let walked = [(10, &rows.extents), (11, &rows.tiles)];
+    let done = std::cell::Cell::new(0);
+    for (views, channels) in &lens.sets {
+        let ask = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
+            let bindings: Vec<_> = sums.into_iter().chain(own).chain(walked).collect();
+            work.pass(&follow, &bindings, groups)
+        };
+        goes.follow(views.clone(), ask, |views| {
+            done.set(done.get() + views);
+            progress(done.get() as f32 / lens.count as f32);
+        })?;
+        goes.resolve(channels, |_, _| Ok(()))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::methods::accumulate::tiles::SLABS;
+
+    #[test]
+    fn constants_are_those_of_the_shader() {
+        for constant in [
+            format!("const TILE: i32 = {TILE};"),
+            format!("const TILE_BITS: u32 = {};", TILE.ilog2()),
+            format!("const SLABS: u32 = {SLABS};"),
+        ] {
+            assert!(SHADER.source().contains(&constant), "{constant}");
+        }
+    }
+}
