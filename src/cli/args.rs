@@ -177,6 +177,9 @@ struct MethodArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Where to compute
+    ///
+    /// auto is a graphics card where there is one and the method runs on it, and the CPU elsewhere; gpu is any graphics adapter, be
+    /// it a program on the processor, or an error. `thinlens devices` lists what there is, `thinlens methods` what runs where.
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: DeviceArg,
 }

@@ -8,6 +8,7 @@ use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::error::Error;
+use thinlens::gpu::Device;
 use thinlens::probes::Verdict;
 use thinlens::scene::{EffectKind, Goal, Plan};
 use thinlens::stack::Finding;
@@ -44,6 +45,11 @@ impl Console {
                 self.note(format_args!("{about}: {text}"));
             }
         }
+    }
+
+    /// Where the plan is carried out, and why there.
+    pub(super) fn device(self, device: &Device) {
+        self.note(format_args!("device: {}: {}", device.name, device.reason));
     }
 
     /// One line for the method, one for blur, and one per effect that is on or was switched.

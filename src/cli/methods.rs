@@ -24,6 +24,8 @@ struct Description {
     #[serde(flatten)]
     info: MethodInfo,
     samples_the_lens: bool,
+    /// Devices that it runs on.
+    runs_on: &'static [&'static str],
     parameters: Vec<Parameter>,
 }
 
@@ -46,6 +48,7 @@ fn describe(name: &str) -> Result<Description, Failure> {
     Ok(Description {
         info: method.info(),
         samples_the_lens: method.lens_samples(&MethodParameters::default()).is_some(),
+        runs_on: if method.twin().is_some() { &["cpu", "gpu"] } else { &["cpu"] },
         parameters: MethodParameters::of(name),
     })
 }
@@ -58,7 +61,8 @@ fn table(methods: &[Description]) -> String {
     let role_width = width(|info| info.role);
     let rows = methods.iter().map(|method| {
         let MethodInfo { name, role, summary, source, .. } = method.info;
-        format!("{name:<name_width$}  {role:<role_width$}  {summary} ({source})\n")
+        let devices = method.runs_on.join(", ");
+        format!("{name:<name_width$}  {role:<role_width$}  {devices:<8}  {summary} ({source})\n")
     });
     rows.collect()
 }
@@ -66,7 +70,10 @@ fn table(methods: &[Description]) -> String {
 /// A method in full, as a preset that sets every parameter to its default.
 fn in_full(method: &Description) -> String {
     let MethodInfo { name, role, summary, source, deviations, .. } = method.info;
-    let mut text = format!("# {name} ({role}): {summary}\n# {source}\n\n[method]\nname = \"{name}\"\n");
+    let devices = method.runs_on.join(", ");
+    let mut text = format!(
+        "# {name} ({role}): {summary}\n# {source}\n# Runs on: {devices}\n\n[method]\nname = \"{name}\"\n"
+    );
     if !method.parameters.is_empty() {
         let _ = write!(text, "\n[method.{name}]\n");
     }

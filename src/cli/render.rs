@@ -117,6 +117,7 @@ pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     let prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);
     console.plan(&prepared.plan);
+    console.device(&prepared.device);
     let said = prepared.stack.findings.len();
     let bar = console.progress("blurring");
     let mut rendered = prepared.blur(&|share| bar.set(share))?;

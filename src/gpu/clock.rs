@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
+#[cfg(feature = "gpu")]
 use std::time::Duration;
 
 /// What was done on a GPU, in seconds and bytes.
@@ -28,7 +29,10 @@ impl GpuUsage {
     pub fn pass_seconds_total(&self) -> Option<f64> {
         (!self.pass_seconds.is_empty()).then(|| self.pass_seconds.values().sum())
     }
+}
 
+#[cfg(feature = "gpu")]
+impl GpuUsage {
     pub(super) fn uploaded(&mut self, bytes: usize, taken: Duration) {
         self.upload_bytes += bytes as u64;
         self.upload_seconds += taken.as_secs_f64();

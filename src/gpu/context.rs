@@ -102,7 +102,7 @@ impl Gpu {
         &self.adapter
     }
 
-    /// The largest buffer in bytes: larger frames go in [`super::bands`].
+    /// The largest buffer in bytes: larger frames go in [`super::bands()`].
     pub fn most_binding_bytes(&self) -> u64 {
         self.most_binding_bytes
     }

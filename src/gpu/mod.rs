@@ -6,7 +6,6 @@
 
 mod adapters;
 mod clock;
-mod quiet;
 
 #[cfg(feature = "gpu")]
 mod bands;
@@ -14,6 +13,8 @@ mod bands;
 mod context;
 #[cfg(feature = "gpu")]
 mod memory;
+#[cfg(feature = "gpu")]
+mod quiet;
 #[cfg(feature = "gpu")]
 mod shader;
 #[cfg(feature = "gpu")]
