@@ -18,8 +18,8 @@
 //   paint_veils      the same where fragments let light through
 //   finish           sums → picture
 //
-// Layers are [layer][row][column], rows those that the band reads; keys have four layers a texel; sums and pictures are
-// [plane][row][column], rows those that the band makes.
+// Colours and CoC radii come a layer at a time, [row][column], rows those that the band reads; keys have four layers a texel; sums
+// and pictures are [plane][row][column], rows those that the band makes.
 
 struct Params {
     // Of the picture; columns of a row of colours.
@@ -33,6 +33,8 @@ struct Params {
     band_start: u32,
     band_rows: u32,
     layers: u32,
+    // The layer at hand.
+    layer: u32,
     bins: u32,
     // Words of 32 bins.
     words: u32,
@@ -70,7 +72,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> coc_px: array<f32>;
 @group(0) @binding(4) var<storage, read> bin_ends_px: array<f32>;
 @group(0) @binding(5) var<storage, read> first_in_cell: array<u32>;
-// A fragment: the bits of its CoC radius, and its bin.
+// A fragment: the bits of its CoC radius, and its bin with OPAQUE.
 @group(0) @binding(6) var fragments_made: texture_storage_2d_array<rg32uint, write>;
 @group(0) @binding(7) var fragments: texture_2d_array<u32>;
 @group(0) @binding(8) var keys_made: texture_storage_2d_array<rg32uint, write>;
@@ -89,8 +91,9 @@ struct Params {
 // The colours once more, smoothed.
 @group(0) @binding(16) var smoothed: texture_2d_array<f32>;
 
-// The bin of a sample without a fragment.
+// The bin of a sample without a fragment; a bit above the bins.
 const EMPTY = 0xffffu;
+const OPAQUE = 0x10000u;
 
 // Bits of a key; the bin is above them.
 const NEARER = 1u;
@@ -121,15 +124,16 @@ fn find_bins(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= params.width || at.y >= params.source_rows {
         return;
     }
-    let row = at.z * params.source_rows + at.y;
-    let c = coc_px[row * params.width + at.x];
+    let c = coc_px[at.y * params.width + at.x];
+    let alpha = colors[at.y * params.stride + at.x].a;
     var bin = EMPTY;
-    if colors[row * params.stride + at.x].a > 0.0 {
+    if alpha > 0.0 {
         let cell = u32(max((c - params.start_px) * params.cells_per_px, 0.0));
         bin = first_in_cell[min(cell, params.cells - 1u)];
         bin += u32(c >= bin_ends_px[bin]);
+        bin |= select(0u, OPAQUE, alpha >= OPAQUE_ALPHA);
     }
-    textureStore(fragments_made, at.xy, at.z, vec4u(bitcast<u32>(c), bin, 0u, 0u));
+    textureStore(fragments_made, at.xy, params.layer, vec4u(bitcast<u32>(c), bin, 0u, 0u));
 }
 
 // The bits by which the fragment `own` joins the neighbour in `layer` at `place`, if that is of its surface; FOUND says that it is.
@@ -137,9 +141,11 @@ const FOUND = 4u;
 
 fn joined(own: vec2u, place: vec2u, layer: u32) -> u32 {
     let other = textureLoad(fragments, place, layer, 0).xy;
+    let bin = own.y & EMPTY;
+    let other_bin = other.y & EMPTY;
     let near = abs(bitcast<f32>(other.x) - bitcast<f32>(own.x)) < JOIN_PX;
-    let bits = FOUND | select(0u, NEARER, other.y < own.y) | select(0u, FARTHER, other.y > own.y);
-    return select(0u, bits, near && other.y != EMPTY);
+    let bits = FOUND | select(0u, NEARER, other_bin < bin) | select(0u, FARTHER, other_bin > bin);
+    return select(0u, bits, near && other_bin != EMPTY);
 }
 
 // The bits by which the fragment `own` of `layer` joins its neighbours at `place`: a surface goes on in its own peel; only where
@@ -163,9 +169,8 @@ fn key_of(layer: u32, at: vec2u) -> u32 {
         return NO_KEY;
     }
     // Translucent fragments join nothing: they would count twice.
-    let row = layer * params.source_rows + at.y;
     var bits = 0u;
-    if colors[row * params.stride + at.x].a >= OPAQUE_ALPHA {
+    if (own.y & OPAQUE) != 0u {
         if at.y > 0u {
             bits |= joined_at(own, layer, at - vec2u(0u, 1u));
         }
@@ -179,7 +184,7 @@ fn key_of(layer: u32, at: vec2u) -> u32 {
             bits |= joined_at(own, layer, at + vec2u(1u, 0u));
         }
     }
-    return (own.y << BIN_SHIFT) | (bits & (NEARER | FARTHER));
+    return ((own.y & EMPTY) << BIN_SHIFT) | (bits & (NEARER | FARTHER));
 }
 
 @compute @workgroup_size(16, 16)
@@ -246,18 +251,14 @@ fn smooth_line(line: Line) {
 @compute @workgroup_size(64)
 fn smooth_rows(@builtin(global_invocation_id) at: vec3u) {
     if at.x < params.source_rows {
-        let row = at.y * params.source_rows + at.x;
-        smooth_line(Line(row * params.stride, row * params.width, 1u, 1u, params.width));
+        smooth_line(Line(at.x * params.stride, at.x * params.width, 1u, 1u, params.width));
     }
 }
 
 @compute @workgroup_size(64)
 fn smooth_columns(@builtin(global_invocation_id) at: vec3u) {
     if at.x < params.width {
-        let row = at.y * params.source_rows;
-        let color = row * params.stride + at.x;
-        let coc = row * params.width + at.x;
-        smooth_line(Line(color, coc, params.stride, params.width, params.source_rows));
+        smooth_line(Line(at.x, at.x, params.stride, params.width, params.source_rows));
     }
 }
 

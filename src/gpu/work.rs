@@ -35,10 +35,11 @@ struct Pass {
     groups: [u32; 3],
 }
 
-/// The texels of a texture, from a buffer of as many rows one after the other.
+/// The texels of a texture's layer, from a buffer of as many rows one after the other.
 struct Copy {
     from: wgpu::Buffer,
     to: wgpu::Texture,
+    layer: u32,
     row_bytes: u32,
 }
 
@@ -173,11 +174,16 @@ impl Step {
 
 impl Copy {
     fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let rows_per_image = Some(self.to.height());
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(self.row_bytes), rows_per_image };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(self.row_bytes),
+            rows_per_image: None,
+        };
         let from = wgpu::TexelCopyBufferInfo { buffer: &self.from, layout };
-        encoder.copy_buffer_to_texture(from, self.to.as_image_copy(), self.to.size());
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: self.layer };
+        let to = wgpu::TexelCopyTextureInfo { origin, ..self.to.as_image_copy() };
+        let size = wgpu::Extent3d { depth_or_array_layers: 1, ..self.to.size() };
+        encoder.copy_buffer_to_texture(from, to, size);
     }
 }
 
@@ -209,10 +215,10 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Asks for a copy of `from`, the rows of all layers of `to` one after the other, `row_bytes` each: a multiple of
-    /// [`ROW_ALIGNMENT`].
-    pub fn copy(&mut self, from: &Buffer, to: &Texture, row_bytes: usize) {
-        let copy = Copy { from: from.raw.clone(), to: to.raw.clone(), row_bytes: row_bytes as u32 };
+    /// Asks for a copy of `from`, rows of texels of `row_bytes` each, a multiple of [`ROW_ALIGNMENT`], to layer `layer` of `to`.
+    pub fn copy(&mut self, from: &Buffer, to: &Texture, layer: usize, row_bytes: usize) {
+        let (from, to) = (from.raw.clone(), to.raw.clone());
+        let copy = Copy { from, to, layer: layer as u32, row_bytes: row_bytes as u32 };
         self.steps.push(Step::Copy(copy));
     }
 }

@@ -3,7 +3,7 @@
 //! What is made once (bins, shifts of views, what the rim hides) the CPU makes as for itself, and it draws the few discs of
 //! highlights while the GPU paints. Bands read as far as views and the prefilter reach.
 //!
-//! Memory: 46 bytes a fragment, 60 a pixel.
+//! Memory: 26 bytes a fragment, 100 a pixel.
 
 use super::bins::Bins;
 use super::bokeh::Bokeh;
@@ -64,19 +64,19 @@ const TEXEL: usize = size_of::<[f32; 4]>();
 /// Layers whose keys share a texel.
 const LAYERS_PER_TEXEL: usize = 4;
 
-/// Bytes of a fragment in colours (twice), CoC radii, bins and keys, and of a pixel in sums, the picture and its readback, and the
-/// lists of its tile.
-const FRAGMENT_BYTES: usize = 46;
-const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16;
-
 /// Past so many radii of the prefilter's box what it brings is below a millionth: `e^(−√6 · 6)`.
 const SMOOTHING_RADII: f32 = 6.0;
 
 /// Planes of a picture in the making: red, green, blue, alpha, and the share of rays that met something in focus.
 const PLANES: usize = 5;
 
-/// Planes of sums: the shader's `Seen`.
+/// Planes of sums: colour, what of it was in focus, what was missed, what was hidden.
 const SUMS: usize = 6;
+
+/// Bytes of a fragment in colours, bins and keys; of a pixel in sums, the picture and its readback, the lists of its tile, and the layer
+/// that is on its way, twice.
+const FRAGMENT_BYTES: usize = 26;
+const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16 + 40;
 
 mirrored! {
     /// What all kernels read: see the shader.
@@ -89,6 +89,7 @@ mirrored! {
         band_start: u32,
         band_rows: u32,
         layers: u32,
+        layer: u32,
         bins: u32,
         words: u32,
         entries: u32,
@@ -204,7 +205,7 @@ impl<'a> Work<'a> {
     /// Rows that can be read at once.
     fn most_rows(&self) -> usize {
         let (stride, layers) = (self.params.stride as usize, self.layers.len());
-        let largest = stride * size_of::<f32>() * (4 * layers).max(SUMS);
+        let largest = stride * TEXEL.max(SUMS * size_of::<f32>());
         let together = stride * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
         rows(self.gpu.most_binding_bytes(), largest).min(rows(self.gpu.most_working_bytes(), together))
@@ -255,6 +256,7 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
         band_start: 0,
         band_rows: height as u32,
         layers: layers as u32,
+        layer: 0,
         bins: bins.count() as u32,
         words: bins.count().div_ceil(32) as u32,
         entries: ENTRIES as u32,
@@ -324,20 +326,24 @@ impl<'a> BandWork<'a> {
             sums: gpu.zeros::<f32>("sums", SUMS * width * rows.len())?,
             picture: gpu.zeros::<f32>("the picture", PLANES * width * rows.len())?,
         };
-        let (colors, coc_px) = band.upload(source)?;
-        band.prepare(&colors, &coc_px)?;
+        let fragments = gpu.texture("bins", Texels::TwoWords, size, layers)?;
+        for (i, layer) in work.layers.iter().enumerate() {
+            let colors = band.upload(layer, source)?;
+            let coc_px = &layer.coc_px.values()[source.start * width..source.end * width];
+            band.take(i, &colors, &gpu.upload("CoC radii", coc_px)?, &fragments)?;
+        }
+        band.mark(&fragments)?;
         Ok(band)
     }
 
-    /// Colours and CoC radii of all layers; finds out whether they are veiled.
-    fn upload(&mut self, source: &Range<usize>) -> Result<(Buffer, Buffer), Error> {
-        let Work { gpu, layers, size: (width, _), .. } = *self.work;
-        let stride = self.params.stride as usize;
-        let veiled = AtomicBool::new(false);
-        let colors = gpu.upload_rows("colours", (stride, layers.len() * source.len()), |i, row| {
-            let Layer { color: [red, green, blue], alpha, .. } = &layers[i / source.len()];
-            let y = source.start + i % source.len();
-            let [red, green, blue, alpha] = [red, green, blue, alpha].map(|plane| plane.row(y));
+    /// The colours of `layer`; notes whether it lets light through.
+    fn upload(&mut self, layer: &Layer, source: &Range<usize>) -> Result<Buffer, Error> {
+        let veiled = AtomicBool::new(self.veiled);
+        let size = (self.params.stride as usize, source.len());
+        let colors = self.work.gpu.upload_rows("colours", size, |i, row| {
+            let Layer { color: [red, green, blue], alpha, .. } = layer;
+            let [red, green, blue, alpha] =
+                [red, green, blue, alpha].map(|plane| plane.row(source.start + i));
             let pixels = red.iter().zip(green).zip(blue).zip(alpha);
             for (texel, (((&r, &g), &b), &a)) in row.iter_mut().zip(pixels) {
                 *texel = [r, g, b, a];
@@ -347,44 +353,50 @@ impl<'a> BandWork<'a> {
             }
         })?;
         self.veiled = veiled.into_inner();
-        let values = source.start * width..source.end * width;
-        let coc_px: Vec<&[f32]> = layers.iter().map(|layer| &layer.coc_px.values()[values.clone()]).collect();
-        Ok((colors, gpu.upload_all("CoC radii", &coc_px)?))
+        Ok(colors)
     }
 
-    /// Puts the fragments into bins, smooths them where the plan asks for it, and notes where each bin is.
-    fn prepare(&self, colors: &Buffer, coc_px: &Buffer) -> Result<(), Error> {
+    /// Puts the fragments of layer `layer` into bins, and smooths them where the plan asks for it.
+    fn take(&self, layer: usize, colors: &Buffer, coc_px: &Buffer, bins: &Texture) -> Result<(), Error> {
         let Work { gpu, plan, size: (width, _), .. } = *self.work;
-        let Params { layers, words, stride, .. } = self.params;
         let rows = self.params.source_rows as usize;
+        let kernel = |name| gpu.kernel(&SHADER, name);
+        let params = &gpu.uniform(&Params { layer: layer as u32, ..self.params })?;
+        gpu.submit(|work| {
+            let fragments = [(0, params), (2, colors), (3, coc_px)];
+            let tables = [(4, &self.work.bin_ends_px), (5, &self.work.first_in_cell)];
+            let read = [&fragments[..], &tables].concat();
+            let read = read.into_iter().map(|(binding, buffer)| (binding, Resource::from(buffer)));
+            let bindings: Vec<_> = read.chain([(6, bins.into())]).collect();
+            work.pass(&kernel("find_bins")?, &bindings, tiles(width, rows, TILE))?;
+            if plan.does(EffectKind::Prefilter) {
+                let lines = |count: usize| [count.div_ceil(64) as u32, 1, 1];
+                work.pass(&kernel("smooth_rows")?, &fragments, lines(rows))?;
+                work.pass(&kernel("smooth_columns")?, &fragments, lines(width))?;
+            }
+            work.copy(colors, &self.colors, layer, self.params.stride as usize * TEXEL);
+            Ok(())
+        })
+    }
+
+    /// Joins the fragments' bins, and notes where each bin is.
+    fn mark(&self, bins: &Texture) -> Result<(), Error> {
+        let (gpu, (width, _)) = (self.work.gpu, self.work.size);
+        let Params { layers, words, source_rows, .. } = self.params;
         let kernel = |name| gpu.kernel(&SHADER, name);
         let params = &gpu.uniform(&self.params)?;
         let blocks = &gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
-        let fragments = &gpu.texture("bins", Texels::TwoWords, (width, rows), layers as usize)?;
-        let [x, y, _] = tiles(width, rows, TILE);
-        let [across, down, _] = tiles(width.div_ceil(BLOCK), rows.div_ceil(BLOCK), 8);
-        let stack = [(0, Resource::from(params)), (2, colors.into())];
+        let [x, y, _] = tiles(width, source_rows as usize, TILE);
+        let [across, down, _] = tiles(width.div_ceil(BLOCK), (source_rows as usize).div_ceil(BLOCK), 8);
         gpu.submit(|work| {
-            let tables = [(4, (&self.work.bin_ends_px).into()), (5, (&self.work.first_in_cell).into())];
-            let found = [(3, coc_px.into()), (6, fragments.into())];
-            work.pass(&kernel("find_bins")?, &[&stack[..], &tables, &found].concat(), [x, y, layers])?;
-            let joined = [(7, fragments.into()), (8, (&self.keys).into())];
-            let slices = layers.div_ceil(LAYERS_PER_TEXEL as u32);
-            work.pass(&kernel("join_bins")?, &[&stack[..], &joined].concat(), [x, y, slices])?;
+            let joined = [(0, params.into()), (7, Resource::from(bins)), (8, (&self.keys).into())];
+            work.pass(&kernel("join_bins")?, &joined, [x, y, layers.div_ceil(LAYERS_PER_TEXEL as u32)])?;
             let marked = [(0, params.into()), (9, Resource::from(&self.keys)), (10, blocks.into())];
             work.pass(&kernel("mark_blocks")?, &marked, [across, down, words])?;
             let marked = [(0, params), (10, blocks), (11, &self.windows)];
             work.pass(&kernel("mark_windows")?, &marked, [across, down, words])?;
             let marked = [(0, params), (11, &self.windows), (19, &self.far_windows)];
-            work.pass(&kernel("mark_far")?, &marked, [across, down, words])?;
-            if plan.does(EffectKind::Prefilter) {
-                let smoothed = [(0, params), (2, colors), (3, coc_px)];
-                let lines = |count: usize| [count.div_ceil(64) as u32, layers, 1];
-                work.pass(&kernel("smooth_rows")?, &smoothed, lines(rows))?;
-                work.pass(&kernel("smooth_columns")?, &smoothed, lines(width))?;
-            }
-            work.copy(colors, &self.colors, stride as usize * TEXEL);
-            Ok(())
+            work.pass(&kernel("mark_far")?, &marked, [across, down, words])
         })
     }
 
