@@ -29,6 +29,23 @@ impl GpuUsage {
     pub fn pass_seconds_total(&self) -> Option<f64> {
         (!self.pass_seconds.is_empty()).then(|| self.pass_seconds.values().sum())
     }
+
+    /// What was added to it since it was `before`.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        let pass = |(name, seconds): (&&'static str, &f64)| {
+            (*name, seconds - before.pass_seconds.get(name).copied().unwrap_or(0.0))
+        };
+        Self {
+            upload_seconds: self.upload_seconds - before.upload_seconds,
+            upload_bytes: self.upload_bytes - before.upload_bytes,
+            readback_seconds: self.readback_seconds - before.readback_seconds,
+            readback_bytes: self.readback_bytes - before.readback_bytes,
+            wait_seconds: self.wait_seconds - before.wait_seconds,
+            passes: self.passes - before.passes,
+            pass_seconds: self.pass_seconds.iter().map(pass).collect(),
+        }
+    }
 }
 
 #[cfg(feature = "gpu")]
