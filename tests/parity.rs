@@ -28,12 +28,20 @@ struct Tolerance {
     reason: &'static str,
 }
 
-const TOLERANCES: &[Tolerance] = &[Tolerance {
-    method: "shear",
-    apart: 2e-5,
-    outliers: 0.0,
-    reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
-}];
+const TOLERANCES: &[Tolerance] = &[
+    Tolerance {
+        method: "shear",
+        apart: 2e-5,
+        outliers: 0.0,
+        reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
+    },
+    Tolerance {
+        method: "opaque-blur",
+        apart: 2e-6,
+        outliers: 0.0,
+        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+    },
+];
 
 fn tolerance(method: &dyn Method) -> Tolerance {
     let name = method.info().name;
@@ -291,14 +299,15 @@ fn real_stacks_are_the_same_picture() {
 
 #[test]
 fn bands_leave_no_seams() {
-    let Some(whole) = gpu() else { return };
+    // Its own, so that nothing else is counted in its passes.
+    let Some(whole) = gpu().and_then(|_| Gpu::open(true).unwrap()) else { return };
     for method in methods_with_twin() {
         for (blur, bytes) in [(0.4, 40_000), (1.0, 80_000)] {
             let scene = Scene::new(layers(61, 157, blur), StackKind::PointSampled, 1, 60.0);
             let (scene, plan) = settle(method, scene, &Values::default(), 24);
             let banded = Gpu::open(true).unwrap().unwrap().limited_to(bytes);
             let before = whole.usage().unwrap().passes;
-            let expected = on_gpu(whole, &scene, &plan);
+            let expected = on_gpu(&whole, &scene, &plan);
             let in_bands = on_gpu(&banded, &scene, &plan);
             let passes = whole.usage().unwrap().passes - before;
             assert!(

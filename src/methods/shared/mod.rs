@@ -5,6 +5,8 @@ mod content;
 mod disc;
 mod fragments;
 mod nbuffer;
+#[cfg(feature = "gpu")]
+mod planes;
 mod pyramid;
 mod rays;
 mod sub_images;
@@ -15,6 +17,12 @@ pub(super) use disc::{DiscAreas, soft_area};
 pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
+#[cfg(feature = "gpu")]
+pub(super) use planes::{Planes, RowNeeds, at_pixels, picture_in_bands};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
+#[cfg(feature = "gpu")]
+pub(super) use pyramid::{Frame, Levels, PYRAMID_WGSL, Step, reach};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;
+#[cfg(feature = "gpu")]
+pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};
