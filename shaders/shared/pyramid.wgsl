@@ -1,5 +1,7 @@
 // Image pyramids: analysis and B-spline synthesis between two levels, for a band of rows.
-// CPU twin: src/methods/shared/pyramid/mod.rs. Sums are taken in its order.
+// CPU twin: src/methods/shared/pyramid/mod.rs. Before it: sheet.wgsl.
+//
+// A thread makes two by two samples, which share most of what they are made from.
 //
 // Levels 1 and up lie in one buffer, each as [channel][row][column] from `start` on, of which the rows from `first` on are kept.
 // Level 0 is not stored: its samples are pixels of the frame, at source_index.
@@ -24,21 +26,8 @@ struct Step {
     inner: f32,
 }
 
-struct Frame {
-    width: i32,
-    height: i32,
-    source_first: i32,
-    source_rows: i32,
-    made_first: i32,
-    made_rows: i32,
-    origin_x: i32,
-    origin_y: i32,
-    channels: i32,
-}
-
 @group(0) @binding(0) var<uniform> level: Step;
 @group(0) @binding(1) var<storage, read_write> levels: array<f32>;
-@group(0) @binding(2) var<uniform> frame: Frame;
 
 // Where a plane of the source has the sample at a column and a row of level 0; -1 past a clear border.
 fn source_index(x: i32, y: i32) -> i32 {
@@ -48,7 +37,8 @@ fn source_index(x: i32, y: i32) -> i32 {
     if !inside && level.repeats == 0u {
         return -1;
     }
-    let kept_row = clamp(row, 0, frame.height - 1) - frame.source_first;
+    // A row that was not read is one that no sample of the band is made from.
+    let kept_row = clamp(clamp(row, 0, frame.height - 1) - frame.source_first, 0, frame.source_rows - 1);
     return kept_row * frame.width + clamp(column, 0, frame.width - 1);
 }
 
@@ -62,10 +52,12 @@ fn fine_index(channel: i32, x: i32, y: i32) -> i32 {
     return level.fine_start + row * level.fine_width + x;
 }
 
-// A coarse sample of the four rows of four fine ones around it.
-fn analysed(a: vec4f, b: vec4f, c: vec4f, d: vec4f) -> f32 {
-    let sums = level.outer * (a + d) + level.inner * (b + c);
-    return level.inner * (sums.y + sums.z) + level.outer * (sums.x + sums.w);
+// Of six samples in a row, the two coarse ones that lie among them.
+fn analysed_pair(left: vec3f, right: vec3f) -> vec2f {
+    return vec2f(
+        level.inner * (left.y + left.z) + level.outer * (left.x + right.x),
+        level.inner * (right.x + right.y) + level.outer * (left.z + right.z),
+    );
 }
 
 fn fine_sample(channel: i32, x: i32, y: i32) -> f32 {
@@ -73,49 +65,77 @@ fn fine_sample(channel: i32, x: i32, y: i32) -> f32 {
     if !inside && level.repeats == 0u {
         return 0.0;
     }
-    return levels[fine_index(channel, clamp(x, 0, level.fine_width - 1), clamp(y, 0, level.fine_height - 1))];
+    let row = clamp(y, 0, level.fine_height - 1);
+    // A row that is not kept is one that no sample of the band is made from.
+    let kept_row = clamp(row, level.fine_first, level.fine_first + level.fine_rows - 1);
+    return levels[fine_index(channel, clamp(x, 0, level.fine_width - 1), kept_row)];
 }
 
-fn fine_row(channel: i32, x: i32, y: i32) -> vec4f {
-    return vec4f(
-        fine_sample(channel, x, y),
-        fine_sample(channel, x + 1, y),
-        fine_sample(channel, x + 2, y),
-        fine_sample(channel, x + 3, y),
+fn fine_pair(channel: i32, x: i32, y: i32) -> vec2f {
+    return analysed_pair(
+        vec3f(fine_sample(channel, x, y), fine_sample(channel, x + 1, y), fine_sample(channel, x + 2, y)),
+        vec3f(fine_sample(channel, x + 3, y), fine_sample(channel, x + 4, y), fine_sample(channel, x + 5, y)),
     );
 }
 
-fn coarse_sample(channel: i32, x: i32, y: i32) -> f32 {
-    let inside = x >= 0 && x < level.coarse_width && y >= 0 && y < level.coarse_height;
-    if !inside && level.repeats == 0u {
-        return 0.0;
-    }
-    return levels[coarse_index(channel, clamp(x, 0, level.coarse_width - 1), clamp(y, 0, level.coarse_height - 1))];
+// The coarse rows and columns of the four fine samples around a corner, and whether there is anything.
+struct Corners {
+    index: vec4i,
+    there: vec4<bool>,
 }
 
-// A sample of the finer level by biquadratic interpolation of the coarser one: 3/4 of the nearest, 1/4 of the next, either way.
-fn expanded(channel: i32, x: i32, y: i32) -> f32 {
-    let near = vec2i(min(x / 2, level.coarse_width - 1), min(y / 2, level.coarse_height - 1));
-    let next = near + select(vec2i(-1), vec2i(1), (vec2i(x, y) & vec2i(1)) == vec2i(1));
-    let nearest = 0.75 * coarse_sample(channel, near.x, near.y) + 0.25 * coarse_sample(channel, near.x, next.y);
-    let beside = 0.75 * coarse_sample(channel, next.x, near.y) + 0.25 * coarse_sample(channel, next.x, next.y);
-    return 0.75 * nearest + 0.25 * beside;
+// The coarse samples at columns `column - 1` and `column` of row `row - 1`, then those of row `row`.
+fn corners(column: i32, row: i32) -> Corners {
+    let x = vec4i(column - 1, column, column - 1, column);
+    let y = vec4i(row - 1, row - 1, row, row);
+    let width = vec4i(level.coarse_width);
+    let height = vec4i(level.coarse_height);
+    let inside = (x >= vec4i(0)) & (x < width) & (y >= vec4i(0)) & (y < height);
+    let kept_x = clamp(x, vec4i(0), width - 1);
+    let first = vec4i(level.coarse_first);
+    let kept_y = clamp(clamp(y, vec4i(0), height - 1), first, first + level.coarse_rows - 1) - first;
+    return Corners(level.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(level.repeats == 1u));
+}
+
+// The finer level's samples at columns `2 column - 1` and `2 column` of row `2 row - 1`, then those of row `2 row`, by biquadratic
+// interpolation: 3/4 of the nearest coarse sample, 1/4 of the next, either way.
+fn expanded(channel: i32, at: Corners) -> vec4f {
+    let index = at.index + channel * level.coarse_rows * level.coarse_width;
+    let found = vec4f(levels[index.x], levels[index.y], levels[index.z], levels[index.w]);
+    let coarse = select(vec4f(0.0), found, at.there);
+    let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
+    return 0.75 * blend + 0.25 * blend.yxwz;
 }
 
 @compute @workgroup_size(16, 16)
 fn reduce(@builtin(global_invocation_id) at: vec3u) {
-    let x = i32(at.x);
-    let y = i32(at.y) + level.from_row;
+    let x = 2 * i32(at.x);
+    let y = 2 * i32(at.y) + level.from_row;
     let channel = i32(at.z);
     if x >= level.coarse_width || y >= level.to_row {
         return;
     }
     let left = 2 * x - 1;
     let top = 2 * y - 1;
-    levels[coarse_index(channel, x, y)] = analysed(
-        fine_row(channel, left, top),
-        fine_row(channel, left, top + 1),
-        fine_row(channel, left, top + 2),
-        fine_row(channel, left, top + 3),
-    );
+    let c = fine_pair(channel, left, top + 2);
+    let d = fine_pair(channel, left, top + 3);
+    let upper = level.outer * (fine_pair(channel, left, top) + d) + level.inner * (fine_pair(channel, left, top + 1) + c);
+    let lower = level.outer * (c + fine_pair(channel, left, top + 5)) + level.inner * (d + fine_pair(channel, left, top + 4));
+    set_coarse(channel, x, y, vec4f(upper, lower));
+}
+
+// Sets the two coarse samples from column x on of row y, and the two below, as far as they are to be made.
+fn set_coarse(channel: i32, x: i32, y: i32, value: vec4f) {
+    let index = coarse_index(channel, x, y);
+    let second = x + 1 < level.coarse_width;
+    levels[index] = value.x;
+    if second {
+        levels[index + 1] = value.y;
+    }
+    if y + 1 < level.to_row {
+        levels[index + level.coarse_width] = value.z;
+        if second {
+            levels[index + level.coarse_width + 1] = value.w;
+        }
+    }
 }

@@ -1,8 +1,8 @@
 //! The opaque image blur on a GPU: one pyramid a sub-image, in which synthesis takes the place of analysis.
 
 use super::super::shared::{
-    self, BOX, Edge, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds, SUB_IMAGES_WGSL, Step,
-    SubImages, Visible, at_pixels, picture_in_bands,
+    self, BOX, Edge, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds, SHEET_WGSL,
+    SUB_IMAGES_WGSL, Step, SubImages, Visible, at_pixels, corners, picture_in_bands,
 };
 use super::super::{Progress, Twin};
 use super::{OpaqueBlur, sub_images};
@@ -13,7 +13,12 @@ use crate::scene::{Plan, Scene};
 
 static SHADER: Shader = Shader {
     name: "opaque_blur",
-    parts: &[PYRAMID_WGSL, SUB_IMAGES_WGSL, include_str!("../../../shaders/methods/opaque_blur.wgsl")],
+    parts: &[
+        SHEET_WGSL,
+        PYRAMID_WGSL,
+        SUB_IMAGES_WGSL,
+        include_str!("../../../shaders/methods/opaque_blur.wgsl"),
+    ],
     structs: &[Step::LAYOUT, Frame::LAYOUT, Matting::LAYOUT],
 };
 
@@ -113,7 +118,7 @@ impl Painter<'_> {
     }
 
     fn frame(&self, levels: &Levels, band: &Band) -> Frame {
-        levels.frame(&band.source, &band.rows, self.visible.content.len())
+        levels.frame(band, self.visible.content.len())
     }
 
     /// Mattes sub-image `i`, blurs it opaquely and lays it over the result.
@@ -132,7 +137,8 @@ impl Painter<'_> {
         self.gpu.submit(|work| {
             work.pass(&self.kernels.matte, &matted, [across, down, 1])?;
             self.blur_and_glow(work, levels, &frame, &canvas.levels)?;
-            self.at_pixels(work, &self.kernels.lay, &[&matted[..], &results].concat(), canvas)
+            let fours = (corners(self.size.0), corners(canvas.band.rows.len()));
+            at_pixels(work, &self.kernels.lay, &[&matted[..], &results].concat(), fours)
         })
     }
 

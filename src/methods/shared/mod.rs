@@ -18,10 +18,10 @@ pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
-pub(super) use planes::{Planes, RowNeeds, at_pixels, picture_in_bands};
+pub(super) use planes::{Frame, Planes, RowNeeds, SHEET_WGSL, TILE, at_pixels, picture_in_bands};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 #[cfg(feature = "gpu")]
-pub(super) use pyramid::{Frame, Levels, PYRAMID_WGSL, Step, reach};
+pub(super) use pyramid::{Levels, PYRAMID_WGSL, Step, corners, reach};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]

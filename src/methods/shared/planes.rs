@@ -1,16 +1,61 @@
 //! Planes of a band of rows on a GPU: colour in one buffer, all else in another, so that no buffer holds more than three.
 
+use super::content::Peel;
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, tiles};
+use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::methods::Progress;
 use std::ops::Range;
+
+/// Text of `shaders/shared/sheet.wgsl`.
+pub(in crate::methods) const SHEET_WGSL: &str = include_str!("../../../shaders/shared/sheet.wgsl");
+
+mirrored! {
+    /// Where a band's pixels lie in the frame, and the frame in level 0 of a pyramid.
+    pub(in crate::methods) struct Frame {
+        /// Size of the frame.
+        width: i32,
+        height: i32,
+        /// The rows that the band reads.
+        source_first: i32,
+        source_rows: i32,
+        /// The rows that it makes.
+        made_first: i32,
+        made_rows: i32,
+        /// Column and row of level 0 where the frame begins.
+        origin_x: i32,
+        origin_y: i32,
+        /// Planes of content.
+        channels: i32,
+    }
+}
+
+impl Frame {
+    /// That of a `band` of a frame of `size`.
+    pub(in crate::methods) fn new(
+        (width, height): (usize, usize),
+        Band { rows, source }: &Band,
+        channels: usize,
+    ) -> Self {
+        Self {
+            width: width as i32,
+            height: height as i32,
+            source_first: source.start as i32,
+            source_rows: source.len() as i32,
+            made_first: rows.start as i32,
+            made_rows: rows.len() as i32,
+            origin_x: 0,
+            origin_y: 0,
+            channels: channels as i32,
+        }
+    }
+}
 
 /// Planes in the first buffer, and the most in the second.
 const IN_A_BUFFER: usize = 3;
 
 /// Side of the workgroups that work at planes and levels.
-pub(super) const TILE: usize = 16;
+pub(in crate::methods) const TILE: usize = 16;
 
 /// Planes of one size.
 #[derive(Debug)]
@@ -38,6 +83,21 @@ impl Planes {
         };
         let (colors, rest) = planes.split_at(planes.len().min(IN_A_BUFFER));
         Ok(Self { colors: part(colors)?, rest: part(rest)? })
+    }
+
+    /// Colour, coverage and CoC radius (or what stands for it) of these rows of a peel. An open background's alpha is its coverage,
+    /// or nothing in the backdrop.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub(in crate::methods) fn of_peel(
+        gpu: &Gpu,
+        Peel { sheet, coc_px }: &Peel,
+        rows: &Range<usize>,
+    ) -> Result<Self, Error> {
+        let planes: Vec<&Plane> =
+            sheet.content.iter().take(IN_A_BUFFER).chain([&sheet.coverage, coc_px]).collect();
+        Self::upload(gpu, &planes, rows)
     }
 
     /// `count` planes of `values` zeros each.

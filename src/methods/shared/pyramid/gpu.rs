@@ -2,10 +2,10 @@
 //!
 //! Only what the band is made from is kept, sample for sample what the pyramid of the whole frame has there: bands leave no seams.
 
-use super::super::planes::TILE;
+use super::super::planes::{Frame, TILE};
 use super::{Edge, Grid, Taps};
 use crate::error::Error;
-use crate::gpu::{Buffer, Gpu, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Gpu, mirrored, tiles};
 use std::iter;
 use std::ops::Range;
 
@@ -40,29 +40,14 @@ mirrored! {
     }
 }
 
-mirrored! {
-    /// Where a band's pixels lie in the frame, and the frame in level 0.
-    pub(in crate::methods) struct Frame {
-        /// Size of the frame.
-        width: i32,
-        height: i32,
-        /// The rows that the band reads.
-        source_first: i32,
-        source_rows: i32,
-        /// The rows that it makes.
-        made_first: i32,
-        made_rows: i32,
-        /// Column and row of level 0 where the frame begins.
-        origin_x: i32,
-        origin_y: i32,
-        /// Planes of content.
-        channels: i32,
-    }
-}
-
 /// Rows of a frame either way that a row is made from through `levels` levels: `2 + 4 + … + 2^levels` down again, `1 + 2 + …` up.
 pub(in crate::methods) fn reach(levels: usize) -> usize {
     3 * (1 << levels) - 3
+}
+
+/// Corners among which samples two by two have `length` of them, wherever the first is.
+pub(in crate::methods) fn corners(length: usize) -> usize {
+    length / 2 + 1
 }
 
 /// The levels through which some rows of a frame are made.
@@ -106,24 +91,10 @@ impl Levels {
     }
 
     /// Where the pixels of a band are.
-    pub(in crate::methods) fn frame(
-        &self,
-        source: &Range<usize>,
-        made: &Range<usize>,
-        channels: usize,
-    ) -> Frame {
-        let Grid { frame: (width, height), origin, .. } = self.grid;
-        Frame {
-            width: width as i32,
-            height: height as i32,
-            source_first: source.start as i32,
-            source_rows: source.len() as i32,
-            made_first: made.start as i32,
-            made_rows: made.len() as i32,
-            origin_x: origin.0 as i32,
-            origin_y: origin.1 as i32,
-            channels: channels as i32,
-        }
+    pub(in crate::methods) fn frame(&self, band: &Band, channels: usize) -> Frame {
+        let Grid { frame, origin, .. } = self.grid;
+        let [origin_x, origin_y] = [origin.0 as i32, origin.1 as i32];
+        Frame { origin_x, origin_y, ..Frame::new(frame, band, channels) }
     }
 
     /// The pass that makes the level above `level`, and its workgroups.
@@ -136,7 +107,38 @@ impl Levels {
         level: usize,
         taps: Taps,
     ) -> Result<(Buffer, [u32; 3]), Error> {
-        self.pass(gpu, level, taps, level + 1, &self.kept[level + 1])
+        self.analysis_of(gpu, level, taps, self.kept[level + 1].clone())
+    }
+
+    /// The pass that makes what of level 1 is made from these rows of the frame, and its workgroups.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub(in crate::methods) fn analysis_of_rows(
+        &self,
+        gpu: &Gpu,
+        taps: Taps,
+        rows: &Range<usize>,
+    ) -> Result<(Buffer, [u32; 3]), Error> {
+        let Grid { frame, origin, edge, .. } = self.grid;
+        let goes_on = |at_end: bool| at_end && edge == Edge::Repeat;
+        let kept = &self.kept[1];
+        let start = if goes_on(rows.start == 0) { 0 } else { (rows.start + origin.1).saturating_sub(1) / 2 };
+        let end = if goes_on(rows.end == frame.1) { kept.end } else { (rows.end + origin.1) / 2 + 1 };
+        let end = end.min(kept.end);
+        self.analysis_of(gpu, 0, taps, start.max(kept.start).min(end)..end)
+    }
+
+    fn analysis_of(
+        &self,
+        gpu: &Gpu,
+        level: usize,
+        taps: Taps,
+        rows: Range<usize>,
+    ) -> Result<(Buffer, [u32; 3]), Error> {
+        let step = gpu.uniform(&self.step(level, taps, &rows))?;
+        let width = self.grid.sizes[level + 1].0;
+        Ok((step, self.groups(width.div_ceil(2), rows.len().div_ceil(2))))
     }
 
     /// The pass that makes `level` of the level above it, and its workgroups.
@@ -144,20 +146,24 @@ impl Levels {
     /// # Errors
     /// When the device fails.
     pub(in crate::methods) fn synthesis(&self, gpu: &Gpu, level: usize) -> Result<(Buffer, [u32; 3]), Error> {
-        self.pass(gpu, level, [0.0; 2], level, &self.made[level])
+        let rows = &self.made[level];
+        let step = gpu.uniform(&self.step(level, [0.0; 2], rows))?;
+        Ok((step, self.groups(corners(self.grid.sizes[level].0), corners(rows.len()))))
     }
 
-    fn pass(
-        &self,
-        gpu: &Gpu,
-        fine: usize,
-        taps: Taps,
-        target: usize,
-        rows: &Range<usize>,
-    ) -> Result<(Buffer, [u32; 3]), Error> {
-        let step = gpu.uniform(&self.step(fine, taps, rows))?;
-        let [across, down, _] = tiles(self.grid.sizes[target].0, rows.len(), TILE);
-        Ok((step, [across, down, self.channels as u32]))
+    /// The pass that works on each sample of `level` on its own, the coarser level of its step; all channels at once.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub(in crate::methods) fn each_of(&self, gpu: &Gpu, level: usize) -> Result<(Buffer, [u32; 3]), Error> {
+        let rows = &self.kept[level];
+        let step = gpu.uniform(&self.step(level - 1, [0.0; 2], rows))?;
+        Ok((step, tiles(self.grid.sizes[level].0, rows.len(), TILE)))
+    }
+
+    fn groups(&self, width: usize, rows: usize) -> [u32; 3] {
+        let [across, down, _] = tiles(width, rows, TILE);
+        [across, down, self.channels as u32]
     }
 
     fn step(&self, fine: usize, [outer, inner]: Taps, rows: &Range<usize>) -> Step {

@@ -17,7 +17,7 @@
 mod gpu;
 
 #[cfg(feature = "gpu")]
-pub(in crate::methods) use gpu::{Frame, Levels, PYRAMID_WGSL, Step, reach};
+pub(in crate::methods) use gpu::{Levels, PYRAMID_WGSL, Step, corners, reach};
 
 use super::content::row_blocks;
 use crate::image::Plane;
