@@ -36,6 +36,12 @@ const TOLERANCES: &[Tolerance] = &[
         reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
     },
     Tolerance {
+        method: "recursive-gaussian",
+        apart: 4e-6,
+        outliers: 0.0,
+        reason: "sums along lines are whole numbers, and rounded to single precision in each pass, as the CPU's are",
+    },
+    Tolerance {
         method: "b-buffer",
         apart: 2e-6,
         outliers: 0.0,

@@ -149,7 +149,8 @@ impl Painter<'_> {
     fn canvas<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<Canvas<'b>, Error> {
         let (gpu, channels) = (self.gpu, self.channels());
         let levels = Levels::new(Grid::new(size, self.top, Edge::Repeat), &band.rows, channels + 2);
-        let peels = self.peels.iter().map(|peel| Planes::of_peel(gpu, peel, &band.source));
+        let peels =
+            self.peels.iter().map(|peel| Planes::of_peel(gpu, &peel.sheet, &peel.coc_px, &band.source));
         Ok(Canvas {
             band,
             width: size.0,

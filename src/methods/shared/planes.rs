@@ -1,6 +1,6 @@
 //! Planes of a band of rows on a GPU: colour in one buffer, all else in another, so that no buffer holds more than three.
 
-use super::content::Peel;
+use super::content::Sheet;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
@@ -92,7 +92,8 @@ impl Planes {
     /// As [`Self::upload`].
     pub(in crate::methods) fn of_peel(
         gpu: &Gpu,
-        Peel { sheet, coc_px }: &Peel,
+        sheet: &Sheet,
+        coc_px: &Plane,
         rows: &Range<usize>,
     ) -> Result<Self, Error> {
         let planes: Vec<&Plane> =
