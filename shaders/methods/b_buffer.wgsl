@@ -181,17 +181,19 @@ fn splat(@builtin(global_invocation_id) at: vec3u) {
     let d = contributed_pair(left, top + 3);
     let upper = four_rows(contributed_pair(left, top), contributed_pair(left, top + 1), c, d);
     let lower = four_rows(c, d, contributed_pair(left, top + 4), contributed_pair(left, top + 5));
-    for (var k = 0; k < frame.channels; k++) {
-        add_coarse(k, x, y, vec4f(upper.left[k], upper.right[k], lower.left[k], lower.right[k]));
+    let content = transpose(mat4x4f(upper.left, upper.right, lower.left, lower.right));
+    for (var k = 0; k < 3; k++) {
+        add_coarse(k, x, y, content[k]);
     }
-    for (var k = 0; k < 2; k++) {
-        let occupancy = vec4f(
-            upper.left_occupancy[k],
-            upper.right_occupancy[k],
-            lower.left_occupancy[k],
-            lower.right_occupancy[k],
-        );
-        add_coarse(frame.channels + k, x, y, occupancy);
+    if frame.channels > 3 {
+        add_coarse(3, x, y, content[3]);
+    }
+    let occupancy = transpose(
+        mat4x2f(upper.left_occupancy, upper.right_occupancy, lower.left_occupancy, lower.right_occupancy)
+    );
+    add_coarse(frame.channels, x, y, occupancy[0]);
+    if weighing.sign > 0.0 {
+        add_coarse(frame.channels + 1, x, y, occupancy[1]);
     }
 }
 
@@ -259,34 +261,30 @@ fn unite_level(@builtin(global_invocation_id) at: vec3u) {
     }
 }
 
-fn sum_value(channel: i32, index: i32) -> f32 {
-    if channel < 3 {
-        return sum_colors[channel * source_plane() + index];
-    }
-    return sum_rest[(channel - 3) * source_plane() + index];
+fn sum_pixel(index: i32) -> Pixel {
+    let plane = source_plane();
+    // Where the background is closed that is coverage.
+    let alpha = sum_rest[index];
+    let colors = vec3f(sum_colors[index], sum_colors[plane + index], sum_colors[2 * plane + index]);
+    let coverage = sum_rest[(frame.channels - 3) * plane + index];
+    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
 }
 
-fn sum_values(channel: i32, index: vec4i) -> vec4f {
-    return vec4f(
-        sum_value(channel, index.x),
-        sum_value(channel, index.y),
-        sum_value(channel, index.z),
-        sum_value(channel, index.w),
-    );
-}
-
-fn set_sum(channel: i32, index: i32, value: f32) {
-    if channel < 3 {
-        sum_colors[channel * source_plane() + index] = value;
-    } else {
-        sum_rest[(channel - 3) * source_plane() + index] = value;
+fn set_sum_pixel(index: i32, pixel: Pixel) {
+    let plane = source_plane();
+    sum_colors[index] = pixel.content.r;
+    sum_colors[plane + index] = pixel.content.g;
+    sum_colors[2 * plane + index] = pixel.content.b;
+    if frame.channels > 3 {
+        sum_rest[index] = pixel.content.a;
     }
+    sum_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
 }
 
 @compute @workgroup_size(16, 16)
 fn clear_sums(@builtin(global_invocation_id) at: vec3u) {
     if i32(at.x) < frame.width && i32(at.y) < frame.source_rows {
-        set_sum(i32(at.z), i32(at.y) * frame.width + i32(at.x), 0.0);
+        set_sum_pixel(i32(at.y) * frame.width + i32(at.x), Pixel(vec4f(0.0), 0.0));
     }
 }
 
@@ -298,10 +296,8 @@ fn gather(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = row * frame.width + i32(at.x);
     let own = contribution(index);
-    for (var k = 0; k < frame.channels; k++) {
-        set_sum(k, index, sum_value(k, index) + own.content[k]);
-    }
-    set_sum(frame.channels, index, sum_value(frame.channels, index) + own.occupancy.x);
+    let sum = sum_pixel(index);
+    set_sum_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.occupancy.x));
 }
 
 @compute @workgroup_size(16, 16)
@@ -319,16 +315,20 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let around = corners(column, row);
     let levels_there = weighing.has_levels == 1u;
     let coarser = select(vec4f(0.0), expanded(frame.channels, around), levels_there);
-    let own = sum_values(frame.channels, source);
+    let a = sum_pixel(source.x);
+    let b = sum_pixel(source.y);
+    let c = sum_pixel(source.z);
+    let d = sum_pixel(source.w);
+    let own = vec4f(a.coverage, b.coverage, c.coverage, d.coverage);
+    let own_content = mat4x4f(a.content, b.content, c.content, d.content);
     let share = shares(own, vec4f(0.0), coarser);
     let occupancy = share.own * own + share.coarser * coarser;
-    for (var channel = 0; channel <= frame.channels; channel++) {
-        let from_levels = select(vec4f(0.0), expanded(channel, around), levels_there);
-        let front = share.own * sum_values(channel, source) + share.coarser * from_levels;
-        for (var k = 0; k < 4; k++) {
-            if makes[k] {
-                lay_over(channel, index[k], front[k], occupancy[k]);
-            }
+    // Without levels nothing is kept of what is read there.
+    let content = expanded_content(around);
+    for (var k = 0; k < 4; k++) {
+        if makes[k] {
+            let below = select(vec4f(0.0), content[k], levels_there);
+            lay_over(index[k], Pixel(share.own[k] * own_content[k] + share.coarser[k] * below, occupancy[k]));
         }
     }
 }
@@ -346,11 +346,7 @@ fn lay_in_focus(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = row * frame.width + i32(at.x);
     let coverage = peel_rest[source];
-    for (var k = 0; k < 3; k++) {
-        lay_over(k, index, peel_colors[k * plane + source], coverage);
-    }
-    if frame.channels > 3 {
-        lay_over(3, index, select(0.0, coverage, peel.shows == 1u), coverage);
-    }
-    lay_over(frame.channels, index, coverage, coverage);
+    let colors = vec3f(peel_colors[source], peel_colors[plane + source], peel_colors[2 * plane + source]);
+    let alpha = select(0.0, coverage, peel.shows == 1u);
+    lay_over(index, Pixel(vec4f(colors, alpha), coverage));
 }

@@ -15,35 +15,22 @@
 // Where the blur brings less there is nothing to rescale.
 const NOTHING: f32 = 1e-30;
 
-fn source_value(channel: i32, index: i32) -> f32 {
-    let plane = frame.source_rows * frame.width;
-    if channel < 3 {
-        return source_colors[channel * plane + index];
-    }
-    return source_rest[(channel - 3) * plane + index];
-}
-
-// The matting weight of a pixel of the source, if there is one.
+// The matting weight of a pixel of the source; 0 where there is none.
 fn weight_at(index: i32) -> f32 {
-    if index < 0 {
-        return 0.0;
-    }
-    return matting_weight(source_value(frame.channels, index));
+    let plane = frame.source_rows * frame.width;
+    let coc_px = source_rest[(frame.channels - 3) * plane + max(index, 0)];
+    return select(0.0, matting_weight(coc_px), index >= 0);
 }
 
-// Content of a pixel, and its alpha.
-struct Sample {
-    content: vec4f,
-    alpha: f32,
-}
-
-fn matted(x: i32, y: i32) -> Sample {
-    let index = source_index(x, y);
-    let weight = weight_at(index);
+// A pixel of the source in the sub-image.
+fn matted(index: i32) -> Pixel {
+    let plane = frame.source_rows * frame.width;
     let kept = max(index, 0);
-    let opacity = select(0.0, source_rest[kept], frame.channels > 3);
-    let content = vec4f(source_value(0, kept), source_value(1, kept), source_value(2, kept), opacity);
-    return Sample(weight * content, weight);
+    let weight = weight_at(index);
+    // Where the background is closed that is the CoC radius.
+    let alpha = source_rest[kept];
+    let colors = vec3f(source_colors[kept], source_colors[plane + kept], source_colors[2 * plane + kept]);
+    return Pixel(weight * vec4f(colors, select(0.0, alpha, frame.channels > 3)), weight);
 }
 
 // Two coarse samples' parts of a row of fine ones.
@@ -54,16 +41,16 @@ struct Pair {
 }
 
 fn matted_pair(x: i32, y: i32) -> Pair {
-    let a = matted(x, y);
-    let b = matted(x + 1, y);
-    let c = matted(x + 2, y);
-    let d = matted(x + 3, y);
-    let e = matted(x + 4, y);
-    let f = matted(x + 5, y);
+    let a = matted(source_index(x, y));
+    let b = matted(source_index(x + 1, y));
+    let c = matted(source_index(x + 2, y));
+    let d = matted(source_index(x + 3, y));
+    let e = matted(source_index(x + 4, y));
+    let f = matted(source_index(x + 5, y));
     return Pair(
         level.inner * (b.content + c.content) + level.outer * (a.content + d.content),
         level.inner * (d.content + e.content) + level.outer * (c.content + f.content),
-        analysed_pair(vec3f(a.alpha, b.alpha, c.alpha), vec3f(d.alpha, e.alpha, f.alpha)),
+        analysed_pair(vec3f(a.coverage, b.coverage, c.coverage), vec3f(d.coverage, e.coverage, f.coverage)),
     );
 }
 
@@ -88,8 +75,12 @@ fn matte(@builtin(global_invocation_id) at: vec3u) {
     let d = matted_pair(left, top + 3);
     let upper = four_rows(matted_pair(left, top), matted_pair(left, top + 1), c, d);
     let lower = four_rows(c, d, matted_pair(left, top + 4), matted_pair(left, top + 5));
-    for (var k = 0; k < frame.channels; k++) {
-        set_coarse(k, x, y, vec4f(upper.left[k], upper.right[k], lower.left[k], lower.right[k]));
+    let content = transpose(mat4x4f(upper.left, upper.right, lower.left, lower.right));
+    for (var k = 0; k < 3; k++) {
+        set_coarse(k, x, y, content[k]);
+    }
+    if frame.channels > 3 {
+        set_coarse(3, x, y, content[3]);
     }
     let alpha = vec4f(upper.alpha, lower.alpha);
     set_coarse(frame.channels, x, y, alpha);
@@ -144,15 +135,10 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let glowing = with_glow(expanded(frame.channels + 1, around), own);
     let alpha = select(vec4f(0.0), glowing, something);
     let scale = alpha / select(vec4f(1.0), blurred, something);
-    for (var channel = 0; channel <= frame.channels; channel++) {
-        var front = alpha;
-        if channel < frame.channels {
-            front = expanded(channel, around) * scale;
-        }
-        for (var k = 0; k < 4; k++) {
-            if makes[k] {
-                lay_over(channel, index[k], front[k], alpha[k]);
-            }
+    let front = expanded_content(around);
+    for (var k = 0; k < 4; k++) {
+        if makes[k] {
+            lay_over(index[k], Pixel(scale[k] * front[k], alpha[k]));
         }
     }
 }
@@ -164,9 +150,5 @@ fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = i32(at.y) * frame.width + i32(at.x);
     let source = (i32(at.y) + frame.made_first - frame.source_first) * frame.width + i32(at.x);
-    let alpha = weight_at(source);
-    for (var k = 0; k < frame.channels; k++) {
-        lay_over(k, index, alpha * source_value(k, source), alpha);
-    }
-    lay_over(frame.channels, index, alpha, alpha);
+    lay_over(index, matted(source));
 }

@@ -7,8 +7,7 @@
 // share:      adds a layer's part of a peel to the layer (eqs. 2 to 4).
 // before:     composes a sheet with a layer before it.
 // behind:     composes a sheet with a layer behind it.
-// transpose:  columns become rows.
-// pass_along: an extended box along every column.
+// pass_along: an extended box along every line.
 // finish:     a sheet's rows that the band makes, divided by coverage.
 
 struct Matting {
@@ -28,6 +27,10 @@ struct Matting {
 struct Lines {
     count: i32,
     length: i32,
+    from_line: i32,
+    from_sample: i32,
+    to_line: i32,
+    to_sample: i32,
     chunk: i32,
     radius: i32,
     edge: f32,
@@ -67,19 +70,24 @@ fn source_pixel(at: vec3u) -> i32 {
     return select(-1, i32(at.y) * frame.width + i32(at.x), inside);
 }
 
-fn layer_value(channel: i32, index: i32) -> f32 {
-    if channel < 3 {
-        return layer_colors[channel * source_plane() + index];
-    }
-    return layer_rest[(channel - 3) * source_plane() + index];
+fn layer_pixel(index: i32) -> Pixel {
+    let plane = source_plane();
+    // Where the background is closed that is coverage.
+    let alpha = layer_rest[index];
+    let colors = vec3f(layer_colors[index], layer_colors[plane + index], layer_colors[2 * plane + index]);
+    let coverage = layer_rest[(frame.channels - 3) * plane + index];
+    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
 }
 
-fn set_layer(channel: i32, index: i32, value: f32) {
-    if channel < 3 {
-        layer_colors[channel * source_plane() + index] = value;
-    } else {
-        layer_rest[(channel - 3) * source_plane() + index] = value;
+fn set_layer_pixel(index: i32, pixel: Pixel) {
+    let plane = source_plane();
+    layer_colors[index] = pixel.content.r;
+    layer_colors[plane + index] = pixel.content.g;
+    layer_colors[2 * plane + index] = pixel.content.b;
+    if frame.channels > 3 {
+        layer_rest[index] = pixel.content.a;
     }
+    layer_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
 }
 
 @compute @workgroup_size(16, 16)
@@ -108,14 +116,6 @@ fn share_of(depth: f32, alpha: f32, seen_share: f32) -> f32 {
     return select(0.0, select(past, not_past, depth <= matting.fall_from), alpha > 0.0);
 }
 
-fn add_to_layer(channel: i32, index: i32, value: f32) {
-    var sum = value;
-    if matting.first == 0u {
-        sum += layer_value(channel, index);
-    }
-    set_layer(channel, index, sum);
-}
-
 @compute @workgroup_size(16, 16)
 fn share(@builtin(global_invocation_id) at: vec3u) {
     let index = source_pixel(at);
@@ -124,61 +124,29 @@ fn share(@builtin(global_invocation_id) at: vec3u) {
     }
     let plane = source_plane();
     let alpha = peel_rest[index];
-    var covered = 0.0;
+    var layer = Pixel(vec4f(0.0), 0.0);
     if matting.first == 0u {
-        covered = layer_value(frame.channels, index);
+        layer = layer_pixel(index);
     }
-    let part = (1.0 - covered) * share_of(peel_rest[plane + index], alpha, seen[index]);
-    for (var k = 0; k < 3; k++) {
-        add_to_layer(k, index, part * peel_colors[k * plane + index]);
-    }
-    if frame.channels > 3 {
-        add_to_layer(3, index, select(0.0, part * alpha, matting.shows == 1u));
-    }
-    add_to_layer(frame.channels, index, part * alpha);
+    let part = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, seen[index]);
+    let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
+    let content = vec4f(colors, select(0.0, alpha, matting.shows == 1u));
+    set_layer_pixel(index, Pixel(layer.content + part * content, layer.coverage + part * alpha));
 }
 
 @compute @workgroup_size(16, 16)
 fn before(@builtin(global_invocation_id) at: vec3u) {
     let index = source_pixel(at);
-    if index < 0 {
-        return;
-    }
-    let covered = layer_value(frame.channels, index);
-    for (var k = 0; k <= frame.channels; k++) {
-        lay_over(k, index, layer_value(k, index), covered);
+    if index >= 0 {
+        lay_over(index, layer_pixel(index));
     }
 }
 
 @compute @workgroup_size(16, 16)
 fn behind(@builtin(global_invocation_id) at: vec3u) {
     let index = source_pixel(at);
-    if index < 0 {
-        return;
-    }
-    let known = result_value(frame.channels, index);
-    for (var k = 0; k <= frame.channels; k++) {
-        set_result(k, index, result_value(k, index) + (1.0 - known) * layer_value(k, index));
-    }
-}
-
-var<workgroup> square: array<f32, 272>;
-
-@compute @workgroup_size(16, 16)
-fn transpose(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let plane = i32(group.z) * lines.count * lines.length;
-    let corner = 16 * vec2i(group.xy);
-    let column = corner.x + i32(local.x);
-    let row = corner.y + i32(local.y);
-    // A column more than the square has, so that a column of it lies in as many banks as a row.
-    if column < lines.count && row < lines.length {
-        square[17u * local.y + local.x] = from_planes[plane + row * lines.count + column];
-    }
-    workgroupBarrier();
-    let new_column = corner.y + i32(local.x);
-    let new_row = corner.x + i32(local.y);
-    if new_column < lines.length && new_row < lines.count {
-        to_planes[plane + new_row * lines.length + new_column] = square[17u * local.x + local.y];
+    if index >= 0 {
+        set_result_pixel(index, over(result_pixel(index), layer_pixel(index)));
     }
 }
 
@@ -195,24 +163,26 @@ fn of_steps(sum: vec2i) -> f32 {
 
 @compute @workgroup_size(64)
 fn pass_along(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x);
+    let line = i32(at.x);
     let start = i32(at.y) * lines.chunk;
-    if column >= lines.count || start >= lines.length {
+    if line >= lines.count || start >= lines.length {
         return;
     }
-    let line = i32(at.z) * lines.count * lines.length + column;
+    let plane = i32(at.z) * lines.count * lines.length;
+    let from_first = plane + line * lines.from_line;
+    let to_first = plane + line * lines.to_line;
     let last = lines.length - 1;
     let radius = lines.radius;
     var sum = vec2i(0);
     for (var i = start - radius; i <= start + radius; i++) {
-        sum += in_steps(from_planes[line + clamp(i, 0, last) * lines.count]);
+        sum += in_steps(from_planes[from_first + clamp(i, 0, last) * lines.from_sample]);
     }
-    var previous = from_planes[line + clamp(start - radius - 1, 0, last) * lines.count];
+    var previous = from_planes[from_first + clamp(start - radius - 1, 0, last) * lines.from_sample];
     for (var i = start; i < min(start + lines.chunk, lines.length); i++) {
-        let leaving = from_planes[line + max(i - radius, 0) * lines.count];
-        let entering = from_planes[line + min(i + radius + 1, last) * lines.count];
+        let leaving = from_planes[from_first + max(i - radius, 0) * lines.from_sample];
+        let entering = from_planes[from_first + min(i + radius + 1, last) * lines.from_sample];
         let value = lines.scale * (of_steps(sum) + lines.edge * (previous + entering));
-        to_planes[line + i * lines.count] = select(value, 0.0, abs(value) < LEAST);
+        to_planes[to_first + i * lines.to_sample] = select(value, 0.0, abs(value) < LEAST);
         sum += in_steps(entering) - in_steps(leaving);
         previous = leaving;
     }
@@ -220,16 +190,9 @@ fn pass_along(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn finish(@builtin(global_invocation_id) at: vec3u) {
-    if i32(at.x) >= frame.width || i32(at.y) >= frame.made_rows {
-        return;
-    }
-    let index = i32(at.y) * frame.width + i32(at.x);
-    let source = index + (frame.made_first - frame.source_first) * frame.width;
-    let coverage = layer_value(frame.channels, source);
-    for (var k = 0; k < frame.channels; k++) {
-        let known = layer_value(k, source) / select(1.0, coverage, coverage > 0.0);
-        let value = select(0.0, known, coverage > 0.0);
-        // A blur's rounding may leave an opacity a little past whole.
-        set_result(k, index, select(value, clamp(value, 0.0, 1.0), k == 3));
+    if i32(at.x) < frame.width && i32(at.y) < frame.made_rows {
+        let index = i32(at.y) * frame.width + i32(at.x);
+        let source = index + (frame.made_first - frame.source_first) * frame.width;
+        set_result_pixel(index, normalised(layer_pixel(source)));
     }
 }

@@ -107,6 +107,15 @@ fn expanded(channel: i32, at: Corners) -> vec4f {
     return 0.75 * blend + 0.25 * blend.yxwz;
 }
 
+// The content of four samples of the finer level, each a column.
+fn expanded_content(at: Corners) -> mat4x4f {
+    var alpha = vec4f(0.0);
+    if frame.channels > 3 {
+        alpha = expanded(3, at);
+    }
+    return transpose(mat4x4f(expanded(0, at), expanded(1, at), expanded(2, at), alpha));
+}
+
 @compute @workgroup_size(16, 16)
 fn reduce(@builtin(global_invocation_id) at: vec3u) {
     let x = 2 * i32(at.x);

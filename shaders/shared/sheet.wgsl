@@ -22,38 +22,53 @@ struct Frame {
 @group(0) @binding(6) var<storage, read_write> result_colors: array<f32>;
 @group(0) @binding(7) var<storage, read_write> result_rest: array<f32>;
 
-fn result_value(channel: i32, index: i32) -> f32 {
-    let plane = frame.made_rows * frame.width;
-    if channel < 3 {
-        return result_colors[channel * plane + index];
-    }
-    return result_rest[(channel - 3) * plane + index];
+// What is known of a pixel; the fourth of its content is 0 where the background is closed.
+struct Pixel {
+    content: vec4f,
+    coverage: f32,
 }
 
-fn set_result(channel: i32, index: i32, value: f32) {
+fn result_pixel(index: i32) -> Pixel {
     let plane = frame.made_rows * frame.width;
-    if channel < 3 {
-        result_colors[channel * plane + index] = value;
-    } else {
-        result_rest[(channel - 3) * plane + index] = value;
-    }
+    // Where the background is closed that is coverage.
+    let alpha = result_rest[index];
+    let colors = vec3f(result_colors[index], result_colors[plane + index], result_colors[2 * plane + index]);
+    let coverage = result_rest[(frame.channels - 3) * plane + index];
+    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
 }
 
-fn lay_over(channel: i32, index: i32, front: f32, alpha: f32) {
-    set_result(channel, index, front + (1.0 - alpha) * result_value(channel, index));
+fn set_result_pixel(index: i32, pixel: Pixel) {
+    let plane = frame.made_rows * frame.width;
+    result_colors[index] = pixel.content.r;
+    result_colors[plane + index] = pixel.content.g;
+    result_colors[2 * plane + index] = pixel.content.b;
+    if frame.channels > 3 {
+        result_rest[index] = pixel.content.a;
+    }
+    result_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
+}
+
+fn over(front: Pixel, back: Pixel) -> Pixel {
+    let through = 1.0 - front.coverage;
+    return Pixel(front.content + through * back.content, front.coverage + through * back.coverage);
+}
+
+fn lay_over(index: i32, front: Pixel) {
+    set_result_pixel(index, over(front, result_pixel(index)));
+}
+
+// Content divided by coverage.
+fn normalised(pixel: Pixel) -> Pixel {
+    let known = pixel.coverage > 0.0;
+    let content = select(vec4f(0.0), pixel.content / select(1.0, pixel.coverage, known), known);
+    // A blur's rounding may leave an opacity a little past whole.
+    return Pixel(vec4f(content.rgb, clamp(content.a, 0.0, 1.0)), pixel.coverage);
 }
 
 @compute @workgroup_size(16, 16)
 fn normalise(@builtin(global_invocation_id) at: vec3u) {
-    if i32(at.x) >= frame.width || i32(at.y) >= frame.made_rows {
-        return;
-    }
-    let index = i32(at.y) * frame.width + i32(at.x);
-    let coverage = result_value(frame.channels, index);
-    for (var k = 0; k < frame.channels; k++) {
-        let known = result_value(k, index) / select(1.0, coverage, coverage > 0.0);
-        let value = select(0.0, known, coverage > 0.0);
-        // A blur's rounding may leave an opacity a little past whole.
-        set_result(k, index, select(value, clamp(value, 0.0, 1.0), k == 3));
+    if i32(at.x) < frame.width && i32(at.y) < frame.made_rows {
+        let index = i32(at.y) * frame.width + i32(at.x);
+        set_result_pixel(index, normalised(result_pixel(index)));
     }
 }

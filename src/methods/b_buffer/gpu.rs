@@ -10,7 +10,7 @@ use super::super::{Progress, Twin};
 use super::field::{Field, Side, Weighing};
 use super::{BBuffer, ranges_px};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
 use crate::scene::{EffectKind, Plan, Scene};
 use std::ops::Range;
@@ -282,10 +282,9 @@ impl Painter<'_> {
     /// Sums what of `field` goes to level 0.
     fn gather(&self, work: &mut Work<'_>, field: &Field, canvas: &Canvas<'_>) -> Result<(), Error> {
         let Canvas { frame, sums, width, band, .. } = canvas;
-        let [across, down, _] = tiles(*width, band.source.len(), shared::TILE);
         let sums = [(8, &sums.colors), (9, &sums.rest)];
-        let planes = self.channels() as u32 + 1;
-        work.pass(&self.kernels.clear_sums, &[&[(2, frame)], &sums[..]].concat(), [across, down, planes])?;
+        let clear = [&[(2, frame)], &sums[..]].concat();
+        at_pixels(work, &self.kernels.clear_sums, &clear, (*width, band.source.len()))?;
         let weighing = self.gpu.uniform(&field.weighing(0))?;
         for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate() {
             let Some(rows) = self.rows_with(i, &band.rows, |range| field.has(0, range)) else { continue };

@@ -133,12 +133,14 @@ impl Painter<'_> {
             return self.gpu.submit(|work| self.at_pixels(work, &self.kernels.lay_sharp, &bindings, canvas));
         }
         let (step, [across, down, _]) = levels.analysis(self.gpu, 0, BOX)?;
-        let matted = [&[(0, &step), (1, &canvas.levels)], &picture[..]].concat();
+        let pyramid = [(0, &step), (1, &canvas.levels)];
+        // Of the source, laying reads CoC radii alone.
+        let laid = [&pyramid[..], &[(2, &frame), (3, &matting), (5, &source.rest)], &results].concat();
         self.gpu.submit(|work| {
-            work.pass(&self.kernels.matte, &matted, [across, down, 1])?;
+            work.pass(&self.kernels.matte, &[&pyramid[..], &picture].concat(), [across, down, 1])?;
             self.blur_and_glow(work, levels, &frame, &canvas.levels)?;
             let fours = (corners(self.size.0), corners(canvas.band.rows.len()));
-            at_pixels(work, &self.kernels.lay, &[&matted[..], &results].concat(), fours)
+            at_pixels(work, &self.kernels.lay, &laid, fours)
         })
     }
 

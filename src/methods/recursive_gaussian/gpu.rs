@@ -1,20 +1,20 @@
 //! The cascade on a GPU.
 //!
-//! A pass runs along columns, so that neighbouring threads read neighbouring values; for rows the picture is transposed before and
-//! after. Its running sums are whole numbers of steps, as there is no double precision: of single precision, what a firefly
+//! A pass runs along lines that lie side by side, so that neighbouring threads read neighbouring values; of rows, the first pass makes
+//! columns and the last one rows again. Its running sums are whole numbers of steps, as there is no double precision: of single precision, what a firefly
 //! leaves behind when it leaves the sum would show, and compensated sums are what compilers are free to undo.
 //!
 //! A band reads as many rows as all blurs of a side together carry a sample, or eight standard deviations: past that, less than
 //! `10⁻¹⁵` of its light comes. Frames of 8K that are blurred over hundreds of pixels leave no room for that, and are refused.
 
-use super::super::shared::{Frame, Planes, RowNeeds, SHEET_WGSL, TILE, at_pixels, peels, picture_in_bands};
+use super::super::shared::{Frame, Planes, RowNeeds, SHEET_WGSL, at_pixels, peels, picture_in_bands};
 use super::super::{Progress, Twin};
 use super::RecursiveGaussian;
 use super::gaussian::{ExtendedBox, PASSES};
 use super::layers::{Layers, cascade_sigma_px, sigma_px};
 use super::matting::{DepthPeel, Matte, Ramp, Side};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, Plan, Scene};
 use rayon::prelude::*;
@@ -51,6 +51,11 @@ mirrored! {
         count: i32,
         /// Samples of each.
         length: i32,
+        /// From one line to the next, and from one sample to the next, where they are read and where they are written.
+        from_line: i32,
+        from_sample: i32,
+        to_line: i32,
+        to_sample: i32,
         /// Samples that a thread makes.
         chunk: i32,
         radius: i32,
@@ -147,7 +152,7 @@ impl Matting {
 
 impl Lines {
     /// `count` lines of `length` samples of at most `brightest`.
-    fn new(filter: &ExtendedBox, count: usize, length: usize, brightest: f32) -> Self {
+    fn new(filter: &ExtendedBox, (count, length): (usize, usize), brightest: f32) -> Self {
         let &ExtendedBox { radius, edge, scale } = filter;
         // A sum of all samples of a box must fit into a whole number of 31 bits; single precision has 24.
         let sum_bits = (2 * radius + 2).next_power_of_two().trailing_zeros() as i32;
@@ -157,6 +162,10 @@ impl Lines {
         Self {
             count: count as i32,
             length: length as i32,
+            from_line: 0,
+            from_sample: 0,
+            to_line: 0,
+            to_sample: 0,
             // Where a thread begins it adds up a whole box: few begin.
             chunk: 8 * (radius as i32 + 1),
             radius: radius as i32,
@@ -168,6 +177,12 @@ impl Lines {
             fine_step: (steps * fine_steps).recip(),
         }
     }
+
+    /// From where to where they go: each from one line to the next, and from one sample to the next.
+    fn laid_out(&self, ways: [[usize; 2]; 2]) -> Self {
+        let [[from_line, from_sample], [to_line, to_sample]] = ways.map(|way| way.map(|step| step as i32));
+        Self { from_line, from_sample, to_line, to_sample, ..*self }
+    }
 }
 
 /// The entry points.
@@ -176,7 +191,6 @@ struct Kernels {
     share: Kernel,
     before: Kernel,
     behind: Kernel,
-    transpose: Kernel,
     pass_along: Kernel,
     finish: Kernel,
 }
@@ -189,7 +203,6 @@ impl Kernels {
             share: kernel("share")?,
             before: kernel("before")?,
             behind: kernel("behind")?,
-            transpose: kernel("transpose")?,
             pass_along: kernel("pass_along")?,
             finish: kernel("finish")?,
         })
@@ -373,49 +386,34 @@ impl Painter<'_> {
         for (planes, between, count) in
             [(&sheet.colors, &between.colors, 3), (&sheet.rest, &between.rest, rest)]
         {
-            let down = Lines::new(&filter, width, height, self.brightest);
-            let across = Lines::new(&filter, height, width, self.brightest);
-            self.transpose(work, [planes, between], &down, count)?;
-            self.passes(work, [between, planes], &across, count)?;
-            self.transpose(work, [between, planes], &across, count)?;
-            self.passes(work, [planes, between], &down, count)?;
+            let across = Lines::new(&filter, (height, width), self.brightest);
+            let down = Lines::new(&filter, (width, height), self.brightest);
+            // Rows lie as columns in between: a pass reads or writes across them only at either end.
+            let (rows, columns) = ([width, 1], [1, height]);
+            let ways = [[rows, columns], [columns; 2], [columns; 2], [columns, rows]];
+            self.passes(work, [planes, between], ways.map(|ways| across.laid_out(ways)), count)?;
+            self.passes(work, [planes, between], [down.laid_out([[1, width]; 2]); PASSES], count)?;
         }
         Ok(())
     }
 
-    /// `to` is `from` with lines and samples exchanged, `count` planes.
-    fn transpose(
-        &self,
-        work: &mut Work<'_>,
-        [from, to]: [&Buffer; 2],
-        lines: &Lines,
-        count: usize,
-    ) -> Result<(), Error> {
-        let uniform = self.gpu.uniform(lines)?;
-        let [across, down, _] = tiles(lines.count as usize, lines.length as usize, TILE);
-        let bindings = [(12, from), (13, to), (14, &uniform)];
-        work.pass(&self.kernels.transpose, &bindings, [across, down, count as u32])
-    }
-
-    /// Blurs `count` planes along their columns; they go back and forth, and end where they began.
+    /// Blurs `count` planes; they go back and forth, and end where they began.
     fn passes(
         &self,
         work: &mut Work<'_>,
         [planes, between]: [&Buffer; 2],
-        lines: &Lines,
+        lines: [Lines; PASSES],
         count: usize,
     ) -> Result<(), Error> {
         /// Threads of a workgroup.
         const LANES: u32 = 64;
-        let uniform = self.gpu.uniform(lines)?;
-        let groups = [
-            (lines.count as u32).div_ceil(LANES),
-            (lines.length as u32).div_ceil(lines.chunk as u32),
-            count as u32,
-        ];
-        for pass in 0..PASSES {
+        for (pass, lines) in lines.iter().enumerate() {
+            let uniform = self.gpu.uniform(lines)?;
+            let [lines_across, chunks] = [(lines.count, LANES), (lines.length, lines.chunk as u32)]
+                .map(|(all, part)| (all as u32).div_ceil(part));
             let [from, to] = if pass % 2 == 0 { [planes, between] } else { [between, planes] };
-            work.pass(&self.kernels.pass_along, &[(12, from), (13, to), (14, &uniform)], groups)?;
+            let bindings = [(12, from), (13, to), (14, &uniform)];
+            work.pass(&self.kernels.pass_along, &bindings, [lines_across, chunks, count as u32])?;
         }
         Ok(())
     }
@@ -450,7 +448,7 @@ mod tests {
     fn sums_of_whole_steps_fit_and_are_finer_than_single_precision() {
         for sigma in [1.0, 9.0, 100.0, 4000.0] {
             for brightest in [1.0f32, 65_504.0, 3e30] {
-                let lines = Lines::new(&ExtendedBox::of_sigma(sigma), 7, 9, brightest);
+                let lines = Lines::new(&ExtendedBox::of_sigma(sigma), (7, 9), brightest);
                 let box_length = f64::from(2 * lines.radius + 2);
                 assert!(f64::from(brightest) * f64::from(lines.steps) * box_length <= 2f64.powi(31) - 1.0);
                 assert!(f64::from(lines.fine_steps) * box_length <= 2f64.powi(31) - 1.0, "σ = {sigma}");

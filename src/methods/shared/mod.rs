@@ -18,7 +18,7 @@ pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
-pub(super) use planes::{Frame, Planes, RowNeeds, SHEET_WGSL, TILE, at_pixels, picture_in_bands};
+pub(super) use planes::{Frame, Planes, RowNeeds, SHEET_WGSL, at_pixels, picture_in_bands};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 #[cfg(feature = "gpu")]
 pub(super) use pyramid::{Levels, PYRAMID_WGSL, Step, corners, reach};

@@ -55,7 +55,7 @@ impl Frame {
 const IN_A_BUFFER: usize = 3;
 
 /// Side of the workgroups that work at planes and levels.
-pub(in crate::methods) const TILE: usize = 16;
+pub(super) const TILE: usize = 16;
 
 /// Planes of one size.
 #[derive(Debug)]
