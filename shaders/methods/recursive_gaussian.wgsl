@@ -27,8 +27,12 @@ struct Matting {
 struct Lines {
     count: i32,
     length: i32,
+    from_first: i32,
+    from_plane: i32,
     from_line: i32,
     from_sample: i32,
+    to_first: i32,
+    to_plane: i32,
     to_line: i32,
     to_sample: i32,
     chunk: i32,
@@ -39,6 +43,11 @@ struct Lines {
     step: f32,
     fine_steps: f32,
     fine_step: f32,
+}
+
+struct Part {
+    first_row: i32,
+    rows: i32,
 }
 
 @group(0) @binding(3) var<uniform> matting: Matting;
@@ -54,6 +63,7 @@ struct Lines {
 @group(0) @binding(12) var<storage, read> from_planes: array<f32>;
 @group(0) @binding(13) var<storage, read_write> to_planes: array<f32>;
 @group(0) @binding(14) var<uniform> lines: Lines;
+@group(0) @binding(15) var<uniform> part: Part;
 
 // Coverage from which on nothing is seen behind.
 const OPAQUE_ALPHA: f32 = 0.999;
@@ -64,10 +74,10 @@ fn source_plane() -> i32 {
     return frame.source_rows * frame.width;
 }
 
-// The pixel of the rows that are read, -1 where there is none.
-fn source_pixel(at: vec3u) -> i32 {
-    let inside = i32(at.x) < frame.width && i32(at.y) < frame.source_rows;
-    return select(-1, i32(at.y) * frame.width + i32(at.x), inside);
+// The pixel of the part of the rows that are read, -1 where there is none.
+fn part_pixel(at: vec3u) -> i32 {
+    let inside = i32(at.x) < frame.width && i32(at.y) < part.rows;
+    return select(-1, (i32(at.y) + part.first_row) * frame.width + i32(at.x), inside);
 }
 
 fn layer_pixel(index: i32) -> Pixel {
@@ -92,7 +102,7 @@ fn set_layer_pixel(index: i32, pixel: Pixel) {
 
 @compute @workgroup_size(16, 16)
 fn see(@builtin(global_invocation_id) at: vec3u) {
-    let index = source_pixel(at);
+    let index = part_pixel(at);
     if index >= 0 {
         let alpha = peel_rest[index];
         seen_behind[index] = seen[index] * select(1.0 - alpha, 0.0, alpha >= OPAQUE_ALPHA);
@@ -118,7 +128,7 @@ fn share_of(depth: f32, alpha: f32, seen_share: f32) -> f32 {
 
 @compute @workgroup_size(16, 16)
 fn share(@builtin(global_invocation_id) at: vec3u) {
-    let index = source_pixel(at);
+    let index = part_pixel(at);
     if index < 0 {
         return;
     }
@@ -128,15 +138,15 @@ fn share(@builtin(global_invocation_id) at: vec3u) {
     if matting.first == 0u {
         layer = layer_pixel(index);
     }
-    let part = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, seen[index]);
+    let own = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, seen[index]);
     let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
     let content = vec4f(colors, select(0.0, alpha, matting.shows == 1u));
-    set_layer_pixel(index, Pixel(layer.content + part * content, layer.coverage + part * alpha));
+    set_layer_pixel(index, Pixel(layer.content + own * content, layer.coverage + own * alpha));
 }
 
 @compute @workgroup_size(16, 16)
 fn before(@builtin(global_invocation_id) at: vec3u) {
-    let index = source_pixel(at);
+    let index = part_pixel(at);
     if index >= 0 {
         lay_over(index, layer_pixel(index));
     }
@@ -144,7 +154,7 @@ fn before(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn behind(@builtin(global_invocation_id) at: vec3u) {
-    let index = source_pixel(at);
+    let index = part_pixel(at);
     if index >= 0 {
         set_result_pixel(index, over(result_pixel(index), layer_pixel(index)));
     }
@@ -168,9 +178,8 @@ fn pass_along(@builtin(global_invocation_id) at: vec3u) {
     if line >= lines.count || start >= lines.length {
         return;
     }
-    let plane = i32(at.z) * lines.count * lines.length;
-    let from_first = plane + line * lines.from_line;
-    let to_first = plane + line * lines.to_line;
+    let from_first = lines.from_first + i32(at.z) * lines.from_plane + line * lines.from_line;
+    let to_first = lines.to_first + i32(at.z) * lines.to_plane + line * lines.to_line;
     let last = lines.length - 1;
     let radius = lines.radius;
     var sum = vec2i(0);

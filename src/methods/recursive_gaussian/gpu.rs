@@ -18,11 +18,12 @@ use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::{Image, Plane};
 use crate::scene::{EffectKind, Plan, Scene};
 use rayon::prelude::*;
+use std::ops::Range;
 
 static SHADER: Shader = Shader {
     name: "recursive_gaussian",
     parts: &[SHEET_WGSL, include_str!("../../../shaders/methods/recursive_gaussian.wgsl")],
-    structs: &[Frame::LAYOUT, Matting::LAYOUT, Lines::LAYOUT],
+    structs: &[Frame::LAYOUT, Matting::LAYOUT, Lines::LAYOUT, Part::LAYOUT],
 };
 
 mirrored! {
@@ -51,9 +52,14 @@ mirrored! {
         count: i32,
         /// Samples of each.
         length: i32,
-        /// From one line to the next, and from one sample to the next, where they are read and where they are written.
+        /// Where they are read, as a [`Way`].
+        from_first: i32,
+        from_plane: i32,
         from_line: i32,
         from_sample: i32,
+        /// Where they are written.
+        to_first: i32,
+        to_plane: i32,
         to_line: i32,
         to_sample: i32,
         /// Samples that a thread makes.
@@ -68,6 +74,25 @@ mirrored! {
         fine_steps: f32,
         fine_step: f32,
     }
+}
+
+mirrored! {
+    /// Some of the rows that a band reads.
+    struct Part {
+        first_row: i32,
+        rows: i32,
+    }
+}
+
+/// Where planes lie in a buffer.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// The first sample of the first line.
+    first: usize,
+    /// From one plane, one line and one sample to the next.
+    plane: usize,
+    line: usize,
+    sample: usize,
 }
 
 /// Standard deviations past which a Gaussian is nothing.
@@ -151,8 +176,13 @@ impl Matting {
 }
 
 impl Lines {
-    /// `count` lines of `length` samples of at most `brightest`.
-    fn new(filter: &ExtendedBox, (count, length): (usize, usize), brightest: f32) -> Self {
+    /// `count` lines of `length` samples of at most `brightest`, and the ways from and to where they go.
+    fn new(
+        filter: &ExtendedBox,
+        (count, length): (usize, usize),
+        [from, to]: [Way; 2],
+        brightest: f32,
+    ) -> Self {
         let &ExtendedBox { radius, edge, scale } = filter;
         // A sum of all samples of a box must fit into a whole number of 31 bits; single precision has 24.
         let sum_bits = (2 * radius + 2).next_power_of_two().trailing_zeros() as i32;
@@ -162,10 +192,14 @@ impl Lines {
         Self {
             count: count as i32,
             length: length as i32,
-            from_line: 0,
-            from_sample: 0,
-            to_line: 0,
-            to_sample: 0,
+            from_first: from.first as i32,
+            from_plane: from.plane as i32,
+            from_line: from.line as i32,
+            from_sample: from.sample as i32,
+            to_first: to.first as i32,
+            to_plane: to.plane as i32,
+            to_line: to.line as i32,
+            to_sample: to.sample as i32,
             // Where a thread begins it adds up a whole box: few begin.
             chunk: 8 * (radius as i32 + 1),
             radius: radius as i32,
@@ -176,12 +210,6 @@ impl Lines {
             fine_steps,
             fine_step: (steps * fine_steps).recip(),
         }
-    }
-
-    /// From where to where they go: each from one line to the next, and from one sample to the next.
-    fn laid_out(&self, ways: [[usize; 2]; 2]) -> Self {
-        let [[from_line, from_sample], [to_line, to_sample]] = ways.map(|way| way.map(|step| step as i32));
-        Self { from_line, from_sample, to_line, to_sample, ..*self }
     }
 }
 
@@ -240,8 +268,8 @@ struct Canvas<'a> {
 struct Half {
     sheet: Planes,
     side: Side,
-    /// Whether there is anything in it.
-    known: bool,
+    /// The rows, of those that the band reads, in which there may be anything.
+    rows: Range<usize>,
 }
 
 impl Painter<'_> {
@@ -254,7 +282,7 @@ impl Painter<'_> {
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
         let canvas = self.canvas(size, band)?;
         self.see(&canvas)?;
-        let half = |side| Ok::<_, Error>(Half { sheet: self.sheet(&canvas)?, side, known: false });
+        let half = |side| Ok::<_, Error>(Half { sheet: self.sheet(&canvas)?, side, rows: 0..0 });
         let (mut front, mut back) = (half(Side::Behind)?, half(Side::Before)?);
         for layer in -self.layers.front..0 {
             self.add(&mut front, layer, &canvas)?;
@@ -264,8 +292,8 @@ impl Painter<'_> {
             self.add(&mut back, layer, &canvas)?;
             progress((self.layers.count() as i32 - layer - 1) as f32 / self.layers.count() as f32);
         }
-        self.gpu
-            .submit(|work| self.compose(work, &front.sheet, &back.sheet, &self.kernels.behind, &canvas))?;
+        let (sheets, all) = ([&front.sheet, &back.sheet], 0..band.source.len());
+        self.gpu.submit(|work| self.compose(work, sheets, &self.kernels.behind, &all, &canvas))?;
         self.finish(size, &front.sheet, &canvas)
     }
 
@@ -296,10 +324,11 @@ impl Painter<'_> {
     /// Finds how much of each peel is seen through those before it.
     fn see(&self, canvas: &Canvas<'_>) -> Result<(), Error> {
         let Canvas { frame, peels, seen, .. } = canvas;
+        let all = 0..canvas.band.source.len();
         self.gpu.submit(|work| {
             for (peel, seen) in peels.iter().zip(seen.windows(2)) {
                 let bindings = [(2, frame), (5, &peel.rest), (10, &seen[0]), (11, &seen[1])];
-                at_source(work, &self.kernels.see, &bindings, canvas)?;
+                self.at_rows(work, &self.kernels.see, &bindings, &all, canvas)?;
             }
             Ok(())
         })
@@ -312,33 +341,49 @@ impl Painter<'_> {
             Side::Before => &self.kernels.before,
             Side::Behind => &self.kernels.behind,
         };
+        let matte = Matte::new(&self.layers, layer);
+        let mut own = self.rows_of(&matte, canvas);
         self.gpu.submit(|work| {
-            let found = self.matte(work, layer, canvas)?;
-            half.known |= found;
-            if found && !cascaded {
-                self.blur(work, &canvas.layer, sigma_px(layer), canvas)?;
+            if !cascaded {
+                own = wider(&own, sigma_px(layer), canvas);
             }
-            if found {
-                self.compose(work, &half.sheet, &canvas.layer, kernel, canvas)?;
+            self.matte(work, &matte, &own, canvas)?;
+            if !cascaded {
+                self.blur(work, &canvas.layer, sigma_px(layer), &own, canvas)?;
             }
-            if half.known && cascaded {
-                self.blur(work, &half.sheet, cascade_sigma_px(layer), canvas)?;
+            self.compose(work, [&half.sheet, &canvas.layer], kernel, &own, canvas)?;
+            half.rows = both(&half.rows, &own);
+            if cascaded {
+                half.rows = wider(&half.rows, cascade_sigma_px(layer), canvas);
+                self.blur(work, &half.sheet, cascade_sigma_px(layer), &half.rows, canvas)?;
             }
             Ok(())
         })
     }
 
-    /// Makes a layer of the peels, and says whether there may be anything in it.
-    fn matte(&self, work: &mut Work<'_>, layer: i32, canvas: &Canvas<'_>) -> Result<bool, Error> {
-        let matte = Matte::new(&self.layers, layer);
-        let mut found = false;
-        for (i, peel) in self.peels.iter().enumerate() {
-            if !peel.spans[canvas.band.source.clone()].iter().any(|&span| matte.meets(span)) {
-                continue;
-            }
+    /// From the first to the last of the rows that the band reads in which there may be anything of a layer.
+    fn rows_of(&self, matte: &Matte, canvas: &Canvas<'_>) -> Range<usize> {
+        let source = &canvas.band.source;
+        let meets = |&y: &usize| self.peels.iter().any(|peel| matte.meets(peel.spans[source.start + y]));
+        let mut rows = (0..source.len()).filter(meets);
+        let Some(first) = rows.next() else { return 0..0 };
+        first..rows.next_back().unwrap_or(first) + 1
+    }
+
+    /// Makes these rows of a layer of the peels.
+    fn matte(
+        &self,
+        work: &mut Work<'_>,
+        matte: &Matte,
+        rows: &Range<usize>,
+        canvas: &Canvas<'_>,
+    ) -> Result<(), Error> {
+        let Canvas { frame, peels, seen, layer, band, .. } = canvas;
+        let spans = |peel: &DepthPeel| peel.spans[band.source.clone()].iter().any(|&span| matte.meets(span));
+        let met = self.peels.iter().enumerate().filter(|(_, peel)| spans(peel));
+        for (count, (i, _)) in met.enumerate() {
             let shows = !self.open || i + 1 < self.peels.len();
-            let matting = self.gpu.uniform(&Matting::new(&matte, shows, !found))?;
-            let Canvas { frame, peels, seen, layer, .. } = canvas;
+            let matting = self.gpu.uniform(&Matting::new(matte, shows, count == 0))?;
             let bindings = [
                 (2, frame),
                 (3, &matting),
@@ -348,53 +393,61 @@ impl Painter<'_> {
                 (9, &layer.rest),
                 (10, &seen[i]),
             ];
-            at_source(work, &self.kernels.share, &bindings, canvas)?;
-            found = true;
+            self.at_rows(work, &self.kernels.share, &bindings, rows, canvas)?;
         }
-        Ok(found)
+        Ok(())
     }
 
-    /// Composes `sheet` with `layer`, before or behind it.
+    /// Composes these rows of a sheet with a layer, before or behind it.
     fn compose(
         &self,
         work: &mut Work<'_>,
-        sheet: &Planes,
-        layer: &Planes,
+        [sheet, layer]: [&Planes; 2],
         kernel: &Kernel,
+        rows: &Range<usize>,
         canvas: &Canvas<'_>,
     ) -> Result<(), Error> {
         let bindings =
             [(2, &canvas.frame), (6, &sheet.colors), (7, &sheet.rest), (8, &layer.colors), (9, &layer.rest)];
-        at_source(work, kernel, &bindings, canvas)
+        self.at_rows(work, kernel, &bindings, rows, canvas)
     }
 
-    /// Blurs content and coverage alike, rows first.
+    /// Blurs these rows of content and coverage alike, rows first; past them there is nothing, as far as the blur reaches.
     fn blur(
         &self,
         work: &mut Work<'_>,
         sheet: &Planes,
         sigma_px: f32,
+        rows: &Range<usize>,
         canvas: &Canvas<'_>,
     ) -> Result<(), Error> {
-        if sigma_px <= 0.0 {
+        if sigma_px <= 0.0 || rows.is_empty() {
             return Ok(());
         }
+        let (width, height) = (canvas.width, rows.len());
         let filter = ExtendedBox::of_sigma(sigma_px);
-        let (width, height) = (canvas.width, canvas.band.source.len());
-        let between = &canvas.between;
+        let plane = width * canvas.band.source.len();
+        let there = |[line, sample]: [usize; 2]| Way { first: width * rows.start, plane, line, sample };
+        let between = |[line, sample]: [usize; 2]| Way { first: 0, plane: width * height, line, sample };
+        // Rows lie as columns in between: a pass reads or writes across them only at either end.
+        let (row, column, upright) = ([width, 1], [1, height], [1, width]);
+        let across = |ways| Lines::new(&filter, (height, width), ways, self.brightest);
+        let down = |ways| Lines::new(&filter, (width, height), ways, self.brightest);
+        let [out, back] = [[there(upright), between(upright)], [between(upright), there(upright)]].map(down);
+        let passes = [
+            across([there(row), between(column)]),
+            across([between(column), there(column)]),
+            across([there(column), between(column)]),
+            across([between(column), there(row)]),
+            out,
+            back,
+            out,
+            back,
+        ];
         let rest = self.channels() + 1 - 3;
-        for (planes, between, count) in
-            [(&sheet.colors, &between.colors, 3), (&sheet.rest, &between.rest, rest)]
-        {
-            let across = Lines::new(&filter, (height, width), self.brightest);
-            let down = Lines::new(&filter, (width, height), self.brightest);
-            // Rows lie as columns in between: a pass reads or writes across them only at either end.
-            let (rows, columns) = ([width, 1], [1, height]);
-            let ways = [[rows, columns], [columns; 2], [columns; 2], [columns, rows]];
-            self.passes(work, [planes, between], ways.map(|ways| across.laid_out(ways)), count)?;
-            self.passes(work, [planes, between], [down.laid_out([[1, width]; 2]); PASSES], count)?;
-        }
-        Ok(())
+        let Planes { colors, rest: others } = &canvas.between;
+        self.passes(work, [&sheet.colors, colors], &passes, 3)?;
+        self.passes(work, [&sheet.rest, others], &passes, rest)
     }
 
     /// Blurs `count` planes; they go back and forth, and end where they began.
@@ -402,12 +455,12 @@ impl Painter<'_> {
         &self,
         work: &mut Work<'_>,
         [planes, between]: [&Buffer; 2],
-        lines: [Lines; PASSES],
+        passes: &[Lines; 2 * PASSES],
         count: usize,
     ) -> Result<(), Error> {
         /// Threads of a workgroup.
         const LANES: u32 = 64;
-        for (pass, lines) in lines.iter().enumerate() {
+        for (pass, lines) in passes.iter().enumerate() {
             let uniform = self.gpu.uniform(lines)?;
             let [lines_across, chunks] = [(lines.count, LANES), (lines.length, lines.chunk as u32)]
                 .map(|(all, part)| (all as u32).div_ceil(part));
@@ -416,6 +469,23 @@ impl Painter<'_> {
             work.pass(&self.kernels.pass_along, &bindings, [lines_across, chunks, count as u32])?;
         }
         Ok(())
+    }
+
+    /// Asks for `kernel` at every pixel of these rows of those that the band reads.
+    fn at_rows(
+        &self,
+        work: &mut Work<'_>,
+        kernel: &Kernel,
+        bindings: &[(u32, &Buffer)],
+        rows: &Range<usize>,
+        canvas: &Canvas<'_>,
+    ) -> Result<(), Error> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let part = self.gpu.uniform(&Part { first_row: rows.start as i32, rows: rows.len() as i32 })?;
+        let bindings = [bindings, &[(15, &part)]].concat();
+        at_pixels(work, kernel, &bindings, (canvas.width, rows.len()))
     }
 
     /// The rows that the band makes, divided by coverage.
@@ -430,14 +500,22 @@ impl Painter<'_> {
     }
 }
 
-/// Asks for `kernel` at every pixel that the band reads.
-fn at_source(
-    work: &mut Work<'_>,
-    kernel: &Kernel,
-    bindings: &[(u32, &Buffer)],
-    canvas: &Canvas<'_>,
-) -> Result<(), Error> {
-    at_pixels(work, kernel, bindings, (canvas.width, canvas.band.source.len()))
+/// From the first to the last of two ranges of rows, of which either may be empty.
+fn both(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
+    match (one.is_empty(), other.is_empty()) {
+        (true, _) => other.clone(),
+        (_, true) => one.clone(),
+        _ => one.start.min(other.start)..one.end.max(other.end),
+    }
+}
+
+/// The rows in which there may be anything after a blur.
+fn wider(rows: &Range<usize>, sigma_px: f32, canvas: &Canvas<'_>) -> Range<usize> {
+    let reach = ExtendedBox::of_sigma(sigma_px).reach();
+    if rows.is_empty() || sigma_px <= 0.0 {
+        return rows.clone();
+    }
+    rows.start.saturating_sub(reach)..(rows.end + reach).min(canvas.band.source.len())
 }
 
 #[cfg(test)]
@@ -448,11 +526,12 @@ mod tests {
     fn sums_of_whole_steps_fit_and_are_finer_than_single_precision() {
         for sigma in [1.0, 9.0, 100.0, 4000.0] {
             for brightest in [1.0f32, 65_504.0, 3e30] {
-                let lines = Lines::new(&ExtendedBox::of_sigma(sigma), (7, 9), brightest);
+                let way = Way { first: 0, plane: 63, line: 9, sample: 1 };
+                let lines = Lines::new(&ExtendedBox::of_sigma(sigma), (7, 9), [way; 2], brightest);
                 let box_length = f64::from(2 * lines.radius + 2);
                 assert!(f64::from(brightest) * f64::from(lines.steps) * box_length <= 2f64.powi(31) - 1.0);
                 assert!(f64::from(lines.fine_steps) * box_length <= 2f64.powi(31) - 1.0, "σ = {sigma}");
-                assert!(lines.fine_step <= brightest * 2f32.powi(-34), "σ = {sigma}: {}", lines.fine_step);
+                assert!(lines.fine_step <= brightest * 2f32.powi(-33), "σ = {sigma}: {}", lines.fine_step);
             }
         }
     }
