@@ -47,6 +47,24 @@ const TOLERANCES: &[Tolerance] = &[
         outliers: 2e-5,
         reason: "the level of a cone is a logarithm; false position that ends on the very edge of a sample may find its neighbour",
     },
+    Tolerance {
+        method: "recursive-gaussian",
+        apart: 4e-6,
+        outliers: 0.0,
+        reason: "sums along lines are whole numbers, and rounded to single precision in each pass, as the CPU's are",
+    },
+    Tolerance {
+        method: "b-buffer",
+        apart: 2e-6,
+        outliers: 0.0,
+        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+    },
+    Tolerance {
+        method: "opaque-blur",
+        apart: 2e-6,
+        outliers: 0.0,
+        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+    },
 ];
 
 fn tolerance(method: &dyn Method) -> Tolerance {

@@ -1,6 +1,8 @@
 //! A B-buffer's levels: which contributions go to which, and how they are laid together again.
 
 use super::super::shared::{Rows, most_levels};
+#[cfg(feature = "gpu")]
+use crate::gpu::mirrored;
 use crate::scene::Plan;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -23,6 +25,26 @@ pub(super) struct Field {
     pub second_moment: f32,
 }
 
+#[cfg(feature = "gpu")]
+mirrored! {
+    /// How contributions are weighed for a level of a field.
+    pub(super) struct Weighing {
+        /// 1 behind focus, -1 in front of it.
+        sign: f32,
+        in_focus_px: f32,
+        /// Squared CoC radius at which the share begins, and how fast it rises.
+        rise_start: f32,
+        rise_slope: f32,
+        /// Squared CoC radius at which the share ends, and how fast it falls to there.
+        fall_end: f32,
+        fall_slope: f32,
+        /// Squared CoC radius at which the share is whole.
+        whole: f32,
+        /// Whether the field has levels above level 0.
+        has_levels: u32,
+    }
+}
+
 /// Variance along each axis, in squared pixels, of what has come down to level `n` and up again.
 fn level_variance(n: usize) -> f32 {
     0.5 * ((2.0 * n as f32).exp2() - 1.0)
@@ -43,12 +65,34 @@ impl Field {
 
     /// Share of contributions of CoC radius `coc_px` that goes to level `n`.
     pub(super) fn weigh(&self, n: usize, coc_px: &[f32], weights: &mut [f32]) {
+        let [rise, fall] = self.ramps(n);
+        Arch::new().dispatch(WeighRow { field: *self, rise, fall, coc_px, weights });
+    }
+
+    /// Squared CoC radii at which the share of level `n` begins and ends, and the slopes from there; the outermost levels begin at
+    /// once and never end.
+    fn ramps(&self, n: usize) -> [[f32; 2]; 2] {
         let [below, own, above] =
             [n.saturating_sub(1), n, n + 1].map(|n| level_variance(n) / self.second_moment);
-        // Squared CoC radii at which the share begins and ends; the outermost levels begin at once and never end.
         let rise = if n == 0 { [-1.0, 1.0] } else { [below, 1.0 / (own - below)] };
         let fall = if n == self.top { [f32::MAX, 1.0] } else { [above, 1.0 / (above - own)] };
-        Arch::new().dispatch(WeighRow { field: *self, rise, fall, coc_px, weights });
+        [rise, fall]
+    }
+
+    /// What [`Self::weigh`] and [`Self::share_of_finer`] weigh by.
+    #[cfg(feature = "gpu")]
+    pub(super) fn weighing(&self, n: usize) -> Weighing {
+        let [[rise_start, rise_slope], [fall_end, fall_slope]] = self.ramps(n);
+        Weighing {
+            sign: if self.side == Side::Near { -1.0 } else { 1.0 },
+            in_focus_px: self.in_focus_px,
+            rise_start,
+            rise_slope,
+            fall_end,
+            fall_slope,
+            whole: level_variance(n) / self.second_moment,
+            has_levels: u32::from(self.top > 0),
+        }
     }
 
     /// Turns the shares of level `n` into those that the same contributions have in the next finer level.

@@ -25,8 +25,12 @@
 //! Cost: (peels + 1) × pixels × levels; rows without contributions to a level are skipped. Memory: the peels, three
 //! planes, and a pyramid a field without its finest level. Limits: the blur is near a Gaussian whatever the aperture's shape;
 //! z is forgotten within a level, so crossing surfaces of one level mix; what the culling drops is missed at far edges.
+//!
+//! GPU twin: `shaders/methods/b_buffer.wgsl`.
 
 mod field;
+#[cfg(feature = "gpu")]
+mod gpu;
 
 use super::shared::{self, Edge, Grid, Peel, Rows, SPLAT, Sheet};
 use super::{Deviation, Law, Method, MethodInfo, Progress};
@@ -70,6 +74,11 @@ impl Method for BBuffer {
         let result = a_buffer.matte(&fields, &pyramids, &grid);
         progress(1.0);
         Ok(result.into_picture())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn super::Twin> {
+        Some(self)
     }
 }
 
@@ -156,10 +165,21 @@ fn normalise(planes: &mut [Plane]) {
     occupancy.values_mut().par_iter_mut().for_each(|occupancy| *occupancy = occupancy.min(1.0));
 }
 
+/// For each row of `peel`, the range of its CoC radii; an empty one where the row is empty.
+fn ranges_px(peel: &Peel) -> Vec<[f32; 2]> {
+    let range = |y: usize| {
+        let contributions = peel.sheet.coverage.row(y).iter().zip(peel.coc_px.row(y));
+        let present = contributions.filter(|(coverage, _)| **coverage > 0.0);
+        present
+            .fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], (_, &coc)| [near.min(coc), far.max(coc)])
+    };
+    (0..peel.coc_px.height()).into_par_iter().map(range).collect()
+}
+
 /// The contributions of every pixel.
 struct ABuffer {
     peels: Vec<Peel>,
-    /// For each peel and row, the range of CoC radii; an empty one where the row is empty.
+    /// Of each peel, [`ranges_px`].
     ranges_px: Vec<Vec<[f32; 2]>>,
     /// Planes of content, and one of occupancy.
     channels: usize,
@@ -167,16 +187,7 @@ struct ABuffer {
 
 impl ABuffer {
     fn new(peels: Vec<Peel>) -> Self {
-        let range = |peel: &Peel, y: usize| {
-            let contributions = peel.sheet.coverage.row(y).iter().zip(peel.coc_px.row(y));
-            let present = contributions.filter(|(coverage, _)| **coverage > 0.0);
-            present.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], (_, &coc)| {
-                [near.min(coc), far.max(coc)]
-            })
-        };
-        let ranges =
-            |peel: &Peel| (0..peel.coc_px.height()).into_par_iter().map(|y| range(peel, y)).collect();
-        let ranges_px = peels.iter().map(ranges).collect();
+        let ranges_px = peels.iter().map(ranges_px).collect();
         let channels = peels.first().map_or(0, |peel| peel.sheet.content.len()) + 1;
         Self { peels, ranges_px, channels }
     }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Boxes in a row that make a Gaussian; even, so that the last one ends where the first began.
-const PASSES: usize = 4;
+pub(super) const PASSES: usize = 4;
 
 /// Lines that are blurred side by side.
 const LANES: usize = 16;
@@ -28,8 +28,7 @@ type Lines = [f32; LANES];
 
 /// Blurs `plane` by a Gaussian of standard deviation `sigma_px`, border repeated.
 pub(super) fn blur(plane: &mut Plane, sigma_px: f32) {
-    let (width, filter) =
-        (plane.width(), ExtendedBox::of_variance(f64::from(sigma_px).powi(2) / PASSES as f64));
+    let (width, filter) = (plane.width(), ExtendedBox::of_sigma(sigma_px));
     if width == 0 {
         return;
     }
@@ -56,13 +55,18 @@ fn strips(plane: &mut Plane) -> Vec<Vec<&mut [f32]>> {
 
 /// Weight `scale` within `radius` samples of the middle, `scale · edge` one sample further.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct ExtendedBox {
-    radius: usize,
-    edge: f64,
-    scale: f64,
+pub(super) struct ExtendedBox {
+    pub radius: usize,
+    pub edge: f64,
+    pub scale: f64,
 }
 
 impl ExtendedBox {
+    /// The one of which [`PASSES`] passes make a Gaussian of standard deviation `sigma_px`.
+    pub(super) fn of_sigma(sigma_px: f32) -> Self {
+        Self::of_variance(f64::from(sigma_px).powi(2) / PASSES as f64)
+    }
+
     /// The extended box of this variance.
     ///
     /// A box of radius `r` has variance `r(r+1)/3`; `r` is the largest with no more than `variance`, and the edge solves
@@ -75,7 +79,7 @@ impl ExtendedBox {
     }
 
     /// How far [`PASSES`] passes carry a sample.
-    fn reach(&self) -> usize {
+    pub(super) fn reach(&self) -> usize {
         PASSES * (self.radius + 1)
     }
 }

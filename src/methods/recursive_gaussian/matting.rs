@@ -18,11 +18,11 @@ use rayon::prelude::*;
 /// A peel by depth.
 #[derive(Debug)]
 pub(super) struct DepthPeel {
-    sheet: Sheet,
+    pub sheet: Sheet,
     /// As of [`depth`]; finite.
-    depth: Plane,
+    pub depth: Plane,
     /// Least and greatest depth in each row; none in a row without fragments.
-    spans: Vec<[f32; 2]>,
+    pub spans: Vec<[f32; 2]>,
 }
 
 impl DepthPeel {
@@ -48,10 +48,10 @@ impl DepthPeel {
 
 /// A rise from 0 to 1, linear in depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Ramp {
-    from: f32,
-    to: f32,
-    slope: f32,
+pub(super) struct Ramp {
+    pub from: f32,
+    pub to: f32,
+    pub slope: f32,
 }
 
 impl Ramp {
@@ -77,11 +77,11 @@ impl Ramp {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Matte {
     /// `z_{k−2} … z_{k−1}`, where fragments of the nearer layer reach into this one.
-    rise: Ramp,
+    pub rise: Ramp,
     /// `z_{k−1} … z_k`, where this layer's own fragments fade out of the nearer one.
-    own: Ramp,
+    pub own: Ramp,
     /// `z_k … z_{k+1}`, where fragments of the farther layer fade out of this one.
-    fall: Ramp,
+    pub fall: Ramp,
 }
 
 impl Matte {
@@ -111,7 +111,7 @@ impl Matte {
     }
 
     /// Whether anything of the depths in `span` is in the layer.
-    fn meets(&self, span: [f32; 2]) -> bool {
+    pub(super) fn meets(&self, span: [f32; 2]) -> bool {
         span[0] <= self.fall.to && span[1] >= self.rise.from
     }
 }

@@ -21,8 +21,12 @@
 //! softened by a pixel; `anchor = 0`, a layer's boundary at its own CoC (as in Kraus 2011), takes that away. And
 //! layers overlap, each fragment twofold, which nothing hides any more once the blur is wider than the object: thin
 //! bars far from focus come out up to twice as dense.
+//!
+//! GPU twin: `shaders/methods/recursive_gaussian.wgsl`.
 
 mod gaussian;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod layers;
 mod matting;
 
@@ -120,6 +124,11 @@ impl Method for RecursiveGaussian {
         (0..=layers.back).rev().for_each(|layer| add(&mut back, layer));
         front.sheet.over(&back.sheet);
         Ok(front.sheet.into_picture())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn super::Twin> {
+        Some(self)
     }
 }
 

@@ -5,6 +5,8 @@ mod content;
 mod disc;
 mod fragments;
 mod nbuffer;
+#[cfg(feature = "gpu")]
+mod planes;
 mod pyramid;
 #[cfg(feature = "gpu")]
 mod ray_goes;
@@ -17,8 +19,14 @@ pub(super) use disc::{DiscAreas, soft_area};
 pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
+#[cfg(feature = "gpu")]
+pub(super) use planes::{Frame, Planes, RowNeeds, SHEET_WGSL, at_pixels, picture_in_bands};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
+#[cfg(feature = "gpu")]
+pub(super) use pyramid::{Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
 pub(super) use ray_goes::{Go, Goes, RAY_SUMS};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;
+#[cfg(feature = "gpu")]
+pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};

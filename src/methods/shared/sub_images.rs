@@ -8,9 +8,31 @@
 //!
 //! The weights of neighbours overlap so that the farther of two is whole where the nearer fades: laid over one another
 //! they mix in the nearer one's share.
+//!
+//! GPU twin: `shaders/shared/sub_images.wgsl`.
 
 use super::pyramid::most_levels;
+#[cfg(feature = "gpu")]
+use crate::gpu::mirrored;
 use pulp::{Arch, NullaryFnOnce};
+
+/// Text of `shaders/shared/sub_images.wgsl`.
+#[cfg(feature = "gpu")]
+pub(in crate::methods) const SUB_IMAGES_WGSL: &str = include_str!("../../../shaders/shared/sub_images.wgsl");
+
+#[cfg(feature = "gpu")]
+mirrored! {
+    /// The matting weight of a sub-image: two [`Ramp`]s, each of which may be missing.
+    pub(in crate::methods) struct Matting {
+        rises: u32,
+        rise_start: f32,
+        rise_scale: f32,
+        falls: u32,
+        fall_start: f32,
+        fall_scale: f32,
+        inverse: f32,
+    }
+}
 
 /// The sub-images that a picture needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,8 +87,26 @@ impl SubImages {
 
     /// Matting weight `ω_i` of fragments of CoC radius `coc_px` (Figure 2).
     pub(in crate::methods) fn weigh(&self, i: i32, coc_px: &[f32], weights: &mut [f32]) {
-        let fall = self.anchor(i + 1).map(|end| self.ramp(self.anchors_px[self.place(i)], end));
-        Arch::new().dispatch(Weigh { rise: self.rise(i), fall, coc_px, weights });
+        Arch::new().dispatch(Weigh { rise: self.rise(i), fall: self.fall(i), coc_px, weights });
+    }
+
+    /// What [`Self::weigh`] weighs by.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn matting(&self, i: i32) -> Matting {
+        let inverse = 1.0 / self.coc_infinity_px;
+        let none = Ramp { start: 0.0, scale: 0.0, inverse };
+        let (rise, fall) = (self.rise(i), self.fall(i));
+        let [rises, falls] = [rise, fall].map(|ramp| u32::from(ramp.is_some()));
+        let [rise, fall] = [rise, fall].map(|ramp| ramp.unwrap_or(none));
+        Matting {
+            rises,
+            rise_start: rise.start,
+            rise_scale: rise.scale,
+            falls,
+            fall_start: fall.start,
+            fall_scale: fall.scale,
+            inverse,
+        }
     }
 
     /// Share of fragments of CoC radius `coc_px` that is not before the range of sub-image `i`: the weight without its fall.
@@ -85,6 +125,10 @@ impl SubImages {
     fn rise(&self, i: i32) -> Option<Ramp> {
         (!self.is_nearest(i))
             .then(|| self.ramp(self.anchors_px[self.place(i) - 2], self.anchors_px[self.place(i) - 1]))
+    }
+
+    fn fall(&self, i: i32) -> Option<Ramp> {
+        self.anchor(i + 1).map(|end| self.ramp(self.anchors_px[self.place(i)], end))
     }
 
     /// From 0 at CoC radius `start` to 1 at `end`, linear in depth.

@@ -10,6 +10,14 @@
 //!
 //! Work is done row by row: a level is made from a function that writes rows of the finer one, so that the finest need
 //! not be stored.
+//!
+//! GPU twin: `shaders/shared/pyramid.wgsl`.
+
+#[cfg(feature = "gpu")]
+mod gpu;
+
+#[cfg(feature = "gpu")]
+pub(in crate::methods) use gpu::{Levels, PYRAMID_WGSL, Step, corners, reach};
 
 use super::content::row_blocks;
 use crate::image::Plane;

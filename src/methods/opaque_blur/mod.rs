@@ -19,6 +19,11 @@
 //! Cost: pixels × sub-images, about two for each doubling of the largest CoC radius, whatever the scene. Memory: six
 //! planes and a pyramid. Limits: one colour and depth a pixel; no aperture shape; behind focus no sub-image is blurred by
 //! more than `r_∞`, so what is beyond the last that is possible is blurred by up to half too little.
+//!
+//! GPU twin: `shaders/methods/opaque_blur.wgsl`.
+
+#[cfg(feature = "gpu")]
+mod gpu;
 
 use super::shared::{self, BOX, Edge, Grid, Rows, Sheet, SubImages, Visible};
 use super::{Deviation, Law, Method, MethodInfo, Progress};
@@ -44,9 +49,8 @@ impl Method for OpaqueBlur {
     }
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let first_radius_px = plan.parameters.opaque_blur.first_radius_px;
-        let (frame, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
-        let images = SubImages::new(first_radius_px, plan.coc_range_px, coc_infinity_px, frame);
+        let frame = scene.picture_size();
+        let images = sub_images(&scene, plan);
         let visible = shared::visible(scene, plan);
         let mut result = Sheet::unknown(frame.0, frame.1, visible.content.len());
         let count = images.far_to_near().count();
@@ -56,6 +60,17 @@ impl Method for OpaqueBlur {
         }
         Ok(result.into_picture())
     }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn super::Twin> {
+        Some(self)
+    }
+}
+
+/// The sub-images that the picture of `scene` is cut into.
+fn sub_images(scene: &Scene, plan: &Plan) -> SubImages {
+    let first_radius_px = plan.parameters.opaque_blur.first_radius_px;
+    SubImages::new(first_radius_px, plan.coc_range_px, scene.coc_infinity_px, scene.picture_size())
 }
 
 /// Figures of the laws' cases, rounded outward.

@@ -1,0 +1,352 @@
+// A-buffer and B-buffers (2003): contributions splatted into two pyramids, before and behind focus, at the level of their blur.
+// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, pyramid.wgsl.
+//
+// Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
+// One pyramid serves all levels of a field, the coarsest first: what goes to level n is splatted to level 1 and reduced to n,
+// and what was united at n + 1 lies above it.
+//
+// cull:         takes from a peel what the A-buffer need not keep.
+// clear:        level 1 without contributions.
+// splat:        adds a peel's contributions that go to a level to level 1.
+// saturate_top: the coarsest level with occupancy of one at most.
+// unite_level:  a level and what is expanded from the coarser one.
+// clear_sums:   sums of nothing.
+// gather:       adds a peel's contributions that go to level 0 to the sums.
+// lay:          the sums and what is expanded from level 1, over the result.
+// lay_in_focus: a peel's contributions in focus over the result.
+
+struct Weighing {
+    sign: f32,
+    in_focus_px: f32,
+    rise_start: f32,
+    rise_slope: f32,
+    fall_end: f32,
+    fall_slope: f32,
+    whole: f32,
+    has_levels: u32,
+}
+
+struct PeelFacts {
+    shows: u32,
+    first: u32,
+    first_row: i32,
+    same_surface_px: f32,
+    in_focus_px: f32,
+}
+
+@group(0) @binding(3) var<uniform> weighing: Weighing;
+// Red, green and blue; coverage and CoC radius.
+@group(0) @binding(4) var<storage, read_write> peel_colors: array<f32>;
+@group(0) @binding(5) var<storage, read_write> peel_rest: array<f32>;
+// Sums as a sheet of the rows that are read. While peels are culled, colours are the last opaque CoC radius and what is let through.
+@group(0) @binding(8) var<storage, read_write> sum_colors: array<f32>;
+@group(0) @binding(9) var<storage, read_write> sum_rest: array<f32>;
+@group(0) @binding(10) var<uniform> peel: PeelFacts;
+
+// Coverage from which on nothing is seen behind.
+const OPAQUE_ALPHA: f32 = 0.999;
+// What lies within this share of the winner's CoC radius is of its level.
+const SAME_SURFACE_SHARE: f32 = 0.5;
+// Farther in front of everything than any CoC radius.
+const NO_SURFACE_PX: f32 = -3e38;
+
+fn source_plane() -> i32 {
+    return frame.source_rows * frame.width;
+}
+
+// Which share of the contribution at hand is kept; negative transmission in front of focus means that a pixel is closed.
+fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
+    let plane = source_plane();
+    var surface_px = NO_SURFACE_PX;
+    var through = vec2f(1.0);
+    if peel.first == 0u {
+        surface_px = sum_colors[index];
+        through = vec2f(sum_colors[plane + index], sum_colors[2 * plane + index]);
+    }
+    let same_px = max(peel.same_surface_px, SAME_SURFACE_SHARE * abs(surface_px));
+    let drops = alpha <= 0.0 || through.x < 0.0 || abs(coc_px - surface_px) < same_px;
+    let behind = coc_px > 0.0;
+    let share = select(through.x, through.y, behind);
+    if !drops && alpha >= OPAQUE_ALPHA {
+        surface_px = coc_px;
+        through = vec2f(select(1.0, -1.0, behind), 1.0);
+    } else if !drops {
+        through *= select(vec2f(1.0 - alpha, 1.0), vec2f(1.0, 1.0 - alpha), behind);
+    }
+    sum_colors[index] = surface_px;
+    sum_colors[plane + index] = through.x;
+    sum_colors[2 * plane + index] = through.y;
+    return select(share, 0.0, drops);
+}
+
+@compute @workgroup_size(16, 16)
+fn cull(@builtin(global_invocation_id) at: vec3u) {
+    if i32(at.x) >= frame.width || i32(at.y) >= frame.source_rows {
+        return;
+    }
+    let plane = source_plane();
+    let index = i32(at.y) * frame.width + i32(at.x);
+    let kept = keep(index, peel_rest[index], peel_rest[plane + index]);
+    peel_rest[index] *= kept;
+    for (var k = 0; k < 3; k++) {
+        peel_colors[k * plane + index] *= kept;
+    }
+}
+
+// Share of contributions of CoC radius `coc_px` that goes to the level at hand.
+fn weight_of(coc_px: f32) -> f32 {
+    let squared = coc_px * coc_px;
+    let risen = clamp((squared - weighing.rise_start) * weighing.rise_slope, 0.0, 1.0);
+    let left = clamp((weighing.fall_end - squared) * weighing.fall_slope, 0.0, 1.0);
+    return select(0.0, min(risen, left), weighing.sign * coc_px > weighing.in_focus_px);
+}
+
+// A weighed contribution: content, occupancy, and occupancy in the next finer level.
+struct Sample {
+    content: vec4f,
+    occupancy: vec2f,
+}
+
+fn contribution(index: i32) -> Sample {
+    let plane = source_plane();
+    let coc_px = peel_rest[plane + index];
+    let coverage = peel_rest[index];
+    let weight = weight_of(coc_px);
+    let in_finer = select(0.0, 1.0 - weight, weight > 0.0 && coc_px * coc_px < weighing.whole);
+    let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
+    let content = vec4f(colors, select(0.0, coverage, peel.shows == 1u));
+    return Sample(weight * content, coverage * vec2f(weight, in_finer));
+}
+
+// Two coarse samples' parts of a row of fine ones.
+struct Pair {
+    left: vec4f,
+    right: vec4f,
+    left_occupancy: vec2f,
+    right_occupancy: vec2f,
+}
+
+fn contributed_pair(x: i32, y: i32) -> Pair {
+    let a = contribution(source_index(x, y));
+    let b = contribution(source_index(x + 1, y));
+    let c = contribution(source_index(x + 2, y));
+    let d = contribution(source_index(x + 3, y));
+    let e = contribution(source_index(x + 4, y));
+    let f = contribution(source_index(x + 5, y));
+    return Pair(
+        level.inner * (b.content + c.content) + level.outer * (a.content + d.content),
+        level.inner * (d.content + e.content) + level.outer * (c.content + f.content),
+        level.inner * (b.occupancy + c.occupancy) + level.outer * (a.occupancy + d.occupancy),
+        level.inner * (d.occupancy + e.occupancy) + level.outer * (c.occupancy + f.occupancy),
+    );
+}
+
+fn four_rows(a: Pair, b: Pair, c: Pair, d: Pair) -> Pair {
+    return Pair(
+        level.outer * (a.left + d.left) + level.inner * (b.left + c.left),
+        level.outer * (a.right + d.right) + level.inner * (b.right + c.right),
+        level.outer * (a.left_occupancy + d.left_occupancy) + level.inner * (b.left_occupancy + c.left_occupancy),
+        level.outer * (a.right_occupancy + d.right_occupancy) + level.inner * (b.right_occupancy + c.right_occupancy),
+    );
+}
+
+@compute @workgroup_size(16, 16)
+fn clear(@builtin(global_invocation_id) at: vec3u) {
+    let x = 2 * i32(at.x);
+    let y = 2 * i32(at.y) + level.from_row;
+    if x < level.coarse_width && y < level.to_row {
+        set_coarse(i32(at.z), x, y, vec4f(0.0));
+    }
+}
+
+fn add_coarse(channel: i32, x: i32, y: i32, value: vec4f) {
+    let index = coarse_index(channel, x, y);
+    // What lies past an end is not set.
+    let right = select(0, 1, x + 1 < level.coarse_width);
+    let below = select(0, level.coarse_width, y + 1 < level.to_row);
+    let before = vec4f(levels[index], levels[index + right], levels[index + below], levels[index + below + right]);
+    set_coarse(channel, x, y, before + value);
+}
+
+@compute @workgroup_size(16, 16)
+fn splat(@builtin(global_invocation_id) at: vec3u) {
+    let x = 2 * i32(at.x);
+    let y = 2 * i32(at.y) + level.from_row;
+    if x >= level.coarse_width || y >= level.to_row {
+        return;
+    }
+    let left = 2 * x - 1;
+    let top = 2 * y - 1;
+    let c = contributed_pair(left, top + 2);
+    let d = contributed_pair(left, top + 3);
+    let upper = four_rows(contributed_pair(left, top), contributed_pair(left, top + 1), c, d);
+    let lower = four_rows(c, d, contributed_pair(left, top + 4), contributed_pair(left, top + 5));
+    let content = transpose(mat4x4f(upper.left, upper.right, lower.left, lower.right));
+    for (var k = 0; k < 3; k++) {
+        add_coarse(k, x, y, content[k]);
+    }
+    if frame.channels > 3 {
+        add_coarse(3, x, y, content[3]);
+    }
+    let occupancy = transpose(
+        mat4x2f(upper.left_occupancy, upper.right_occupancy, lower.left_occupancy, lower.right_occupancy)
+    );
+    add_coarse(frame.channels, x, y, occupancy[0]);
+    if weighing.sign > 0.0 {
+        add_coarse(frame.channels + 1, x, y, occupancy[1]);
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn saturate_top(@builtin(global_invocation_id) at: vec3u) {
+    let x = i32(at.x);
+    let y = i32(at.y) + level.from_row;
+    if x >= level.coarse_width || y >= level.to_row {
+        return;
+    }
+    let occupancy = max(levels[coarse_index(frame.channels, x, y)], 1.0);
+    for (var k = 0; k <= frame.channels; k++) {
+        levels[coarse_index(k, x, y)] /= occupancy;
+    }
+}
+
+fn share_of(value: vec4f, room: vec4f) -> vec4f {
+    let left = max(room, vec4f(0.0));
+    let over = value > left;
+    return select(vec4f(1.0), left / select(vec4f(1.0), value, over), over);
+}
+
+// How much is kept of what a level holds itself, and of what is expanded from the coarser one.
+struct Shares {
+    own: vec4f,
+    coarser: vec4f,
+}
+
+fn shares(own: vec4f, in_finer: vec4f, coarser: vec4f) -> Shares {
+    if weighing.sign > 0.0 {
+        let kept = share_of(own, vec4f(1.0));
+        return Shares(kept, share_of(coarser, 1.0 - own * kept - in_finer));
+    }
+    return Shares(share_of(own, 1.0 - coarser), vec4f(1.0));
+}
+
+// Four samples of the finer level, of which those that are not there are the first.
+fn fine_samples(channel: i32, index: vec4i) -> vec4f {
+    let at = index + channel * level.fine_rows * level.fine_width;
+    return vec4f(levels[at.x], levels[at.y], levels[at.z], levels[at.w]);
+}
+
+@compute @workgroup_size(16, 16)
+fn unite_level(@builtin(global_invocation_id) at: vec3u) {
+    let column = i32(at.x);
+    let row = i32(at.y) + (level.from_row + 1) / 2;
+    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column);
+    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row);
+    let makes = (x >= vec4i(0)) & (x < vec4i(level.fine_width)) & (y >= vec4i(level.from_row)) & (y < vec4i(level.to_row));
+    if !any(makes) {
+        return;
+    }
+    let places = level.fine_start + (y - level.fine_first) * level.fine_width + x;
+    let index = select(vec4i(level.fine_start), places, makes);
+    let around = corners(column, row);
+    let finer = select(vec4f(0.0), fine_samples(frame.channels + 1, index), weighing.sign > 0.0);
+    let share = shares(fine_samples(frame.channels, index), finer, expanded(frame.channels, around));
+    for (var channel = 0; channel <= frame.channels; channel++) {
+        let united = share.own * fine_samples(channel, index) + share.coarser * expanded(channel, around);
+        for (var k = 0; k < 4; k++) {
+            if makes[k] {
+                levels[index[k] + channel * level.fine_rows * level.fine_width] = united[k];
+            }
+        }
+    }
+}
+
+fn sum_pixel(index: i32) -> Pixel {
+    let plane = source_plane();
+    // Where the background is closed that is coverage.
+    let alpha = sum_rest[index];
+    let colors = vec3f(sum_colors[index], sum_colors[plane + index], sum_colors[2 * plane + index]);
+    let coverage = sum_rest[(frame.channels - 3) * plane + index];
+    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
+}
+
+fn set_sum_pixel(index: i32, pixel: Pixel) {
+    let plane = source_plane();
+    sum_colors[index] = pixel.content.r;
+    sum_colors[plane + index] = pixel.content.g;
+    sum_colors[2 * plane + index] = pixel.content.b;
+    if frame.channels > 3 {
+        sum_rest[index] = pixel.content.a;
+    }
+    sum_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
+}
+
+@compute @workgroup_size(16, 16)
+fn clear_sums(@builtin(global_invocation_id) at: vec3u) {
+    if i32(at.x) < frame.width && i32(at.y) < frame.source_rows {
+        set_sum_pixel(i32(at.y) * frame.width + i32(at.x), Pixel(vec4f(0.0), 0.0));
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn gather(@builtin(global_invocation_id) at: vec3u) {
+    let row = i32(at.y) + peel.first_row - frame.source_first;
+    if i32(at.x) >= frame.width || row >= frame.source_rows {
+        return;
+    }
+    let index = row * frame.width + i32(at.x);
+    let own = contribution(index);
+    let sum = sum_pixel(index);
+    set_sum_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.occupancy.x));
+}
+
+@compute @workgroup_size(16, 16)
+fn lay(@builtin(global_invocation_id) at: vec3u) {
+    let column = i32(at.x) + (frame.origin_x + 1) / 2;
+    let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
+    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column) - frame.origin_x;
+    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row) - frame.origin_y - frame.made_first;
+    let makes = (x >= vec4i(0)) & (x < vec4i(frame.width)) & (y >= vec4i(0)) & (y < vec4i(frame.made_rows));
+    if !any(makes) {
+        return;
+    }
+    let index = select(vec4i(0), y * frame.width + x, makes);
+    let source = index + (frame.made_first - frame.source_first) * frame.width;
+    let around = corners(column, row);
+    let levels_there = weighing.has_levels == 1u;
+    let coarser = select(vec4f(0.0), expanded(frame.channels, around), levels_there);
+    let a = sum_pixel(source.x);
+    let b = sum_pixel(source.y);
+    let c = sum_pixel(source.z);
+    let d = sum_pixel(source.w);
+    let own = vec4f(a.coverage, b.coverage, c.coverage, d.coverage);
+    let own_content = mat4x4f(a.content, b.content, c.content, d.content);
+    let share = shares(own, vec4f(0.0), coarser);
+    let occupancy = share.own * own + share.coarser * coarser;
+    // Without levels nothing is kept of what is read there.
+    let content = expanded_content(around);
+    for (var k = 0; k < 4; k++) {
+        if makes[k] {
+            let below = select(vec4f(0.0), content[k], levels_there);
+            lay_over(index[k], Pixel(share.own[k] * own_content[k] + share.coarser[k] * below, occupancy[k]));
+        }
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn lay_in_focus(@builtin(global_invocation_id) at: vec3u) {
+    let row = i32(at.y) + peel.first_row - frame.made_first;
+    if i32(at.x) >= frame.width || row >= frame.made_rows {
+        return;
+    }
+    let plane = source_plane();
+    let source = (row + frame.made_first - frame.source_first) * frame.width + i32(at.x);
+    if abs(peel_rest[plane + source]) > peel.in_focus_px {
+        return;
+    }
+    let index = row * frame.width + i32(at.x);
+    let coverage = peel_rest[source];
+    let colors = vec3f(peel_colors[source], peel_colors[plane + source], peel_colors[2 * plane + source]);
+    let alpha = select(0.0, coverage, peel.shows == 1u);
+    lay_over(index, Pixel(vec4f(colors, alpha), coverage));
+}

@@ -1,0 +1,207 @@
+// Depth layers matted out of the peels, blurred and composed in one cascade of Gaussians (Schedl & Wimmer 2012).
+// CPU twin: src/methods/recursive_gaussian/. Before it: sheet.wgsl.
+//
+// Every sheet but the finished one has the rows that the band reads.
+//
+// see:        how much of a peel is seen through those before it.
+// share:      adds a layer's part of a peel to the layer (eqs. 2 to 4).
+// before:     composes a sheet with a layer before it.
+// behind:     composes a sheet with a layer behind it.
+// pass_along: an extended box along every line.
+// finish:     a sheet's rows that the band makes, divided by coverage.
+
+struct Matting {
+    rise_from: f32,
+    rise_to: f32,
+    rise_slope: f32,
+    own_from: f32,
+    own_to: f32,
+    own_slope: f32,
+    fall_from: f32,
+    fall_to: f32,
+    fall_slope: f32,
+    shows: u32,
+    first: u32,
+}
+
+struct Lines {
+    count: i32,
+    length: i32,
+    from_first: i32,
+    from_plane: i32,
+    from_line: i32,
+    from_sample: i32,
+    to_first: i32,
+    to_plane: i32,
+    to_line: i32,
+    to_sample: i32,
+    chunk: i32,
+    radius: i32,
+    edge: f32,
+    scale: f32,
+    steps: f32,
+    step: f32,
+    fine_steps: f32,
+    fine_step: f32,
+}
+
+struct Part {
+    first_row: i32,
+    rows: i32,
+}
+
+@group(0) @binding(3) var<uniform> matting: Matting;
+// Red, green and blue; coverage and depth.
+@group(0) @binding(4) var<storage, read> peel_colors: array<f32>;
+@group(0) @binding(5) var<storage, read> peel_rest: array<f32>;
+// A sheet in the making, or one that is composed with another.
+@group(0) @binding(8) var<storage, read_write> layer_colors: array<f32>;
+@group(0) @binding(9) var<storage, read_write> layer_rest: array<f32>;
+@group(0) @binding(10) var<storage, read> seen: array<f32>;
+@group(0) @binding(11) var<storage, read_write> seen_behind: array<f32>;
+// Planes before and after a pass.
+@group(0) @binding(12) var<storage, read> from_planes: array<f32>;
+@group(0) @binding(13) var<storage, read_write> to_planes: array<f32>;
+@group(0) @binding(14) var<uniform> lines: Lines;
+@group(0) @binding(15) var<uniform> part: Part;
+
+// Coverage from which on nothing is seen behind.
+const OPAQUE_ALPHA: f32 = 0.999;
+// Smaller values are 0.
+const LEAST: f32 = 1e-20;
+
+fn source_plane() -> i32 {
+    return frame.source_rows * frame.width;
+}
+
+// The pixel of the part of the rows that are read, -1 where there is none.
+fn part_pixel(at: vec3u) -> i32 {
+    let inside = i32(at.x) < frame.width && i32(at.y) < part.rows;
+    return select(-1, (i32(at.y) + part.first_row) * frame.width + i32(at.x), inside);
+}
+
+fn layer_pixel(index: i32) -> Pixel {
+    let plane = source_plane();
+    // Where the background is closed that is coverage.
+    let alpha = layer_rest[index];
+    let colors = vec3f(layer_colors[index], layer_colors[plane + index], layer_colors[2 * plane + index]);
+    let coverage = layer_rest[(frame.channels - 3) * plane + index];
+    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
+}
+
+fn set_layer_pixel(index: i32, pixel: Pixel) {
+    let plane = source_plane();
+    layer_colors[index] = pixel.content.r;
+    layer_colors[plane + index] = pixel.content.g;
+    layer_colors[2 * plane + index] = pixel.content.b;
+    if frame.channels > 3 {
+        layer_rest[index] = pixel.content.a;
+    }
+    layer_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
+}
+
+@compute @workgroup_size(16, 16)
+fn see(@builtin(global_invocation_id) at: vec3u) {
+    let index = part_pixel(at);
+    if index >= 0 {
+        let alpha = peel_rest[index];
+        seen_behind[index] = seen[index] * select(1.0 - alpha, 0.0, alpha >= OPAQUE_ALPHA);
+    }
+}
+
+// From 0 to 1, linear in depth; a ramp of no width is a step.
+fn ramp(depth: f32, start: f32, end: f32, slope: f32) -> f32 {
+    let risen = select(min((depth - start) * slope, 1.0), 1.0, depth >= end);
+    return select(risen, 0.0, depth < start);
+}
+
+// What the layer gets of a fragment of which a share is seen.
+fn share_of(depth: f32, alpha: f32, seen_share: f32) -> f32 {
+    let nearer = seen_share * (1.0 - ramp(depth, matting.own_from, matting.own_to, matting.own_slope));
+    // The divisor of what is not opaque is far from 0; that of what is, is not used.
+    let own = select(0.0, (1.0 - nearer) / max(1.0 - alpha * nearer, 1e-6), depth > matting.rise_to);
+    let rise = ramp(depth, matting.rise_from, matting.rise_to, matting.rise_slope);
+    let not_past = select(own, rise, alpha >= OPAQUE_ALPHA);
+    let past = seen_share * (1.0 - ramp(depth, matting.fall_from, matting.fall_to, matting.fall_slope));
+    return select(0.0, select(past, not_past, depth <= matting.fall_from), alpha > 0.0);
+}
+
+@compute @workgroup_size(16, 16)
+fn share(@builtin(global_invocation_id) at: vec3u) {
+    let index = part_pixel(at);
+    if index < 0 {
+        return;
+    }
+    let plane = source_plane();
+    let alpha = peel_rest[index];
+    var layer = Pixel(vec4f(0.0), 0.0);
+    if matting.first == 0u {
+        layer = layer_pixel(index);
+    }
+    let own = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, seen[index]);
+    let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
+    let content = vec4f(colors, select(0.0, alpha, matting.shows == 1u));
+    set_layer_pixel(index, Pixel(layer.content + own * content, layer.coverage + own * alpha));
+}
+
+@compute @workgroup_size(16, 16)
+fn before(@builtin(global_invocation_id) at: vec3u) {
+    let index = part_pixel(at);
+    if index >= 0 {
+        lay_over(index, layer_pixel(index));
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn behind(@builtin(global_invocation_id) at: vec3u) {
+    let index = part_pixel(at);
+    if index >= 0 {
+        set_result_pixel(index, over(result_pixel(index), layer_pixel(index)));
+    }
+}
+
+// A value in whole steps, and what is left of it in whole fine steps: sums of such never drift, whatever enters and leaves them.
+fn in_steps(value: f32) -> vec2i {
+    let steps = value * lines.steps;
+    let whole = trunc(steps);
+    return vec2i(i32(whole), i32((steps - whole) * lines.fine_steps));
+}
+
+fn of_steps(sum: vec2i) -> f32 {
+    return f32(sum.x) * lines.step + f32(sum.y) * lines.fine_step;
+}
+
+@compute @workgroup_size(64)
+fn pass_along(@builtin(global_invocation_id) at: vec3u) {
+    let line = i32(at.x);
+    let start = i32(at.y) * lines.chunk;
+    if line >= lines.count || start >= lines.length {
+        return;
+    }
+    let from_first = lines.from_first + i32(at.z) * lines.from_plane + line * lines.from_line;
+    let to_first = lines.to_first + i32(at.z) * lines.to_plane + line * lines.to_line;
+    let last = lines.length - 1;
+    let radius = lines.radius;
+    var sum = vec2i(0);
+    for (var i = start - radius; i <= start + radius; i++) {
+        sum += in_steps(from_planes[from_first + clamp(i, 0, last) * lines.from_sample]);
+    }
+    var previous = from_planes[from_first + clamp(start - radius - 1, 0, last) * lines.from_sample];
+    for (var i = start; i < min(start + lines.chunk, lines.length); i++) {
+        let leaving = from_planes[from_first + max(i - radius, 0) * lines.from_sample];
+        let entering = from_planes[from_first + min(i + radius + 1, last) * lines.from_sample];
+        let value = lines.scale * (of_steps(sum) + lines.edge * (previous + entering));
+        to_planes[to_first + i * lines.to_sample] = select(value, 0.0, abs(value) < LEAST);
+        sum += in_steps(entering) - in_steps(leaving);
+        previous = leaving;
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn finish(@builtin(global_invocation_id) at: vec3u) {
+    if i32(at.x) < frame.width && i32(at.y) < frame.made_rows {
+        let index = i32(at.y) * frame.width + i32(at.x);
+        let source = index + (frame.made_first - frame.source_first) * frame.width;
+        set_result_pixel(index, normalised(layer_pixel(source)));
+    }
+}

@@ -1,0 +1,150 @@
+// Image pyramids: analysis and B-spline synthesis between two levels, for a band of rows.
+// CPU twin: src/methods/shared/pyramid/mod.rs. Before it: sheet.wgsl.
+//
+// A thread makes two by two samples, which share most of what they are made from.
+//
+// Levels 1 and up lie in one buffer, each as [channel][row][column] from `start` on, of which the rows from `first` on are kept.
+// Level 0 is not stored: its samples are pixels of the frame, at source_index.
+//
+// reduce: a level from the finer one.
+
+struct Step {
+    fine_width: i32,
+    fine_height: i32,
+    fine_first: i32,
+    fine_rows: i32,
+    fine_start: i32,
+    coarse_width: i32,
+    coarse_height: i32,
+    coarse_first: i32,
+    coarse_rows: i32,
+    coarse_start: i32,
+    from_row: i32,
+    to_row: i32,
+    repeats: u32,
+    outer: f32,
+    inner: f32,
+}
+
+@group(0) @binding(0) var<uniform> level: Step;
+@group(0) @binding(1) var<storage, read_write> levels: array<f32>;
+
+// Where a plane of the source has the sample at a column and a row of level 0; -1 past a clear border.
+fn source_index(x: i32, y: i32) -> i32 {
+    let column = x - frame.origin_x;
+    let row = y - frame.origin_y;
+    let inside = column >= 0 && column < frame.width && row >= 0 && row < frame.height;
+    if !inside && level.repeats == 0u {
+        return -1;
+    }
+    // A row that was not read is one that no sample of the band is made from.
+    let kept_row = clamp(clamp(row, 0, frame.height - 1) - frame.source_first, 0, frame.source_rows - 1);
+    return kept_row * frame.width + clamp(column, 0, frame.width - 1);
+}
+
+fn coarse_index(channel: i32, x: i32, y: i32) -> i32 {
+    let row = channel * level.coarse_rows + y - level.coarse_first;
+    return level.coarse_start + row * level.coarse_width + x;
+}
+
+fn fine_index(channel: i32, x: i32, y: i32) -> i32 {
+    let row = channel * level.fine_rows + y - level.fine_first;
+    return level.fine_start + row * level.fine_width + x;
+}
+
+// Of six samples in a row, the two coarse ones that lie among them.
+fn analysed_pair(left: vec3f, right: vec3f) -> vec2f {
+    return vec2f(
+        level.inner * (left.y + left.z) + level.outer * (left.x + right.x),
+        level.inner * (right.x + right.y) + level.outer * (left.z + right.z),
+    );
+}
+
+fn fine_sample(channel: i32, x: i32, y: i32) -> f32 {
+    let inside = x >= 0 && x < level.fine_width && y >= 0 && y < level.fine_height;
+    if !inside && level.repeats == 0u {
+        return 0.0;
+    }
+    let row = clamp(y, 0, level.fine_height - 1);
+    // A row that is not kept is one that no sample of the band is made from.
+    let kept_row = clamp(row, level.fine_first, level.fine_first + level.fine_rows - 1);
+    return levels[fine_index(channel, clamp(x, 0, level.fine_width - 1), kept_row)];
+}
+
+fn fine_pair(channel: i32, x: i32, y: i32) -> vec2f {
+    return analysed_pair(
+        vec3f(fine_sample(channel, x, y), fine_sample(channel, x + 1, y), fine_sample(channel, x + 2, y)),
+        vec3f(fine_sample(channel, x + 3, y), fine_sample(channel, x + 4, y), fine_sample(channel, x + 5, y)),
+    );
+}
+
+// The coarse rows and columns of the four fine samples around a corner, and whether there is anything.
+struct Corners {
+    index: vec4i,
+    there: vec4<bool>,
+}
+
+// The coarse samples at columns `column - 1` and `column` of row `row - 1`, then those of row `row`.
+fn corners(column: i32, row: i32) -> Corners {
+    let x = vec4i(column - 1, column, column - 1, column);
+    let y = vec4i(row - 1, row - 1, row, row);
+    let width = vec4i(level.coarse_width);
+    let height = vec4i(level.coarse_height);
+    let inside = (x >= vec4i(0)) & (x < width) & (y >= vec4i(0)) & (y < height);
+    let kept_x = clamp(x, vec4i(0), width - 1);
+    let first = vec4i(level.coarse_first);
+    let kept_y = clamp(clamp(y, vec4i(0), height - 1), first, first + level.coarse_rows - 1) - first;
+    return Corners(level.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(level.repeats == 1u));
+}
+
+// The finer level's samples at columns `2 column - 1` and `2 column` of row `2 row - 1`, then those of row `2 row`, by biquadratic
+// interpolation: 3/4 of the nearest coarse sample, 1/4 of the next, either way.
+fn expanded(channel: i32, at: Corners) -> vec4f {
+    let index = at.index + channel * level.coarse_rows * level.coarse_width;
+    let found = vec4f(levels[index.x], levels[index.y], levels[index.z], levels[index.w]);
+    let coarse = select(vec4f(0.0), found, at.there);
+    let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
+    return 0.75 * blend + 0.25 * blend.yxwz;
+}
+
+// The content of four samples of the finer level, each a column.
+fn expanded_content(at: Corners) -> mat4x4f {
+    var alpha = vec4f(0.0);
+    if frame.channels > 3 {
+        alpha = expanded(3, at);
+    }
+    return transpose(mat4x4f(expanded(0, at), expanded(1, at), expanded(2, at), alpha));
+}
+
+@compute @workgroup_size(16, 16)
+fn reduce(@builtin(global_invocation_id) at: vec3u) {
+    let x = 2 * i32(at.x);
+    let y = 2 * i32(at.y) + level.from_row;
+    let channel = i32(at.z);
+    if x >= level.coarse_width || y >= level.to_row {
+        return;
+    }
+    let left = 2 * x - 1;
+    let top = 2 * y - 1;
+    let c = fine_pair(channel, left, top + 2);
+    let d = fine_pair(channel, left, top + 3);
+    let upper = level.outer * (fine_pair(channel, left, top) + d) + level.inner * (fine_pair(channel, left, top + 1) + c);
+    let lower = level.outer * (c + fine_pair(channel, left, top + 5)) + level.inner * (d + fine_pair(channel, left, top + 4));
+    set_coarse(channel, x, y, vec4f(upper, lower));
+}
+
+// Sets the two coarse samples from column x on of row y, and the two below, as far as they are to be made.
+fn set_coarse(channel: i32, x: i32, y: i32, value: vec4f) {
+    let index = coarse_index(channel, x, y);
+    let second = x + 1 < level.coarse_width;
+    levels[index] = value.x;
+    if second {
+        levels[index + 1] = value.y;
+    }
+    if y + 1 < level.to_row {
+        levels[index + level.coarse_width] = value.z;
+        if second {
+            levels[index + level.coarse_width + 1] = value.w;
+        }
+    }
+}

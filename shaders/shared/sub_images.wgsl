@@ -1,0 +1,26 @@
+// Sub-images: how much of each pixel belongs to the one at hand.
+// CPU twin: src/methods/shared/sub_images.rs.
+
+struct Matting {
+    rises: u32,
+    rise_start: f32,
+    rise_scale: f32,
+    falls: u32,
+    fall_start: f32,
+    fall_scale: f32,
+    inverse: f32,
+}
+
+@group(0) @binding(3) var<uniform> matting: Matting;
+
+// From 0 at CoC radius `start` to 1, linear in depth.
+fn ramp(coc_px: f32, start: f32, scale: f32) -> f32 {
+    let nearness = max(1.0 - coc_px * matting.inverse, 1e-6);
+    return clamp((coc_px - start) * scale / nearness, 0.0, 1.0);
+}
+
+fn matting_weight(coc_px: f32) -> f32 {
+    let risen = select(1.0, ramp(coc_px, matting.rise_start, matting.rise_scale), matting.rises == 1u);
+    let fallen = select(0.0, ramp(coc_px, matting.fall_start, matting.fall_scale), matting.falls == 1u);
+    return risen * (1.0 - fallen);
+}

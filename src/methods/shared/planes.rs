@@ -1,0 +1,178 @@
+//! Planes of a band of rows on a GPU: colour in one buffer, all else in another, so that no buffer holds more than three.
+
+use super::content::Sheet;
+use crate::error::Error;
+use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, mirrored, tiles};
+use crate::image::{Image, Plane};
+use crate::methods::Progress;
+use std::ops::Range;
+
+/// Text of `shaders/shared/sheet.wgsl`.
+pub(in crate::methods) const SHEET_WGSL: &str = include_str!("../../../shaders/shared/sheet.wgsl");
+
+mirrored! {
+    /// Where a band's pixels lie in the frame, and the frame in level 0 of a pyramid.
+    pub(in crate::methods) struct Frame {
+        /// Size of the frame.
+        width: i32,
+        height: i32,
+        /// The rows that the band reads.
+        source_first: i32,
+        source_rows: i32,
+        /// The rows that it makes.
+        made_first: i32,
+        made_rows: i32,
+        /// Column and row of level 0 where the frame begins.
+        origin_x: i32,
+        origin_y: i32,
+        /// Planes of content.
+        channels: i32,
+    }
+}
+
+impl Frame {
+    /// That of a `band` of a frame of `size`.
+    pub(in crate::methods) fn new(
+        (width, height): (usize, usize),
+        Band { rows, source }: &Band,
+        channels: usize,
+    ) -> Self {
+        Self {
+            width: width as i32,
+            height: height as i32,
+            source_first: source.start as i32,
+            source_rows: source.len() as i32,
+            made_first: rows.start as i32,
+            made_rows: rows.len() as i32,
+            origin_x: 0,
+            origin_y: 0,
+            channels: channels as i32,
+        }
+    }
+}
+
+/// Planes in the first buffer, and the most in the second.
+const IN_A_BUFFER: usize = 3;
+
+/// Side of the workgroups that work at planes and levels.
+pub(super) const TILE: usize = 16;
+
+/// Planes of one size.
+#[derive(Debug)]
+pub(in crate::methods) struct Planes {
+    /// Red, green and blue.
+    pub colors: Buffer,
+    /// What else there is, in the method's order.
+    pub rest: Buffer,
+}
+
+impl Planes {
+    /// These rows of `planes`.
+    ///
+    /// # Errors
+    /// When they do not fit, or the device fails.
+    pub(in crate::methods) fn upload(
+        gpu: &Gpu,
+        planes: &[&Plane],
+        rows: &Range<usize>,
+    ) -> Result<Self, Error> {
+        let part = |planes: &[&Plane]| {
+            let part = |plane: &&Plane| plane.width() * rows.start..plane.width() * rows.end;
+            let parts: Vec<&[f32]> = planes.iter().map(|plane| &plane.values()[part(plane)]).collect();
+            gpu.upload_all("the frame's planes", &parts)
+        };
+        let (colors, rest) = planes.split_at(planes.len().min(IN_A_BUFFER));
+        Ok(Self { colors: part(colors)?, rest: part(rest)? })
+    }
+
+    /// Colour, coverage and CoC radius (or what stands for it) of these rows of a peel. An open background's alpha is its coverage,
+    /// or nothing in the backdrop.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub(in crate::methods) fn of_peel(
+        gpu: &Gpu,
+        sheet: &Sheet,
+        coc_px: &Plane,
+        rows: &Range<usize>,
+    ) -> Result<Self, Error> {
+        let planes: Vec<&Plane> =
+            sheet.content.iter().take(IN_A_BUFFER).chain([&sheet.coverage, coc_px]).collect();
+        Self::upload(gpu, &planes, rows)
+    }
+
+    /// `count` planes of `values` zeros each.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub(in crate::methods) fn zeros(gpu: &Gpu, count: usize, values: usize) -> Result<Self, Error> {
+        let zeros = |count: usize| gpu.zeros::<f32>("the frame's planes", count * values);
+        Ok(Self { colors: zeros(count.min(IN_A_BUFFER))?, rest: zeros(count.saturating_sub(IN_A_BUFFER))? })
+    }
+
+    /// Copies red, green, blue and, if it is there as the first of the rest, alpha to these rows of `image`.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn read_into(&self, gpu: &Gpu, image: &mut Image, rows: &Range<usize>, open: bool) -> Result<(), Error> {
+        let [red, green, blue, alpha] = image.planes.each_mut().map(|plane| {
+            let width = plane.width();
+            &mut plane.values_mut()[width * rows.start..width * rows.end]
+        });
+        gpu.read_into(&self.colors, &mut [red, green, blue])?;
+        if open {
+            return gpu.read_into(&self.rest, &mut [alpha]);
+        }
+        alpha.fill(1.0);
+        Ok(())
+    }
+}
+
+/// What a method needs for each row of a band.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::methods) struct RowNeeds {
+    /// Planes in all.
+    pub planes: usize,
+    /// Values of the largest buffer but for those of planes.
+    pub values: usize,
+}
+
+/// A picture of `size` made band by band: `make(band, progress)` makes one, of content and whatever comes after it; `open` is whether
+/// content has an alpha of its own.
+///
+/// # Errors
+/// When not even a row fits, or the device fails.
+pub(in crate::methods) fn picture_in_bands(
+    gpu: &Gpu,
+    (size, open): ((usize, usize), bool),
+    (reach, needs): (usize, RowNeeds),
+    progress: &Progress<'_>,
+    make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
+) -> Result<Image, Error> {
+    let (width, height) = size;
+    let value_bytes = size_of::<f32>() as u64;
+    let row_bytes = value_bytes * needs.values.max(IN_A_BUFFER * width) as u64;
+    let working_row_bytes = value_bytes * (needs.planes * width + needs.values) as u64;
+    let most_rows = (gpu.most_binding_bytes() / row_bytes).min(gpu.most_working_bytes() / working_row_bytes);
+    let bands = bands(height, reach, most_rows as usize)?;
+    let mut image = Image::transparent(width, height);
+    for (i, band) in bands.iter().enumerate() {
+        let share = |share: f32| progress((i as f32 + share) / bands.len() as f32);
+        make(band, &share)?.read_into(gpu, &mut image, &band.rows, open)?;
+        share(1.0);
+    }
+    Ok(image)
+}
+
+/// Asks for `kernel` at every pixel of `rows` rows.
+///
+/// # Errors
+/// When the bindings are not the kernel's.
+pub(in crate::methods) fn at_pixels(
+    work: &mut Work<'_>,
+    kernel: &Kernel,
+    bindings: &[(u32, &Buffer)],
+    (width, rows): (usize, usize),
+) -> Result<(), Error> {
+    work.pass(kernel, bindings, tiles(width, rows, TILE))
+}
