@@ -28,12 +28,20 @@ struct Tolerance {
     reason: &'static str,
 }
 
-const TOLERANCES: &[Tolerance] = &[Tolerance {
-    method: "shear",
-    apart: 2e-5,
-    outliers: 0.0,
-    reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
-}];
+const TOLERANCES: &[Tolerance] = &[
+    Tolerance {
+        method: "shear",
+        apart: 2e-5,
+        outliers: 0.0,
+        reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
+    },
+    Tolerance {
+        method: "point-splat",
+        apart: 1e-5,
+        outliers: 0.0,
+        reason: "points, weights and the bounds of layers are the CPU's; sums alone are rounded in another order",
+    },
+];
 
 fn tolerance(method: &dyn Method) -> Tolerance {
     let name = method.info().name;

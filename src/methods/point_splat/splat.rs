@@ -114,7 +114,7 @@ struct Scratch<const N: usize> {
 impl<const N: usize> Point<N> {
     /// How many rows away from its pixel, or the upper ones of four, it reaches.
     #[inline(always)]
-    fn reach(&self, centre: Centre) -> i32 {
+    pub(super) fn reach(&self, centre: Centre) -> i32 {
         self.sprite.reach() + i32::from(centre == Centre::Corner)
     }
 
