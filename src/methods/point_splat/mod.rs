@@ -28,6 +28,8 @@
 //! which a pixel has at most two, and the picture. Limits: one hidden layer and three layers a pixel, so where more surfaces
 //! meet within a CoC some are missing or mixed: the far side of an object thicker than ε hides what is behind it, and keeps
 //! its outline hard. Nothing is seen past what lies behind focus.
+//!
+//! GPU twin: `gpu` and `shaders/methods/point_splat.wgsl`.
 
 #[cfg(feature = "gpu")]
 mod gpu;

@@ -104,3 +104,57 @@ impl Table {
         numbers.into_par_iter().flat_map_iter(weights).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::layers::Light;
+    use super::*;
+    use crate::lens::Aperture;
+
+    fn point(coc_px: f32) -> Point<1> {
+        let light = Light { content: [1.0], alpha: 1.0, coc_px, hidden: false };
+        Point { column: 0, sprite: Sprite::of(coc_px), light }
+    }
+
+    #[test]
+    fn a_table_has_the_rows_of_every_sprite_that_points_have_and_no_others() {
+        let sprites = Sprites::new(Aperture::new(5, 20.0).unwrap(), &[1.0, 0.5]);
+        let points =
+            [(point(3.0), Centre::Pixel), (point(-3.0), Centre::Pixel), (point(5.0), Centre::Corner)];
+        let table = Table::new(points.iter().map(|(point, centre)| (point, *centre)), (40, 30));
+        let weights = table.weights(&sprites);
+        // Squares of 4 and 6 pixels around the centre, a row and a column more, and one more row for the corner.
+        assert_eq!((table.count, weights.len()), (10 * 10 + 14 * 16, 324));
+        let total: f32 = weights.iter().sum();
+        assert!((total - 2.0).abs() < 1e-3, "a sprite of either kind: {total}");
+        let mut row = Vec::new();
+        for (point, centre) in &points[1..] {
+            let behind = Sprite(point.sprite.0 & !1);
+            let place = Place { centre: *centre, down: -2, border: INNER };
+            let first = sprites.row(behind, &place, 40, &mut row);
+            let start = table.own(point, *centre) as i32 - 2 * row.len() as i32 + first;
+            assert_eq!(weights[start as usize..][..row.len()], row, "{centre:?}");
+        }
+    }
+
+    #[test]
+    fn a_sprite_in_front_of_focus_is_the_one_behind_it_turned() {
+        let sprites = Sprites::new(Aperture::new(5, 20.0).unwrap(), &[1.0, 0.5]);
+        for (centre, corner) in [(Centre::Pixel, 0), (Centre::Corner, 1)] {
+            for down in -3..=3 {
+                let weights = |coc_px: f32, down| {
+                    let mut row = Vec::new();
+                    sprites.row(Sprite::of(coc_px), &Place { centre, down, border: INNER }, 40, &mut row);
+                    row
+                };
+                let (mut turned, front) = (weights(7.0, corner - down), weights(-7.0, down));
+                turned.reverse();
+                // About a pixel the last column, one more than the first, is empty.
+                let shift = 1 - corner as usize;
+                for (a, b) in turned[shift..].iter().zip(&front) {
+                    assert!((a - b).abs() < 1e-7, "{centre:?}, {down} rows down: {a}, {b}");
+                }
+            }
+        }
+    }
+}
