@@ -22,13 +22,19 @@ pub(super) struct Limits {
     behind_range: [f32; 2],
 }
 
+/// The bounds of the same-depth layer of a pixel whose visible CoC radius is `visible_px`: `c_v − δ|c_v|`, `c_v + δ|c_v|`.
+pub(super) fn bounds(visible_px: f32, delta: f32) -> [f32; 2] {
+    let width = delta * visible_px.abs();
+    [visible_px - width, visible_px + width]
+}
+
 impl Limits {
     /// The bounds for visible CoC radii `visible_px`, a block or what is left of a row, and `delta` δ.
     pub(super) fn new(visible_px: &[f32], delta: f32) -> Self {
         let last = visible_px.last().copied().unwrap_or(0.0);
         let at = |lane: usize| visible_px.get(lane).copied().unwrap_or(last);
-        let front: Lanes = std::array::from_fn(|lane| at(lane) - delta * at(lane).abs());
-        let behind: Lanes = std::array::from_fn(|lane| at(lane) + delta * at(lane).abs());
+        let front: Lanes = std::array::from_fn(|lane| bounds(at(lane), delta)[0]);
+        let behind: Lanes = std::array::from_fn(|lane| bounds(at(lane), delta)[1]);
         let range = |values: &Lanes| {
             let widen = |[least, most]: [f32; 2], &value: &f32| [least.min(value), most.max(value)];
             values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], widen)

@@ -28,7 +28,11 @@
 //! which a pixel has at most two, and the picture. Limits: one hidden layer and three layers a pixel, so where more surfaces
 //! meet within a CoC some are missing or mixed: the far side of an object thicker than ε hides what is behind it, and keeps
 //! its outline hard. Nothing is seen past what lies behind focus.
+//!
+//! GPU twin: `gpu` and `shaders/methods/point_splat.wgsl`.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod hidden;
 mod layers;
 mod reduce;
@@ -99,34 +103,56 @@ impl Method for PointSplat {
         };
         Ok(picture(content))
     }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn super::Twin> {
+        Some(self)
+    }
 }
 
 /// Content planes of the picture: `V` and `H` of `peels`, splatted.
 fn scatter<const N: usize>(
     peels: Vec<Peel>,
-    (width, height): (usize, usize),
+    size: (usize, usize),
     plan: &Plan,
     progress: &Progress<'_>,
 ) -> Vec<Plane> {
-    let parameters = &plan.parameters.point_splat;
-    let hiding = Hiding::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
-    let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
-    let visible_px = visible_coc_px(&peels, (width, height));
-    let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);
-    let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
-    let images = Images { peels, visible_px, edges, hiding, parameters };
-    let mut grids = Vec::new();
-    let mut shares = Shares::none();
-    if parameters.accelerated {
-        let surface = (&images.visible_px, &images.edges[..]);
-        let (reduced_shares, grid) = reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta);
-        shares = reduced_shares;
-        grids.push(grid);
+    let Prepared { grids, sprites, visible_px } = Prepared::<N>::new(peels, size, plan);
+    let limits = Limits::of_picture(&visible_px, plan.parameters.point_splat.delta);
+    drop(visible_px);
+    splat(&grids, &sprites, &limits, size, progress)
+}
+
+/// What is splatted.
+struct Prepared<const N: usize> {
+    /// Reduced points, where there are any, and points at full resolution.
+    grids: Vec<Grid<N>>,
+    sprites: Sprites,
+    /// CoC radius of what is visible, by which pixels have their layers.
+    visible_px: Plane,
+}
+
+impl<const N: usize> Prepared<N> {
+    /// The points of `V` and `H` of `peels`.
+    fn new(peels: Vec<Peel>, (width, height): (usize, usize), plan: &Plan) -> Self {
+        let parameters = &plan.parameters.point_splat;
+        let hiding = Hiding::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
+        let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
+        let visible_px = visible_coc_px(&peels, (width, height));
+        let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);
+        let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
+        let images = Images { peels, visible_px, edges, hiding, parameters };
+        let mut grids = Vec::new();
+        let mut shares = Shares::none();
+        if parameters.accelerated {
+            let surface = (&images.visible_px, &images.edges[..]);
+            let (reduced_shares, grid) = reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta);
+            shares = reduced_shares;
+            grids.push(grid);
+        }
+        grids.push(images.points(&shares));
+        Self { grids, sprites, visible_px: images.visible_px }
     }
-    grids.push(images.points(&shares));
-    let limits = Limits::of_picture(&images.visible_px, parameters.delta);
-    drop(images);
-    splat(&grids, &sprites, &limits, (width, height), progress)
 }
 
 /// The visible and the hidden image.

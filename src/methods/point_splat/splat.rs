@@ -40,7 +40,7 @@ pub(super) struct Grid<const N: usize> {
 
 impl<const N: usize> Grid<N> {
     /// The row of points whose first picture row is `y`, or its repetition past the frame's border.
-    fn row_at(&self, y: i32, height: usize) -> Option<usize> {
+    pub(super) fn row_at(&self, y: i32, height: usize) -> Option<usize> {
         let (spacing, rows) = (self.centre.spacing(), self.rows.len());
         let row = y.div_euclid(spacing as i32);
         let is_row = y.rem_euclid(spacing as i32) == 0 && rows > 0;
@@ -114,7 +114,7 @@ struct Scratch<const N: usize> {
 impl<const N: usize> Point<N> {
     /// How many rows away from its pixel, or the upper ones of four, it reaches.
     #[inline(always)]
-    fn reach(&self, centre: Centre) -> i32 {
+    pub(super) fn reach(&self, centre: Centre) -> i32 {
         self.sprite.reach() + i32::from(centre == Centre::Corner)
     }
 
@@ -126,7 +126,7 @@ impl<const N: usize> Point<N> {
 
     /// Whether it is repeated past the border of a picture `width` wide.
     #[inline(always)]
-    fn border(&self, centre: Centre, width: usize) -> Border {
+    pub(super) fn border(&self, centre: Centre, width: usize) -> Border {
         Border { left: self.column == 0, right: self.column as usize + centre.spacing() == width }
     }
 }
