@@ -1,7 +1,6 @@
 //! Every shader is valid, can be had in each language that a driver speaks, and has the structures of the program; no GPU is needed.
 
 #![cfg(feature = "gpu")]
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 use naga::back::pipeline_constants::process_overrides;
 use naga::back::{PipelineConstants, hlsl, msl, spv};

@@ -87,11 +87,8 @@ impl Gpu {
                 label: Some(shader.name),
                 source: wgpu::ShaderSource::Wgsl(shader.source().into()),
             });
-            let compilation_options = wgpu::PipelineCompilationOptions {
-                constants,
-                zero_initialize_workgroup_memory: false,
-                ..wgpu::PipelineCompilationOptions::default()
-            };
+            let compilation_options =
+                wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
             let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: None,
