@@ -66,8 +66,8 @@ fn devices_lists_the_processor_and_what_auto_chooses_and_why() {
         serde_json::from_str(&stdout(&run(folder.path(), &["devices", "--json"]))).unwrap();
     let processor = json["processor"].as_str().unwrap();
     assert!(text.starts_with(&format!("cpu   {processor}, ")), "{text}");
-    let reason = json["auto_reason"].as_str().unwrap();
-    assert!(text.lines().last().unwrap() == format!("auto  cpu: {reason}"), "{text}");
+    let [auto, reason] = ["auto", "auto_reason"].map(|key| json[key].as_str().unwrap());
+    assert_eq!(text.lines().last().unwrap(), format!("auto  {auto}: {reason}"));
     for adapter in json["adapters"].as_array().unwrap() {
         assert!(text.contains(adapter["name"].as_str().unwrap()), "{text}");
     }
@@ -162,12 +162,37 @@ fn a_reader_that_stops_reading_is_no_failure() {
     assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
 }
 
+/// The program where no graphics driver is found.
+#[cfg(target_os = "linux")]
+fn without_driver(folder: &Path, args: &[&str]) -> Output {
+    let hidden = |variable: &str| (variable.to_owned(), "/nonexistent.json".to_owned());
+    let variables = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(hidden);
+    thinlens(folder, args).envs(variables).output().unwrap()
+}
+
 #[test]
+#[cfg(target_os = "linux")]
 fn a_gpu_asked_for_by_name_is_never_replaced_silently() {
     let folder = tempfile::tempdir().unwrap();
-    let output = run(folder.path(), &["render", STACK, "-o", "a.exr", "--device", "gpu"]);
+    let output = without_driver(folder.path(), &["render", STACK, "-o", "a.exr", "--device", "gpu"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("help: use --device auto"), "{}", stderr(&output));
+    let text = stderr(&output);
+    assert!(
+        text.contains("there is no graphics adapter") && text.contains("help: use --device auto"),
+        "{text}"
+    );
+    assert!(names(folder.path()).is_empty(), "nothing was written");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn without_a_driver_auto_is_the_cpu_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = without_driver(folder.path(), &["render", STACK, "-o", "a.exr"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = stderr(&output);
+    let device = text.lines().find(|line| line.starts_with("device: ")).unwrap();
+    assert!(device.ends_with(": there is no graphics card"), "{device}");
 }
 
 #[test]

@@ -398,7 +398,10 @@ mod the_report {
         ] {
             assert!(keys.iter().any(|found| *found == key), "{key} in {keys:?}");
         }
-        assert_eq!(json["device"], serde_json::json!({"kind": "cpu", "name": "a processor"}));
+        assert_eq!(
+            json["device"],
+            serde_json::json!({"kind": "cpu", "name": "a processor", "reason": "asked for"})
+        );
         assert!(json["probe"].is_null());
         assert_eq!(json["stack"]["kind"], "point-sampled");
     }

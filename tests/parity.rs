@@ -436,3 +436,45 @@ fn a_job_for_the_gpu_runs_there_and_reports_it() {
     assert_eq!(on_cpu.device.kind, DeviceKind::Cpu);
     tolerance(methods::by_name("auto").unwrap()).demand(&rendered.image, &on_cpu.image, "a job");
 }
+
+#[test]
+fn what_cannot_run_on_a_gpu_is_refused_there_and_left_to_the_cpu_by_auto() {
+    if gpu().is_none() {
+        return;
+    }
+    let stack = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/fence/stack.exr");
+    let job = |device, method: &str, effort| Job {
+        sources: vec![Source::File(stack.clone())],
+        flags: Values { method: Some(method.to_owned()), effort, ..Values::default() },
+        device,
+        ..Job::default()
+    };
+    let refused = |method, effort| prepare(&job(DeviceChoice::Gpu, method, effort)).unwrap_err().to_string();
+    let error = refused("scatter", None);
+    assert!(error.contains("scatter runs on the CPU alone") && error.contains("shear"), "{error}");
+    let error = refused("shear", Some(Effort::TimeBudget(1.0)));
+    assert!(error.contains("how long views take"), "{error}");
+    let prepared = prepare(&job(DeviceChoice::Auto, "scatter", None)).unwrap();
+    assert_eq!(prepared.device.kind, DeviceKind::Cpu);
+    assert_eq!(prepared.device.reason, "scatter runs on the CPU alone");
+}
+
+#[test]
+fn a_goal_is_looked_for_on_the_cpu_and_painted_on_the_gpu() {
+    if gpu().is_none() {
+        return;
+    }
+    let stack = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/fence/stack.exr");
+    let job = |device| Job {
+        sources: vec![Source::File(stack.clone())],
+        flags: Values { effort: Some(Effort::TargetDb(35.0)), ..Values::default() },
+        device,
+        ..Job::default()
+    };
+    let [on_gpu, on_cpu] =
+        [DeviceChoice::Gpu, DeviceChoice::Cpu].map(|device| render(&job(device), &|_| {}).unwrap());
+    assert_eq!(on_gpu.device.kind, DeviceKind::Gpu);
+    assert_eq!(on_gpu.plan.views, on_cpu.plan.views, "the same search");
+    assert!(on_gpu.outcome.is_some_and(|outcome| outcome.met));
+    tolerance(methods::by_name("auto").unwrap()).demand(&on_gpu.image, &on_cpu.image, "a goal");
+}

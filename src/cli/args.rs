@@ -338,7 +338,7 @@ impl JobArgs {
     }
 }
 
-/// The job that `input`, `lens` and `effects` describe, its method left open.
+/// The job that `input`, `lens` and `effects` describe, its method left open, on the CPU.
 ///
 /// # Errors
 /// A preset that cannot be read.
@@ -359,6 +359,7 @@ pub(super) fn stack_job(
         preset: preset.transpose()?,
         flags: values(input, lens),
         switches: effects.switches(),
+        device: DeviceChoice::Cpu,
         ..Job::default()
     })
 }
