@@ -474,7 +474,8 @@ fn a_goal_is_looked_for_on_the_cpu_and_painted_on_the_gpu() {
     let [on_gpu, on_cpu] =
         [DeviceChoice::Gpu, DeviceChoice::Cpu].map(|device| render(&job(device), &|_| {}).unwrap());
     assert_eq!(on_gpu.device.kind, DeviceKind::Gpu);
-    assert_eq!(on_gpu.plan.views, on_cpu.plan.views, "the same search");
-    assert!(on_gpu.outcome.is_some_and(|outcome| outcome.met));
+    let [found, expected] = [&on_gpu, &on_cpu].map(|rendered| rendered.outcome.as_ref().unwrap());
+    assert_eq!((found.views, found.met), (expected.views, expected.met), "the same search");
+    assert_eq!(on_gpu.plan.views, Some(found.views), "and what it found is what was painted");
     tolerance(methods::by_name("auto").unwrap()).demand(&on_gpu.image, &on_cpu.image, "a goal");
 }

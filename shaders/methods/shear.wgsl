@@ -526,16 +526,21 @@ fn light_at(hit: Hit) -> vec4f {
     return select(vec4f(0.0), seen, hit.order != NONE);
 }
 
+// What the rays of a thread's pixels see: light as `light_at` has it, how many met nothing, and how many the rim hides.
+struct Seen {
+    first: vec4f,
+    second: vec4f,
+    third: vec4f,
+    fourth: vec4f,
+    missed: vec4f,
+    hidden: vec4f,
+}
+
 @compute @workgroup_size(16, 4)
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    var first_sum = vec4f(0.0);
-    var second_sum = vec4f(0.0);
-    var third_sum = vec4f(0.0);
-    var fourth_sum = vec4f(0.0);
-    var missed = vec4f(0.0);
-    var hidden = vec4f(0.0);
+    var seen: Seen;
     for (var view = 0u; view < params.views_in_go; view++) {
         let list = list_of(view, tile);
         var first = Hit(vec2u(0u), NONE);
@@ -557,18 +562,15 @@ fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile
             }
         }
         let start = start_of(view, tile, at);
-        first_sum += start.x * light_at(first);
-        second_sum += start.y * light_at(second);
-        third_sum += start.z * light_at(third);
-        fourth_sum += start.w * light_at(fourth);
+        seen.first += start.x * light_at(first);
+        seen.second += start.y * light_at(second);
+        seen.third += start.z * light_at(third);
+        seen.fourth += start.w * light_at(fourth);
         let orders = vec4u(first.order, second.order, third.order, fourth.order);
-        missed += select(vec4f(0.0), start, orders == vec4u(NONE));
-        hidden += 1.0 - start;
+        seen.missed += select(vec4f(0.0), start, orders == vec4u(NONE));
+        seen.hidden += 1.0 - start;
     }
-    add(pixel_of(tile, at, 0u), first_sum, missed.x, hidden.x);
-    add(pixel_of(tile, at, 1u), second_sum, missed.y, hidden.y);
-    add(pixel_of(tile, at, 2u), third_sum, missed.z, hidden.z);
-    add(pixel_of(tile, at, 3u), fourth_sum, missed.w, hidden.w);
+    add_four(tile, at, seen);
 }
 
 // What a ray meets: the colour, in its fourth part what of it was in focus; and what is left then, 0 of a ray that is stopped.
@@ -608,16 +610,11 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
 fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    var first_sum = vec4f(0.0);
-    var second_sum = vec4f(0.0);
-    var third_sum = vec4f(0.0);
-    var fourth_sum = vec4f(0.0);
-    var missed = vec4f(0.0);
-    var hidden = vec4f(0.0);
+    var seen: Seen;
     for (var view = 0u; view < params.views_in_go; view++) {
         let list = list_of(view, tile);
         var left = start_of(view, tile, at);
-        hidden += 1.0 - left;
+        seen.hidden += 1.0 - left;
         var entry = 0u;
         loop {
             let next = groups[list + entry];
@@ -626,22 +623,19 @@ fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id
             let second = meet(group, pixel_of(tile, at, 1u), left.y);
             let third = meet(group, pixel_of(tile, at, 2u), left.z);
             let fourth = meet(group, pixel_of(tile, at, 3u), left.w);
-            first_sum += first.light;
-            second_sum += second.light;
-            third_sum += third.light;
-            fourth_sum += fourth.light;
+            seen.first += first.light;
+            seen.second += second.light;
+            seen.third += third.light;
+            seen.fourth += fourth.light;
             left = vec4f(first.left, second.left, third.left, fourth.left);
             entry++;
             if (next.y & LAST) != 0u || all(left <= vec4f(0.0)) {
                 break;
             }
         }
-        missed += left;
+        seen.missed += left;
     }
-    add(pixel_of(tile, at, 0u), first_sum, missed.x, hidden.x);
-    add(pixel_of(tile, at, 1u), second_sum, missed.y, hidden.y);
-    add(pixel_of(tile, at, 2u), third_sum, missed.z, hidden.z);
-    add(pixel_of(tile, at, 3u), fourth_sum, missed.w, hidden.w);
+    add_four(tile, at, seen);
 }
 
 // Adds a go's sums to those of the goes before it.
@@ -658,6 +652,13 @@ fn add(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
     sums[3u * plane + pixel] = sum.a + select(0.0, sums[3u * plane + pixel], more);
     sums[4u * plane + pixel] = missed + select(0.0, sums[4u * plane + pixel], more);
     sums[5u * plane + pixel] = hidden + select(0.0, sums[5u * plane + pixel], more);
+}
+
+fn add_four(tile: vec2u, at: vec2u, seen: Seen) {
+    add(pixel_of(tile, at, 0u), seen.first, seen.missed.x, seen.hidden.x);
+    add(pixel_of(tile, at, 1u), seen.second, seen.missed.y, seen.hidden.y);
+    add(pixel_of(tile, at, 2u), seen.third, seen.missed.z, seen.hidden.z);
+    add(pixel_of(tile, at, 3u), seen.fourth, seen.missed.w, seen.hidden.w);
 }
 
 // The mean over all views: rays that met nothing are transparent where the background is open, and left out of the mean where it

@@ -55,6 +55,9 @@ const ENTRIES: usize = 8;
 /// Most bytes of lists.
 const LISTS_BYTES: u64 = 256 << 20;
 
+/// Rounds of all loops of a thread together, past which Mesa's software driver ends them without a word.
+const MOST_ROUNDS: usize = 60_000;
+
 /// Tiles along one of the shader's squares.
 const SQUARE: usize = 4;
 
@@ -429,7 +432,10 @@ impl<'a> BandWork<'a> {
         let [columns, rows, _] = self.tiles();
         let lists = (columns * rows * self.params.entries) as usize * size_of::<[u32; 2]>();
         let room = self.work.gpu.most_binding_bytes().min(LISTS_BYTES) as usize;
-        let most = (room / lists).min(SHIFTS / self.params.bins as usize);
+        // For each entry the four pixels of a thread look through all texels of keys, and so they do for each fragment of a veil.
+        let texels = self.work.layers.len().div_ceil(LAYERS_PER_TEXEL);
+        let rounds = self.params.entries as usize * (1 + 8 * texels);
+        let most = (room / lists).min(SHIFTS / self.params.bins as usize).min(MOST_ROUNDS / rounds);
         if most == 0 {
             return Err(Error::device("the bins of one view are too large for the GPU")
                 .with("found", format!("{} bins, {columns} × {rows} tiles", self.params.bins))
