@@ -351,7 +351,7 @@ fn shift_of(view: u32, bin: u32) -> vec2i {
     return select(two.xy, two.zw, (i & 1u) == 1u);
 }
 
-// Bit `bin` of the block in which `view` shows what it moves to pixel `corner`: where among windows that is.
+// Where the word is, among windows, that says whether `view` can show `bin` to the tile or square that begins at pixel `corner`.
 fn window_of(corner: vec2u, view: u32, bin: u32) -> u32 {
     let size = blocks_size();
     let block = source_of(corner, shift_of(view, bin)) / BLOCK;
