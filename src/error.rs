@@ -99,6 +99,11 @@ impl Error {
         self
     }
 
+    /// All of it on one line, for where it is a reason.
+    pub fn on_one_line(&self) -> String {
+        self.to_string().replace("\n  ", "; ")
+    }
+
     /// Whose fault it is.
     pub fn kind(&self) -> ErrorKind {
         self.kind
@@ -136,5 +141,6 @@ mod tests {
     fn an_error_says_where_before_what_to_do() {
         let error = Error::input("no depth").help("enable the Z pass").in_file(Path::new("a.exr"));
         assert_eq!(error.to_string(), "no depth\n  in: a.exr\n  help: enable the Z pass");
+        assert_eq!(error.on_one_line(), "no depth; in: a.exr; help: enable the Z pass");
     }
 }

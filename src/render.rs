@@ -179,9 +179,11 @@ impl Prepared {
         })?;
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
         if let Some(fault) = fault {
-            let text = fault.to_string().replace('\n', ";");
-            stack.findings.push(Finding::warning("device", format!("the frame was done on the CPU: {text}")));
-            device = Device::cpu("the GPU failed");
+            let fault = fault.on_one_line();
+            stack
+                .findings
+                .push(Finding::warning("device", format!("the frame was done on the CPU: {fault}")));
+            device = Device::cpu(fault);
         }
         let gpu_usage = gpu.and_then(|gpu| gpu.usage().ok());
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
@@ -269,7 +271,7 @@ fn device(choice: DeviceChoice, demanded: Option<Gpu>, plan: &Plan) -> Result<(D
         return Err(Error::unsupported(hindrance.clone())
             .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
     }
-    gpu::choose(choice, demanded, hindrance)
+    Ok(gpu::choose(choice, demanded, hindrance))
 }
 
 /// Carries out `job` from files to picture.

@@ -112,27 +112,28 @@ pub fn demanded(choice: DeviceChoice) -> Result<Option<Gpu>, Error> {
 
 /// Where to carry out a plan that `hindrance`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
 /// found.
-///
-/// # Errors
-/// [`crate::error::ErrorKind::Device`] for a card that cannot be opened.
 pub fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     hindrance: Option<String>,
-) -> Result<(Device, Option<Gpu>), Error> {
+) -> (Device, Option<Gpu>) {
     if let Some(hindrance) = hindrance {
-        return Ok((Device::cpu(hindrance), None));
+        return (Device::cpu(hindrance), None);
     }
     let (opened, reason) = match choice {
-        DeviceChoice::Cpu => return Ok((Device::cpu("asked for"), None)),
+        DeviceChoice::Cpu => return (Device::cpu("asked for"), None),
         DeviceChoice::Gpu => (demanded, "asked for"),
-        DeviceChoice::Auto => (Gpu::open(false)?, "a graphics card"),
+        DeviceChoice::Auto => match Gpu::open(false) {
+            Ok(opened) => (opened, "a graphics card"),
+            // Nobody asked for it.
+            Err(error) => return (Device::cpu(error.on_one_line()), None),
+        },
     };
     let device = match &opened {
         Some(gpu) => Device::gpu(gpu.adapter(), reason),
         None => Device::cpu("there is no graphics card"),
     };
-    Ok((device, opened))
+    (device, opened)
 }
 
 /// What can compute on this machine.
@@ -198,10 +199,10 @@ mod tests {
 
     #[test]
     fn the_processor_is_taken_where_it_is_asked_for_or_nothing_else_will_do() {
-        let (device, gpu) = choose(DeviceChoice::Cpu, None, None).unwrap();
+        let (device, gpu) = choose(DeviceChoice::Cpu, None, None);
         assert!(device.kind == DeviceKind::Cpu && gpu.is_none() && !device.name.is_empty());
         for choice in [DeviceChoice::Auto, DeviceChoice::Gpu] {
-            let (device, gpu) = choose(choice, None, Some("it has none".to_owned())).unwrap();
+            let (device, gpu) = choose(choice, None, Some("it has none".to_owned()));
             assert!(device.kind == DeviceKind::Cpu && gpu.is_none(), "{choice:?}");
             assert_eq!(device.reason, "it has none");
         }
