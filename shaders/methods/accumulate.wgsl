@@ -23,10 +23,6 @@ struct Frame {
     nearest: f32,
     farthest: f32,
     slabs_per_px: f32,
-    // Neighbours whose CoC radii differ by less are one surface.
-    join_px: f32,
-    // Fragments of at least this alpha hide everything behind them.
-    opaque_alpha: f32,
     // Where the lens's axis meets the picture, how far its corners are from there, and how far aside of the aperture the rim stands.
     axis_x: f32,
     axis_y: f32,
@@ -68,11 +64,8 @@ struct View {
 @group(0) @binding(12) var<storage, read_write> extents_made: array<vec2f>;
 @group(0) @binding(13) var<storage, read_write> tiles_made: array<vec2u>;
 
-// Side of a tile, in samples, and its logarithm.
-const TILE: i32 = 8;
-const TILE_BITS: u32 = 3;
-// Slabs of equal thickness that the CoC depths are cut into.
-const SLABS: u32 = 62;
+// The program's are OPAQUE_ALPHA; JOIN_PX, below which neighbours are one surface; TILE, the side of a tile in samples, and its
+// logarithm TILE_BITS; SLABS, into so many the CoC depths are cut.
 // The bits of the slabs in the second word of a tile.
 const SECOND_WORD: u32 = 0x3fffffff;
 // Set in the second word of a tile that has all fragments nearest first.
@@ -119,7 +112,7 @@ fn bit(index: u32) -> vec2u {
 fn reach_to(index: u32, coc: f32, reach: vec2f) -> vec2f {
     let other = coc_px[index];
     let middle = 0.5 * (coc + other);
-    let joined = alpha[index] > 0.0 && abs(other - coc) < frame.join_px;
+    let joined = alpha[index] > 0.0 && abs(other - coc) < JOIN_PX;
     return select(reach, vec2f(min(reach.x, middle), max(reach.y, middle)), joined);
 }
 
@@ -128,7 +121,7 @@ fn extent(index: u32, place: vec2i) -> vec2f {
     let own = alpha[index];
     let coc = coc_px[index];
     var reach = select(vec2f(ABSENT), vec2f(coc), own > 0.0);
-    if own < frame.opaque_alpha {
+    if own < OPAQUE_ALPHA {
         // Translucent fragments stay thin: reaching into one another they would count twice.
         return reach;
     }
@@ -283,7 +276,7 @@ fn next_met(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -
         if reach.x <= end && reach.y >= begin {
             return layer;
         }
-        if nearest_first && reach.x < ABSENT && reach.x > end + frame.join_px {
+        if nearest_first && reach.x < ABSENT && reach.x > end + JOIN_PX {
             return frame.layers;
         }
         layer++;
@@ -320,7 +313,7 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, seen: ptr<function, Seen>
         index += layer * layer_stride();
         let own = alpha[index];
         (*seen).color += (*seen).transmitted * vec3f(red[index], green[index], blue[index]);
-        (*seen).transmitted *= select(1.0 - own, 0.0, own >= frame.opaque_alpha);
+        (*seen).transmitted *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
         if (*seen).transmitted <= 0.0 {
             return;
         }

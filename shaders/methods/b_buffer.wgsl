@@ -1,9 +1,11 @@
 // A-buffer and B-buffers (2003): contributions splatted into two pyramids, before and behind focus, at the level of their blur.
-// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, pyramid.wgsl.
+// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, other_sheet.wgsl, pyramid.wgsl.
 //
 // Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
 // One pyramid serves all levels of a field, the coarsest first: what goes to level n is splatted to level 1 and reduced to n,
 // and what was united at n + 1 lies above it.
+//
+// The other sheet has sums. While peels are culled, its colours are the last opaque CoC radius and what is let through.
 //
 // cull:         takes from a peel what the A-buffer need not keep.
 // clear:        level 1 without contributions.
@@ -38,21 +40,12 @@ struct PeelFacts {
 // Red, green and blue; coverage and CoC radius.
 @group(0) @binding(4) var<storage, read_write> peel_colors: array<f32>;
 @group(0) @binding(5) var<storage, read_write> peel_rest: array<f32>;
-// Sums as a sheet of the rows that are read. While peels are culled, colours are the last opaque CoC radius and what is let through.
-@group(0) @binding(8) var<storage, read_write> sum_colors: array<f32>;
-@group(0) @binding(9) var<storage, read_write> sum_rest: array<f32>;
 @group(0) @binding(10) var<uniform> peel: PeelFacts;
 
-// Coverage from which on nothing is seen behind.
-const OPAQUE_ALPHA: f32 = 0.999;
-// What lies within this share of the winner's CoC radius is of its level.
-const SAME_SURFACE_SHARE: f32 = 0.5;
+// OPAQUE_ALPHA and SAME_SURFACE_SHARE are the program's.
+
 // Farther in front of everything than any CoC radius.
 const NO_SURFACE_PX: f32 = -3e38;
-
-fn source_plane() -> i32 {
-    return frame.source_rows * frame.width;
-}
 
 // Which share of the contribution at hand is kept; negative transmission in front of focus means that a pixel is closed.
 fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
@@ -60,8 +53,8 @@ fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
     var surface_px = NO_SURFACE_PX;
     var through = vec2f(1.0);
     if peel.first == 0u {
-        surface_px = sum_colors[index];
-        through = vec2f(sum_colors[plane + index], sum_colors[2 * plane + index]);
+        surface_px = other_colors[index];
+        through = vec2f(other_colors[plane + index], other_colors[2 * plane + index]);
     }
     let same_px = max(peel.same_surface_px, SAME_SURFACE_SHARE * abs(surface_px));
     let drops = alpha <= 0.0 || through.x < 0.0 || abs(coc_px - surface_px) < same_px;
@@ -73,9 +66,9 @@ fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
     } else if !drops {
         through *= select(vec2f(1.0 - alpha, 1.0), vec2f(1.0, 1.0 - alpha), behind);
     }
-    sum_colors[index] = surface_px;
-    sum_colors[plane + index] = through.x;
-    sum_colors[2 * plane + index] = through.y;
+    other_colors[index] = surface_px;
+    other_colors[plane + index] = through.x;
+    other_colors[2 * plane + index] = through.y;
     return select(share, 0.0, drops);
 }
 
@@ -240,51 +233,29 @@ fn fine_samples(channel: i32, index: vec4i) -> vec4f {
 fn unite_level(@builtin(global_invocation_id) at: vec3u) {
     let column = i32(at.x);
     let row = i32(at.y) + (level.from_row + 1) / 2;
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column);
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row);
-    let makes = (x >= vec4i(0)) & (x < vec4i(level.fine_width)) & (y >= vec4i(level.from_row)) & (y < vec4i(level.to_row));
-    if !any(makes) {
+    let four = fine_four(column, row);
+    if !any(four.makes) {
         return;
     }
-    let places = level.fine_start + (y - level.fine_first) * level.fine_width + x;
-    let index = select(vec4i(level.fine_start), places, makes);
+    let places = level.fine_start + (four.y - level.fine_first) * level.fine_width + four.x;
+    let index = select(vec4i(level.fine_start), places, four.makes);
     let around = corners(column, row);
     let finer = select(vec4f(0.0), fine_samples(frame.channels + 1, index), weighing.sign > 0.0);
     let share = shares(fine_samples(frame.channels, index), finer, expanded(frame.channels, around));
     for (var channel = 0; channel <= frame.channels; channel++) {
         let united = share.own * fine_samples(channel, index) + share.coarser * expanded(channel, around);
         for (var k = 0; k < 4; k++) {
-            if makes[k] {
+            if four.makes[k] {
                 levels[index[k] + channel * level.fine_rows * level.fine_width] = united[k];
             }
         }
     }
 }
 
-fn sum_pixel(index: i32) -> Pixel {
-    let plane = source_plane();
-    // Where the background is closed that is coverage.
-    let alpha = sum_rest[index];
-    let colors = vec3f(sum_colors[index], sum_colors[plane + index], sum_colors[2 * plane + index]);
-    let coverage = sum_rest[(frame.channels - 3) * plane + index];
-    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
-}
-
-fn set_sum_pixel(index: i32, pixel: Pixel) {
-    let plane = source_plane();
-    sum_colors[index] = pixel.content.r;
-    sum_colors[plane + index] = pixel.content.g;
-    sum_colors[2 * plane + index] = pixel.content.b;
-    if frame.channels > 3 {
-        sum_rest[index] = pixel.content.a;
-    }
-    sum_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
-}
-
 @compute @workgroup_size(16, 16)
 fn clear_sums(@builtin(global_invocation_id) at: vec3u) {
     if i32(at.x) < frame.width && i32(at.y) < frame.source_rows {
-        set_sum_pixel(i32(at.y) * frame.width + i32(at.x), Pixel(vec4f(0.0), 0.0));
+        set_other_pixel(i32(at.y) * frame.width + i32(at.x), Pixel(vec4f(0.0), 0.0));
     }
 }
 
@@ -296,29 +267,27 @@ fn gather(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = row * frame.width + i32(at.x);
     let own = contribution(index);
-    let sum = sum_pixel(index);
-    set_sum_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.occupancy.x));
+    let sum = other_pixel(index);
+    set_other_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.occupancy.x));
 }
 
 @compute @workgroup_size(16, 16)
 fn lay(@builtin(global_invocation_id) at: vec3u) {
     let column = i32(at.x) + (frame.origin_x + 1) / 2;
     let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column) - frame.origin_x;
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row) - frame.origin_y - frame.made_first;
-    let makes = (x >= vec4i(0)) & (x < vec4i(frame.width)) & (y >= vec4i(0)) & (y < vec4i(frame.made_rows));
-    if !any(makes) {
+    let four = frame_four(column, row);
+    if !any(four.makes) {
         return;
     }
-    let index = select(vec4i(0), y * frame.width + x, makes);
+    let index = select(vec4i(0), four.y * frame.width + four.x, four.makes);
     let source = index + (frame.made_first - frame.source_first) * frame.width;
     let around = corners(column, row);
     let levels_there = weighing.has_levels == 1u;
     let coarser = select(vec4f(0.0), expanded(frame.channels, around), levels_there);
-    let a = sum_pixel(source.x);
-    let b = sum_pixel(source.y);
-    let c = sum_pixel(source.z);
-    let d = sum_pixel(source.w);
+    let a = other_pixel(source.x);
+    let b = other_pixel(source.y);
+    let c = other_pixel(source.z);
+    let d = other_pixel(source.w);
     let own = vec4f(a.coverage, b.coverage, c.coverage, d.coverage);
     let own_content = mat4x4f(a.content, b.content, c.content, d.content);
     let share = shares(own, vec4f(0.0), coarser);
@@ -326,7 +295,7 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     // Without levels nothing is kept of what is read there.
     let content = expanded_content(around);
     for (var k = 0; k < 4; k++) {
-        if makes[k] {
+        if four.makes[k] {
             let below = select(vec4f(0.0), content[k], levels_there);
             lay_over(index[k], Pixel(share.own[k] * own_content[k] + share.coarser[k] * below, occupancy[k]));
         }

@@ -41,8 +41,6 @@ struct Frame {
     iterations: u32,
     // Whether rays that leave the frame are left out.
     discard_outside: u32,
-    // Fragments of at least this alpha hide everything behind them.
-    opaque_alpha: f32,
 }
 
 // A lens sample, as rays need it: where in the pixel, and how far for each pixel of CoC radius, in samples.
@@ -79,16 +77,11 @@ struct Texel {
 // The lists, each in the order of the layers.
 @group(0) @binding(10) var<storage, read> texels: array<Texel>;
 
-// Farther than any fragment.
-const ABSENT: f32 = 3e38;
-// Words of a slab, a layer and a level.
-const SLAB_WORDS: u32 = 3;
-const LAYER_WORDS: u32 = 3;
-const LEVEL_WORDS: u32 = 5;
+// The program's are OPAQUE_ALPHA; ABSENT, farther than any fragment; MOST_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words
+// of a slab, a layer and a level.
+
 // A cone that is wider than a sample is of this mipmap level at least.
 const LEAST_LEVEL: f32 = 1e-7;
-// More slabs than there are.
-const ALL_SLABS: u32 = 64;
 
 struct Ray {
     start: vec2f,
@@ -302,7 +295,7 @@ fn cone(ray: Ray, hit: Hit, layer: u32, level: f32) -> vec4f {
     }
     let mixed = fine + (level - f32(finer)) * (bilinear(finer + 1u, position, layer) - fine);
     // A cone that is blocked but for rounding shows all of its colour.
-    return mixed / select(1.0, mixed.a, mixed.a >= frame.opaque_alpha);
+    return mixed / select(1.0, mixed.a, mixed.a >= OPAQUE_ALPHA);
 }
 
 // The first slab of `slabs` from `first` on; past the last one if there is none.
@@ -313,7 +306,7 @@ fn next_slab(slabs: vec2u, first: u32) -> u32 {
     if low != 0u {
         return firstTrailingBit(low);
     }
-    return select(ALL_SLABS, 32u + firstTrailingBit(high), high != 0u);
+    return select(MOST_SLABS, 32u + firstTrailingBit(high), high != 0u);
 }
 
 // The first layer of `slabs` from `first` on in which `ray` can meet anything; past the last one if there is none.
@@ -360,7 +353,7 @@ fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> Seen {
                 }
             }
             seen.color += seen.transmitted * shown.rgb;
-            seen.transmitted *= select(1.0 - shown.a, 0.0, shown.a >= frame.opaque_alpha);
+            seen.transmitted *= select(1.0 - shown.a, 0.0, shown.a >= OPAQUE_ALPHA);
             behind = hit.coc_px;
         }
         if seen.transmitted <= 0.0 || !seen.counts {

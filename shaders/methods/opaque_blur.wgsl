@@ -12,8 +12,7 @@
 @group(0) @binding(4) var<storage, read> source_colors: array<f32>;
 @group(0) @binding(5) var<storage, read> source_rest: array<f32>;
 
-// Where the blur brings less there is nothing to rescale.
-const NOTHING: f32 = 1e-30;
+// NOTHING, where there is no more to rescale, is the program's.
 
 // The matting weight of a pixel of the source; 0 where there is none.
 fn weight_at(index: i32) -> f32 {
@@ -97,16 +96,14 @@ fn glow(@builtin(global_invocation_id) at: vec3u) {
     let column = i32(at.x);
     let row = i32(at.y) + (level.from_row + 1) / 2;
     let channel = i32(at.z);
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column);
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row);
-    let makes = (x >= vec4i(0)) & (x < vec4i(level.fine_width)) & (y >= vec4i(level.from_row)) & (y < vec4i(level.to_row));
-    if !any(makes) {
+    let four = fine_four(column, row);
+    if !any(four.makes) {
         return;
     }
     let values = expanded(channel, corners(column, row));
     for (var k = 0; k < 4; k++) {
-        if makes[k] {
-            let index = fine_index(channel, x[k], y[k]);
+        if four.makes[k] {
+            let index = fine_index(channel, four.x[k], four.y[k]);
             if channel > frame.channels {
                 levels[index] = with_glow(values, vec4f(levels[index]))[k];
             } else {
@@ -120,14 +117,12 @@ fn glow(@builtin(global_invocation_id) at: vec3u) {
 fn lay(@builtin(global_invocation_id) at: vec3u) {
     let column = i32(at.x) + (frame.origin_x + 1) / 2;
     let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column) - frame.origin_x;
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row) - frame.origin_y - frame.made_first;
-    let makes = (x >= vec4i(0)) & (x < vec4i(frame.width)) & (y >= vec4i(0)) & (y < vec4i(frame.made_rows));
-    if !any(makes) {
+    let four = frame_four(column, row);
+    if !any(four.makes) {
         return;
     }
-    let index = y * frame.width + x;
-    let source = select(vec4i(-1), index + (frame.made_first - frame.source_first) * frame.width, makes);
+    let index = four.y * frame.width + four.x;
+    let source = select(vec4i(-1), index + (frame.made_first - frame.source_first) * frame.width, four.makes);
     let own = vec4f(weight_at(source.x), weight_at(source.y), weight_at(source.z), weight_at(source.w));
     let around = corners(column, row);
     let blurred = expanded(frame.channels, around);
@@ -137,7 +132,7 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let scale = alpha / select(vec4f(1.0), blurred, something);
     let front = expanded_content(around);
     for (var k = 0; k < 4; k++) {
-        if makes[k] {
+        if four.makes[k] {
             lay_over(index[k], Pixel(scale[k] * front[k], alpha[k]));
         }
     }

@@ -29,9 +29,6 @@ struct Params {
     regions_across: i32,
     // Planes of content: 3, or 4 with alpha.
     channels: u32,
-    // Pixels along the sides of a block and of a region.
-    block: i32,
-    region: i32,
 }
 
 // What arrived in one layer of two neighbouring pixels.
@@ -67,6 +64,8 @@ struct Layers {
 @group(0) @binding(7) var<storage, read_write> sums: array<Layers>;
 // [channel][row of the band][column]
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
+
+// BLOCK and REGION, the sides of both in pixels, are the program's.
 
 const TILE = vec2i(8, 8);
 // Neighbours in a row, of which a thread makes two.
@@ -130,7 +129,7 @@ fn splatted(layers: Layers, shape: vec4u, light: vec4f, shares: vec2f, least: ve
 
 // Whether a block whose points reach `reach` pixels touches the tile at `tile`.
 fn touches(origin: vec2i, reach: i32, tile: vec2i) -> bool {
-    return all(origin - reach < tile + TILE) && all(origin + params.block + reach > tile);
+    return all(origin - reach < tile + TILE) && all(origin + BLOCK + reach > tile);
 }
 
 // `behind`, alpha 1 unless it is nothing, seen past a layer: normalised, so that alpha is one again (eq. 7).
@@ -187,7 +186,7 @@ fn splat(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thre
     let least = vec2f(of_left.x, of_right.x);
     let most = vec2f(of_left.y, of_right.y);
     let tile = vec2i(group.xy) * TILE + vec2i(0, params.strip_row);
-    let regions = tile / params.region;
+    let regions = tile / REGION;
     let window = windows[regions.y * params.regions_across + regions.x];
     // From here on in pixels of the picture.
     let in_picture = vec2i(0, params.strip_row + params.band_row);
@@ -201,7 +200,7 @@ fn splat(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thre
         var recent: Layers;
         for (var column = window.x; column < window.y; column++) {
             let block = blocks[row * params.blocks_across + column];
-            let origin = source + vec2i(vec2u(column, row)) * params.block;
+            let origin = source + vec2i(vec2u(column, row)) * BLOCK;
             if !touches(origin, i32(block.y >> 8), vec2i(group.xy) * TILE + in_picture) {
                 continue;
             }

@@ -1,5 +1,6 @@
 // Depth layers matted out of the peels, blurred and composed in one cascade of Gaussians (Schedl & Wimmer 2012).
-// CPU twin: src/methods/recursive_gaussian/. Before it: sheet.wgsl.
+// CPU twin: src/methods/recursive_gaussian/. Before it: sheet.wgsl, other_sheet.wgsl.
+// The other sheet is a layer in the making, or what is composed with the result.
 //
 // Every sheet but the finished one has the rows that the band reads.
 //
@@ -54,9 +55,6 @@ struct Part {
 // Red, green and blue; coverage and depth.
 @group(0) @binding(4) var<storage, read> peel_colors: array<f32>;
 @group(0) @binding(5) var<storage, read> peel_rest: array<f32>;
-// A sheet in the making, or one that is composed with another.
-@group(0) @binding(8) var<storage, read_write> layer_colors: array<f32>;
-@group(0) @binding(9) var<storage, read_write> layer_rest: array<f32>;
 @group(0) @binding(10) var<storage, read> seen: array<f32>;
 @group(0) @binding(11) var<storage, read_write> seen_behind: array<f32>;
 // Planes before and after a pass.
@@ -65,39 +63,12 @@ struct Part {
 @group(0) @binding(14) var<uniform> lines: Lines;
 @group(0) @binding(15) var<uniform> part: Part;
 
-// Coverage from which on nothing is seen behind.
-const OPAQUE_ALPHA: f32 = 0.999;
-// Smaller values are 0.
-const LEAST: f32 = 1e-20;
-
-fn source_plane() -> i32 {
-    return frame.source_rows * frame.width;
-}
+// OPAQUE_ALPHA, and LEAST below which values are 0, are the program's.
 
 // The pixel of the part of the rows that are read, -1 where there is none.
 fn part_pixel(at: vec3u) -> i32 {
     let inside = i32(at.x) < frame.width && i32(at.y) < part.rows;
     return select(-1, (i32(at.y) + part.first_row) * frame.width + i32(at.x), inside);
-}
-
-fn layer_pixel(index: i32) -> Pixel {
-    let plane = source_plane();
-    // Where the background is closed that is coverage.
-    let alpha = layer_rest[index];
-    let colors = vec3f(layer_colors[index], layer_colors[plane + index], layer_colors[2 * plane + index]);
-    let coverage = layer_rest[(frame.channels - 3) * plane + index];
-    return Pixel(vec4f(colors, select(0.0, alpha, frame.channels > 3)), coverage);
-}
-
-fn set_layer_pixel(index: i32, pixel: Pixel) {
-    let plane = source_plane();
-    layer_colors[index] = pixel.content.r;
-    layer_colors[plane + index] = pixel.content.g;
-    layer_colors[2 * plane + index] = pixel.content.b;
-    if frame.channels > 3 {
-        layer_rest[index] = pixel.content.a;
-    }
-    layer_rest[(frame.channels - 3) * plane + index] = pixel.coverage;
 }
 
 @compute @workgroup_size(16, 16)
@@ -136,19 +107,19 @@ fn share(@builtin(global_invocation_id) at: vec3u) {
     let alpha = peel_rest[index];
     var layer = Pixel(vec4f(0.0), 0.0);
     if matting.first == 0u {
-        layer = layer_pixel(index);
+        layer = other_pixel(index);
     }
     let own = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, seen[index]);
     let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
     let content = vec4f(colors, select(0.0, alpha, matting.shows == 1u));
-    set_layer_pixel(index, Pixel(layer.content + own * content, layer.coverage + own * alpha));
+    set_other_pixel(index, Pixel(layer.content + own * content, layer.coverage + own * alpha));
 }
 
 @compute @workgroup_size(16, 16)
 fn before(@builtin(global_invocation_id) at: vec3u) {
     let index = part_pixel(at);
     if index >= 0 {
-        lay_over(index, layer_pixel(index));
+        lay_over(index, other_pixel(index));
     }
 }
 
@@ -156,7 +127,7 @@ fn before(@builtin(global_invocation_id) at: vec3u) {
 fn behind(@builtin(global_invocation_id) at: vec3u) {
     let index = part_pixel(at);
     if index >= 0 {
-        set_result_pixel(index, over(result_pixel(index), layer_pixel(index)));
+        set_result_pixel(index, over(result_pixel(index), other_pixel(index)));
     }
 }
 
@@ -202,6 +173,6 @@ fn finish(@builtin(global_invocation_id) at: vec3u) {
     if i32(at.x) < frame.width && i32(at.y) < frame.made_rows {
         let index = i32(at.y) * frame.width + i32(at.x);
         let source = index + (frame.made_first - frame.source_first) * frame.width;
-        set_result_pixel(index, normalised(layer_pixel(source)));
+        set_result_pixel(index, normalised(other_pixel(source)));
     }
 }

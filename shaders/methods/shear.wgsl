@@ -5,15 +5,8 @@
 // neighbouring bins that it moves alike, most often one or two. A thread follows the rays of four pixels along that list until
 // they are stopped. Nothing is sorted, and no two threads write to one place.
 //
-//   find_bins        CoC radius → bin
-//   join_bins        bin → key: the bin, which neighbouring bins the fragment joins, whether it is opaque
-//   smooth_rows      the prefilter along rows, a thread a row
-//   smooth_columns   the prefilter along columns, a thread a column
-//   mark_blocks      which bins each block of pixels holds
-//   mark_windows     which bins each window of blocks holds: what a tile can see, wherever a view moves it
-//   mark_far         the same for a square of tiles
-//   find_far         the bins that each view can show to each square of tiles
-//   find_groups      of those, the groups of bins that it can show to each tile
+// With it go shear_stack.wgsl, which puts the stack in order, and shear_lists.wgsl, which makes the lists. Here is what all declare, and
+//
 //   paint            sums over some views
 //   paint_veils      the same where fragments let light through
 //   finish           sums → picture
@@ -79,20 +72,20 @@ struct Params {
 @group(0) @binding(9) var keys: texture_2d_array<u32>;
 @group(0) @binding(10) var<storage, read_write> blocks: array<u32>;
 @group(0) @binding(11) var<storage, read_write> windows: array<u32>;
-// [tile][view][entry]: see `Group`. Entries of the longest list, whether or not there was room.
+// [tile][view][entry]: see `Group`.
 @group(0) @binding(12) var<storage, read_write> groups: array<vec2u>;
-@group(0) @binding(17) var<storage, read_write> longest: atomic<u32>;
-// [square][view][word]: a bit a bin.
-@group(0) @binding(18) var<storage, read_write> far: array<u32>;
-@group(0) @binding(19) var<storage, read_write> far_windows: array<u32>;
 @group(0) @binding(13) var<storage, read> lens_points: array<vec2f>;
 @group(0) @binding(14) var<storage, read_write> sums: array<f32>;
 @group(0) @binding(15) var<storage, read_write> picture: array<f32>;
 // The colours once more, smoothed.
 @group(0) @binding(16) var smoothed: texture_2d_array<f32>;
+// Entries of the longest list, whether or not there was room.
+@group(0) @binding(17) var<storage, read_write> longest: atomic<u32>;
+// [square][view][word]: a bit a bin.
+@group(0) @binding(18) var<storage, read_write> far: array<u32>;
+@group(0) @binding(19) var<storage, read_write> far_windows: array<u32>;
 
-// The bin of a sample without a fragment; a bit above the bins.
-const EMPTY = 0xffffu;
+// A bit above the bins and EMPTY.
 const OPAQUE = 0x10000u;
 
 // Bits of a key; the bin is above them.
@@ -101,346 +94,19 @@ const FARTHER = 2u;
 const BIN_SHIFT = 3u;
 const NO_KEY = 0xffffu;
 
-// OPAQUE_ALPHA, JOIN_PX, SURFACE_PX, LEAST_VARIANCE, STOPPED_BELOW and LEAST_HIT are the program's.
+// OPAQUE_ALPHA, JOIN_PX, SURFACE_PX, LEAST_VARIANCE, STOPPED_BELOW, LEAST_HIT, the bin EMPTY of a sample without a fragment, and the
+// sides TILE and BLOCK in pixels and SQUARE in tiles are the program's.
 
 // Whether there are fragments in more layers than a texel of keys has, and whether a rim hides views: what a kernel need not ask
 // each ray. (A pipeline's own constants.)
 override MANY_LAYERS = true;
 override RIM = true;
 
-// Sides of a tile and of a block, and blocks along a window: as many as a tile can touch.
-const TILE = 16u;
-const BLOCK = 4u;
-const WINDOW = 5u;
-
-// Tiles along a square, and windows along a far one: as many as a square can touch.
-const SQUARE = 4u;
+// Blocks along a window: as many as a tile can touch.
+const WINDOW = TILE / BLOCK + 1u;
 
 // Rows of a tile that a thread's pixels are apart.
 const ROWS_APART = 4u;
-
-@compute @workgroup_size(16, 16)
-fn find_bins(@builtin(global_invocation_id) at: vec3u) {
-    if at.x >= params.width || at.y >= params.source_rows {
-        return;
-    }
-    let c = coc_px[at.y * params.width + at.x];
-    let alpha = colors[at.y * params.stride + at.x].a;
-    var bin = EMPTY;
-    if alpha > 0.0 {
-        let cell = u32(max((c - params.start_px) * params.cells_per_px, 0.0));
-        bin = first_in_cell[min(cell, params.cells - 1u)];
-        bin += u32(c >= bin_ends_px[bin]);
-        bin |= select(0u, OPAQUE, alpha >= OPAQUE_ALPHA);
-    }
-    textureStore(fragments_made, at.xy, params.layer, vec4u(bitcast<u32>(c), bin, 0u, 0u));
-}
-
-// The bits by which the fragment `own` joins the neighbour in `layer` at `place`, if that is of its surface; FOUND says that it is.
-const FOUND = 4u;
-
-fn joined(own: vec2u, place: vec2u, layer: u32) -> u32 {
-    let other = textureLoad(fragments, place, layer, 0).xy;
-    let bin = own.y & EMPTY;
-    let other_bin = other.y & EMPTY;
-    let near = abs(bitcast<f32>(other.x) - bitcast<f32>(own.x)) < JOIN_PX;
-    let bits = FOUND | select(0u, NEARER, other_bin < bin) | select(0u, FARTHER, other_bin > bin);
-    return select(0u, bits, near && other_bin != EMPTY);
-}
-
-// The bits by which the fragment `own` of `layer` joins its neighbours at `place`: a surface goes on in its own peel; only where
-// another begins there may it go on in any other.
-fn joined_at(own: vec2u, layer: u32, place: vec2u) -> u32 {
-    var bits = joined(own, place, layer);
-    for (var other = 0u; bits == 0u && other < params.layers; other++) {
-        if other != layer {
-            bits = joined(own, place, other);
-        }
-    }
-    return bits;
-}
-
-fn key_of(layer: u32, at: vec2u) -> u32 {
-    if layer >= params.layers {
-        return NO_KEY;
-    }
-    let own = textureLoad(fragments, at, layer, 0).xy;
-    if own.y == EMPTY {
-        return NO_KEY;
-    }
-    // Translucent fragments join nothing: they would count twice.
-    var bits = 0u;
-    if (own.y & OPAQUE) != 0u {
-        if at.y > 0u {
-            bits |= joined_at(own, layer, at - vec2u(0u, 1u));
-        }
-        if at.y + 1u < params.source_rows {
-            bits |= joined_at(own, layer, at + vec2u(0u, 1u));
-        }
-        if at.x > 0u {
-            bits |= joined_at(own, layer, at - vec2u(1u, 0u));
-        }
-        if at.x + 1u < params.width {
-            bits |= joined_at(own, layer, at + vec2u(1u, 0u));
-        }
-    }
-    return ((own.y & EMPTY) << BIN_SHIFT) | (bits & (NEARER | FARTHER));
-}
-
-@compute @workgroup_size(16, 16)
-fn join_bins(@builtin(global_invocation_id) at: vec3u) {
-    if at.x >= params.width || at.y >= params.source_rows {
-        return;
-    }
-    let layer = 4u * at.z;
-    let first = key_of(layer, at.xy) | (key_of(layer + 1u, at.xy) << 16u);
-    let second = key_of(layer + 2u, at.xy) | (key_of(layer + 3u, at.xy) << 16u);
-    textureStore(keys_made, at.xy, at.z, vec4u(first, second, 0u, 0u));
-}
-
-// The weight of the other of two neighbours in the mean at one with CoC radius `c`: see src/methods/shear/prefilter.rs.
-fn smoothing(c: f32, other_c: f32, alpha: f32, other_alpha: f32) -> f32 {
-    let radius = abs(c) * params.radius_per_coc;
-    let variance = radius * radius * (1.0 / 3.0);
-    let v = max(variance, 1e-4);
-    let a = (v + 1.0 - sqrt(1.0 + 2.0 * v)) / v;
-    let same = alpha > 0.0 && alpha == other_alpha;
-    return select(0.0, a, same && abs(c - other_c) < SURFACE_PX && variance > LEAST_VARIANCE);
-}
-
-// A line of samples: where it begins among the colours and among the CoC radii, how far its samples lie apart there, and how many
-// there are.
-struct Line {
-    color: u32,
-    coc: u32,
-    color_step: u32,
-    coc_step: u32,
-    count: u32,
-}
-
-// Smooths a line, there and back. The weight between two neighbours is by the farther one's CoC radius.
-fn smooth_line(line: Line) {
-    var last = colors[line.color];
-    var last_c = coc_px[line.coc];
-    for (var i = 1u; i < line.count; i++) {
-        let here = line.color + i * line.color_step;
-        let c = coc_px[line.coc + i * line.coc_step];
-        var color = colors[here];
-        let a = smoothing(c, last_c, color.a, last.a);
-        if a > 0.0 {
-            color = vec4f((1.0 - a) * color.rgb + a * last.rgb, color.a);
-            colors[here] = color;
-        }
-        last = color;
-        last_c = c;
-    }
-    for (var i = line.count - 1u; i > 0u; i--) {
-        let here = line.color + (i - 1u) * line.color_step;
-        let c = coc_px[line.coc + (i - 1u) * line.coc_step];
-        var color = colors[here];
-        let a = smoothing(last_c, c, last.a, color.a);
-        if a > 0.0 {
-            color = vec4f((1.0 - a) * color.rgb + a * last.rgb, color.a);
-            colors[here] = color;
-        }
-        last = color;
-        last_c = c;
-    }
-}
-
-@compute @workgroup_size(64)
-fn smooth_rows(@builtin(global_invocation_id) at: vec3u) {
-    if at.x < params.source_rows {
-        smooth_line(Line(at.x * params.stride, at.x * params.width, 1u, 1u, params.width));
-    }
-}
-
-@compute @workgroup_size(64)
-fn smooth_columns(@builtin(global_invocation_id) at: vec3u) {
-    if at.x < params.width {
-        smooth_line(Line(at.x, at.x, params.stride, params.width, params.source_rows));
-    }
-}
-
-fn blocks_size() -> vec2u {
-    return (vec2u(params.width, params.source_rows) + (BLOCK - 1u)) / BLOCK;
-}
-
-// The bins of `word` that `key` is in.
-fn bins_of(key: u32, word: u32) -> u32 {
-    let nearer = key & NEARER;
-    let bins = (2u << (nearer + ((key & FARTHER) / FARTHER))) - 1u;
-    let first = i32((key >> BIN_SHIFT) - nearer) - i32(32u * word);
-    let from_here = select(0u, bins << u32(first & 31), first >= 0 && first < 32);
-    let from_before = select(0u, bins >> u32(-first & 31), first < 0 && first > -3);
-    return select(from_here | from_before, 0u, key == NO_KEY);
-}
-
-@compute @workgroup_size(8, 8)
-fn mark_blocks(@builtin(global_invocation_id) at: vec3u) {
-    let size = blocks_size();
-    if at.x >= size.x || at.y >= size.y {
-        return;
-    }
-    let end = min(BLOCK * (at.xy + 1u), vec2u(params.width, params.source_rows));
-    var bits = 0u;
-    for (var slice = 0u; 4u * slice < params.layers; slice++) {
-        for (var y = BLOCK * at.y; y < end.y; y++) {
-            for (var x = BLOCK * at.x; x < end.x; x++) {
-                let four = textureLoad(keys, vec2u(x, y), slice, 0).xy;
-                bits |= bins_of(four.x & 0xffffu, at.z) | bins_of(four.x >> 16u, at.z);
-                bits |= bins_of(four.y & 0xffffu, at.z) | bins_of(four.y >> 16u, at.z);
-            }
-        }
-    }
-    blocks[(at.z * size.y + at.y) * size.x + at.x] = bits;
-}
-
-@compute @workgroup_size(8, 8)
-fn mark_windows(@builtin(global_invocation_id) at: vec3u) {
-    let size = blocks_size();
-    if at.x >= size.x || at.y >= size.y {
-        return;
-    }
-    let end = min(at.xy + WINDOW, size);
-    var bits = 0u;
-    for (var y = at.y; y < end.y; y++) {
-        for (var x = at.x; x < end.x; x++) {
-            bits |= blocks[(at.z * size.y + y) * size.x + x];
-        }
-    }
-    windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
-}
-
-// The sample that a view shows at `pixel` of the band where it moves by `shift`: those at the border go on for ever.
-fn source_of(pixel: vec2u, shift: vec2i) -> vec2u {
-    let place = vec2i(pixel) + vec2i(0, i32(params.band_start)) + shift;
-    let inside = clamp(place, vec2i(0), vec2i(vec2u(params.width, params.height)) - 1);
-    return vec2u(u32(inside.x), min(u32(inside.y) - params.source_start, params.source_rows - 1u));
-}
-
-fn tiles_size() -> vec2u {
-    return (vec2u(params.width, params.band_rows) + (TILE - 1u)) / TILE;
-}
-
-// Neighbouring bins, from the first to before the end, that a view moves by the same shift.
-struct Group {
-    first: u32,
-    end: u32,
-    shift: vec2i,
-}
-
-// Bits of an entry beside its first bin and its end: whether it is the last of its list.
-const END_SHIFT = 13u;
-const BIN_MASK = 0x1fffu;
-const LAST = 0x4000000u;
-
-fn packed(group: Group, flags: u32) -> vec2u {
-    let shift = (u32(group.shift.x) & 0xffffu) | (u32(group.shift.y) << 16u);
-    return vec2u(shift, group.first | (group.end << END_SHIFT) | flags);
-}
-
-fn unpacked(entry: vec2u) -> Group {
-    let shift = vec2i(i32(entry.x << 16u) >> 16u, i32(entry.x) >> 16u);
-    return Group(entry.y & BIN_MASK, (entry.y >> END_SHIFT) & BIN_MASK, shift);
-}
-
-fn shift_of(view: u32, bin: u32) -> vec2i {
-    let i = view * params.bins + bin;
-    let two = shifts[i >> 1u];
-    return select(two.xy, two.zw, (i & 1u) == 1u);
-}
-
-// Where the word is, among windows, that says whether `view` can show `bin` to the tile or square that begins at pixel `corner`.
-fn window_of(corner: vec2u, view: u32, bin: u32) -> u32 {
-    let size = blocks_size();
-    let block = source_of(corner, shift_of(view, bin)) / BLOCK;
-    return ((bin >> 5u) * size.y + block.y) * size.x + block.x;
-}
-
-@compute @workgroup_size(8, 8)
-fn mark_far(@builtin(global_invocation_id) at: vec3u) {
-    let size = blocks_size();
-    if at.x >= size.x || at.y >= size.y {
-        return;
-    }
-    let step = TILE / BLOCK;
-    let end = min(at.xy + SQUARE * step, size);
-    var bits = 0u;
-    for (var y = at.y; y < end.y; y += step) {
-        for (var x = at.x; x < end.x; x += step) {
-            bits |= windows[(at.z * size.y + y) * size.x + x];
-        }
-    }
-    far_windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
-}
-
-fn squares_size() -> vec2u {
-    return (tiles_size() + (SQUARE - 1u)) / SQUARE;
-}
-
-@compute @workgroup_size(64)
-fn find_far(@builtin(global_invocation_id) at: vec3u) {
-    let squares = squares_size();
-    if at.x >= squares.x {
-        return;
-    }
-    let corner = SQUARE * TILE * at.xy;
-    let bins = ((at.y * squares.x + at.x) * params.views_in_go + at.z) * params.words;
-    for (var word = 0u; word < params.words; word++) {
-        let count = min(32u, params.bins - 32u * word);
-        var bits = 0u;
-        for (var bit = 0u; bit < count; bit++) {
-            bits |= far_windows[window_of(corner, at.z, 32u * word + bit)] & (1u << bit);
-        }
-        far[bins + word] = bits;
-    }
-}
-
-@compute @workgroup_size(64)
-fn find_groups(@builtin(global_invocation_id) at: vec3u) {
-    let tiles = tiles_size();
-    if at.x >= tiles.x {
-        return;
-    }
-    let square = at.y / SQUARE * squares_size().x + at.x / SQUARE;
-    let bins = (square * params.views_in_go + at.z) * params.words;
-    let list = ((at.y * tiles.x + at.x) * params.views_in_go + at.z) * params.entries;
-    // A list of nothing has one group, that no fragment is in.
-    var group = Group(BIN_MASK, BIN_MASK, vec2i(0));
-    var count = 1u;
-    var word = 0u;
-    var bits = far[bins];
-    loop {
-        if bits == 0u {
-            word++;
-            if word == params.words {
-                break;
-            }
-            bits = far[bins + word];
-            continue;
-        }
-        let bin = 32u * word + firstTrailingBit(bits);
-        bits &= bits - 1u;
-        let shift = shift_of(at.z, bin);
-        let is_first = group.first == BIN_MASK;
-        if !is_first && all(shift == group.shift) {
-            group.end = bin + 1u;
-        } else if ((windows[window_of(TILE * at.xy, at.z, bin)] >> (bin & 31u)) & 1u) == 1u {
-            if !is_first {
-                if count < params.entries {
-                    groups[list + count - 1u] = packed(group, 0u);
-                }
-                count++;
-            }
-            group = Group(bin, bin + 1u, shift);
-        }
-    }
-    if count <= params.entries {
-        groups[list + count - 1u] = packed(group, LAST);
-    }
-    atomicMax(&longest, count);
-}
 
 // How much of the view through `lens` passes the rim, seen from `pixel`.
 fn passing(lens: vec2f, pixel: vec2u) -> f32 {

@@ -107,6 +107,29 @@ fn expanded(channel: i32, at: Corners) -> vec4f {
     return 0.75 * blend + 0.25 * blend.yxwz;
 }
 
+// Four samples around a corner: where they are, and which of them are to be made.
+struct Four {
+    x: vec4i,
+    y: vec4i,
+    makes: vec4<bool>,
+}
+
+// Those of the finer level.
+fn fine_four(column: i32, row: i32) -> Four {
+    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column);
+    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row);
+    let makes = (x >= vec4i(0)) & (x < vec4i(level.fine_width)) & (y >= vec4i(level.from_row)) & (y < vec4i(level.to_row));
+    return Four(x, y, makes);
+}
+
+// Those of level 0, as pixels of the rows that a band makes.
+fn frame_four(column: i32, row: i32) -> Four {
+    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column) - frame.origin_x;
+    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row) - frame.origin_y - frame.made_first;
+    let makes = (x >= vec4i(0)) & (x < vec4i(frame.width)) & (y >= vec4i(0)) & (y < vec4i(frame.made_rows));
+    return Four(x, y, makes);
+}
+
 // The content of four samples of the finer level, each a column.
 fn expanded_content(at: Corners) -> mat4x4f {
     var alpha = vec4f(0.0);

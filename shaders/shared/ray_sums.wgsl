@@ -35,8 +35,7 @@ struct Sum {
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
 
-// A pixel with less than this share of its rays stopped shows nothing.
-const LEAST_HIT: f32 = 1e-9;
+// LEAST_HIT, the share of rays that a pixel must have stopped to show anything, is the program's.
 
 fn saved_sum(pixel: u32) -> Sum {
     let color = vec3f(sums[pixel], sums[go.pixels + pixel], sums[2u * go.pixels + pixel]);

@@ -164,8 +164,9 @@ impl Gpu {
             (Some(error), _) => Err(self.failure(what, &error.to_string())),
             (None, Ok(result)) => self.check(what).map(|()| result),
             (None, Err(_)) => {
-                lock(&self.fault).get_or_insert_with(|| "the graphics library gave up".to_owned());
-                self.check(what).and_then(|()| Err(self.failure(what, "the graphics library gave up")))
+                const GAVE_UP: &str = "the graphics library gave up";
+                lock(&self.fault).get_or_insert_with(|| GAVE_UP.to_owned());
+                Err(self.failure(what, GAVE_UP))
             }
         }
     }
@@ -191,7 +192,7 @@ impl Gpu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Layout, Mirrored, ScalarKind, Shader};
+    use crate::gpu::{Constant, Layout, Mirrored, ScalarKind, Shader};
 
     super::super::shader::mirrored! {
         /// How to scale.
@@ -205,7 +206,7 @@ mod tests {
 
     static SHADER: Shader = Shader {
         name: "scale",
-        constants: &[("BASE", 0.0)],
+        constants: &[("BASE", Constant::Float(0.25))],
         parts: &["struct Scaling { count: u32, factor: f32 }
             @group(0) @binding(0) var<uniform> scaling: Scaling;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
@@ -236,7 +237,7 @@ mod tests {
     #[test]
     fn what_goes_up_comes_down_as_the_kernel_made_it_and_is_accounted_for() {
         let Some(gpu) = gpu() else { return };
-        let expected: Vec<f32> = (0..1000).map(|i| 2.5 * i as f32).collect();
+        let expected: Vec<f32> = (0..1000).map(|i| 0.25 + 2.5 * i as f32).collect();
         assert_eq!(scaled(&gpu, 1000, 2.5).unwrap(), expected);
         let usage = gpu.usage().unwrap();
         assert_eq!((usage.upload_bytes, usage.readback_bytes, usage.passes), (4000 + 8, 4000, 1));
@@ -257,7 +258,7 @@ mod tests {
         let error =
             gpu.submit(|work| work.pass(&kernel, &[(1, &values)], [1, 1, 1])).unwrap_err().to_string();
         assert!(error.contains("the GPU failed\n  in: scale"), "{error}");
-        assert_eq!(scaled(&gpu, 2, 3.0).unwrap(), [0.0, 3.0]);
+        assert_eq!(scaled(&gpu, 2, 3.0).unwrap(), [0.25, 3.25]);
     }
 
     #[test]

@@ -36,9 +36,9 @@ pub use memory::{Buffer, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
-pub use shader::{Layout, Mirrored, Scalar, ScalarKind, Shader};
+pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
 #[cfg(feature = "gpu")]
-pub use work::{Kernel, ROW_ALIGNMENT, Work, tiles};
+pub use work::{Kernel, MOST_ROUNDS, ROW_ALIGNMENT, Work, tiles};
 
 use crate::error::Error;
 use serde::Serialize;

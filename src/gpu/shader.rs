@@ -1,4 +1,6 @@
-//! Shaders, and the structures that they share with the program.
+//! Shaders, and the structures and constants that they share with the program.
+
+use std::fmt;
 
 /// A WGSL module: a method's own text after what several methods share.
 #[derive(Debug)]
@@ -6,7 +8,7 @@ pub struct Shader {
     /// Its name in messages: that of its file.
     pub name: &'static str,
     /// Constants of the program that it reads too: declared before its parts.
-    pub constants: &'static [(&'static str, f32)],
+    pub constants: &'static [(&'static str, Constant)],
     /// Its parts, in order.
     pub parts: &'static [&'static str],
     /// The structures that it shares with the program.
@@ -16,9 +18,29 @@ pub struct Shader {
 impl Shader {
     /// The text of the whole module.
     pub fn source(&self) -> String {
-        let constants =
-            self.constants.iter().map(|(name, value)| format!("const {name} = f32({value:e});\n"));
+        let constants = self.constants.iter().map(|(name, value)| format!("const {name} = {value};\n"));
         constants.collect::<String>() + &self.parts.join("\n")
+    }
+}
+
+/// A number that the program has a name for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Constant {
+    /// `i32`.
+    Int(i32),
+    /// `u32`.
+    Uint(u32),
+    /// `f32`.
+    Float(f32),
+}
+
+impl fmt::Display for Constant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Int(value) => write!(f, "i32({value})"),
+            Self::Uint(value) => write!(f, "u32({value})"),
+            Self::Float(value) => write!(f, "f32({value:e})"),
+        }
     }
 }
 

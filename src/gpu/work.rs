@@ -220,6 +220,9 @@ impl Work<'_> {
     }
 }
 
+/// Rounds of all loops of a thread together in one pass. Mesa's software driver ends them without a word after 65 535.
+pub const MOST_ROUNDS: usize = 60_000;
+
 /// Rows of a buffer that is copied to a texture are a multiple of so many bytes.
 pub const ROW_ALIGNMENT: usize = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize;
 

@@ -273,6 +273,9 @@ fn planes_from_rows<const N: usize, T>(
     planes
 }
 
+/// A pixel of whose rays no more than this share hit anything shows nothing.
+const LEAST_HIT: f64 = 1e-9;
+
 /// What the rays of one pixel bring home, summed in double precision: thousands of samples would drift in single.
 #[derive(Debug, Clone, Copy, Default)]
 struct RaySum {
@@ -294,7 +297,7 @@ impl RaySum {
         let known = rays as f64 - self.discarded;
         let hit = known - self.missed;
         let weight = if open_background { known } else { hit };
-        if hit <= 1e-9 * rays as f64 {
+        if hit <= LEAST_HIT * rays as f64 {
             return [0.0; 4];
         }
         let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);

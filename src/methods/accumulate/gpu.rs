@@ -4,13 +4,14 @@
 //!
 //! Memory: 28 bytes a fragment, 36 a pixel.
 
+use super::Accumulate;
+use super::tiles::{SLABS, TILE};
 use super::volume::{JOIN_PX, Ray, Volume};
-use super::{Accumulate, tiles::TILE};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Mirrored, Shader, Work, bands, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
-use crate::methods::shared::{Go, Goes, RAY_SUMS};
+use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT};
 use crate::methods::{Progress, Twin};
 use crate::scene::{Layer, OPAQUE_ALPHA, Plan, Scene};
 use glam::Vec2;
@@ -21,7 +22,14 @@ const FRAGMENT_BYTES: [usize; 2] = [8, 28];
 
 static SHADER: Shader = Shader {
     name: "accumulate",
-    constants: &[],
+    constants: &[
+        RAY_SUMS_CONSTANT,
+        ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
+        ("JOIN_PX", Constant::Float(JOIN_PX)),
+        ("TILE", Constant::Int(TILE)),
+        ("TILE_BITS", Constant::Uint(TILE.ilog2())),
+        ("SLABS", Constant::Uint(SLABS)),
+    ],
     parts: &[RAY_SUMS, include_str!("../../../shaders/methods/accumulate.wgsl")],
     structs: &[Go::LAYOUT, Frame::LAYOUT, View::LAYOUT],
 };
@@ -51,10 +59,6 @@ mirrored! {
         farthest: f32,
         /// Slabs for each pixel of CoC depth.
         slabs_per_px: f32,
-        /// [`JOIN_PX`].
-        join_px: f32,
-        /// [`OPAQUE_ALPHA`].
-        opaque_alpha: f32,
         /// Where the lens's axis meets the picture.
         axis_x: f32,
         /// The same, down.
@@ -111,6 +115,11 @@ impl View {
         }
     }
 
+    /// How many samples a ray passes at most, between the CoC depths `range_px`.
+    fn cells(&self, range_px: [f32; 2]) -> f32 {
+        (range_px[1] - range_px[0]) * (self.step_x.abs() + self.step_y.abs()) + 2.0
+    }
+
     /// How many rows above or below its pixel a ray goes at most, between the CoC depths `range_px`.
     fn rows_away(&self, supersample: f32, range_px: [f32; 2]) -> f32 {
         let rows = |coc: f32| (self.jitter_y + self.shift_y + coc * self.step_y / supersample).abs();
@@ -126,6 +135,8 @@ struct Lens {
     count: usize,
     /// How many rows away the rays of a pixel meet anything.
     reach_rows: usize,
+    /// Rounds of loops that a ray takes at most.
+    rounds: usize,
 }
 
 impl Lens {
@@ -144,8 +155,11 @@ impl Lens {
         let away = views.iter().map(|view| view.rows_away(volume.supersample, volume.coc_range_px));
         // A fragment reaches as far as its neighbours let it: they must be at hand.
         let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 1;
+        let cells = views.iter().map(|view| view.cells(volume.coc_range_px)).fold(0.0, f32::max);
+        // A look at a sample takes a round and one for each layer; of tiles there are no more than samples.
+        let rounds = cells.ceil() as usize * (2 + volume.layers.len());
         let words: Vec<u32> = views.iter().flat_map(View::words).collect();
-        Ok(Self { views: gpu.upload("lens samples", &words)?, sets, count: views.len(), reach_rows })
+        Ok(Self { views: gpu.upload("lens samples", &words)?, sets, count: views.len(), reach_rows, rounds })
     }
 }
 
@@ -214,8 +228,6 @@ fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usi
         nearest,
         farthest,
         slabs_per_px: volume.tiles.slabs.per_px,
-        join_px: JOIN_PX,
-        opaque_alpha: OPAQUE_ALPHA,
         axis_x: volume.field.axis_px.x,
         axis_y: volume.field.axis_px.y,
         half_diagonal_px: volume.field.half_diagonal_px,
@@ -269,28 +281,11 @@ fn follow(
             let bindings: Vec<_> = sums.into_iter().chain(own).chain(walked).collect();
             work.pass(&follow, &bindings, groups)
         };
-        goes.follow(views.clone(), ask, |views| {
+        goes.follow((views.clone(), lens.rounds), ask, |views| {
             done.set(done.get() + views);
             progress(done.get() as f32 / lens.count as f32);
         })?;
         goes.resolve(channels, |_, _| Ok(()))?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::methods::accumulate::tiles::SLABS;
-
-    #[test]
-    fn constants_are_those_of_the_shader() {
-        for constant in [
-            format!("const TILE: i32 = {TILE};"),
-            format!("const TILE_BITS: u32 = {};", TILE.ilog2()),
-            format!("const SLABS: u32 = {SLABS};"),
-        ] {
-            assert!(SHADER.source().contains(&constant), "{constant}");
-        }
-    }
 }

@@ -3,22 +3,30 @@
 //! The rows of a peel that have contributions to a level are found before culling, which can only make them fewer.
 
 use super::super::shared::{
-    self, Edge, Frame, Grid, Levels, PYRAMID_WGSL, Peel, Planes, RowNeeds, SHEET_WGSL, SPLAT, Step,
-    at_pixels, corners, picture_in_bands,
+    self, Edge, Frame, Grid, Levels, OTHER_SHEET_WGSL, PYRAMID_WGSL, Peel, Planes, RowNeeds, SHEET_WGSL,
+    SPLAT, Step, at_pixels, corners, picture_in_bands,
 };
 use super::super::{Progress, Twin};
 use super::field::{Field, Side, Weighing};
-use super::{BBuffer, ranges_px};
+use super::{BBuffer, SAME_SURFACE_SHARE, ranges_px};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
-use crate::scene::{EffectKind, Plan, Scene};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
 use std::ops::Range;
 
 static SHADER: Shader = Shader {
     name: "b_buffer",
-    constants: &[],
-    parts: &[SHEET_WGSL, PYRAMID_WGSL, include_str!("../../../shaders/methods/b_buffer.wgsl")],
+    constants: &[
+        ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
+        ("SAME_SURFACE_SHARE", Constant::Float(SAME_SURFACE_SHARE)),
+    ],
+    parts: &[
+        SHEET_WGSL,
+        OTHER_SHEET_WGSL,
+        PYRAMID_WGSL,
+        include_str!("../../../shaders/methods/b_buffer.wgsl"),
+    ],
     structs: &[Step::LAYOUT, Frame::LAYOUT, Weighing::LAYOUT, PeelFacts::LAYOUT],
 };
 

@@ -8,7 +8,7 @@ use crate::methods::shared::{Blocks, Fragments, NBuffer};
 use glam::Vec2;
 
 /// Most N-buffers of a picture.
-const MOST_SLABS: usize = 64;
+pub(super) const MOST_SLABS: usize = 64;
 
 /// Where the layers of a stack have fragments.
 #[derive(Debug)]

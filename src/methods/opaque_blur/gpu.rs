@@ -5,15 +5,15 @@ use super::super::shared::{
     SUB_IMAGES_WGSL, Step, SubImages, Visible, at_pixels, corners, picture_in_bands,
 };
 use super::super::{Progress, Twin};
-use super::{OpaqueBlur, sub_images};
+use super::{NOTHING, OpaqueBlur, sub_images};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Mirrored, Shader, Work};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work};
 use crate::image::{Image, Plane};
 use crate::scene::{Plan, Scene};
 
 static SHADER: Shader = Shader {
     name: "opaque_blur",
-    constants: &[],
+    constants: &[("NOTHING", Constant::Float(NOTHING))],
     parts: &[
         SHEET_WGSL,
         PYRAMID_WGSL,

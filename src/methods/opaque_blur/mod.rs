@@ -171,10 +171,11 @@ fn add_glow(expanded: &mut [f32], analysed: &[f32]) {
     expanded.iter_mut().zip(analysed).for_each(|(syn, &ana)| *syn += ana - *syn * ana);
 }
 
+/// Where the blur brings no more there is nothing to rescale; the least alpha that a kernel's rim leaves is far above.
+const NOTHING: f32 = 1e-30;
+
 /// `RGBA_sub = RGBA_blur · A_glow / A_blur` (eq. 7).
 fn rescale(colors: &mut [Vec<f32>], alpha: &mut [f32], glow: &[f32]) {
-    // Where the blur brings nothing there is nothing to rescale; the least alpha that a kernel's rim leaves is far above.
-    const NOTHING: f32 = 1e-30;
     for color in colors {
         for ((value, &alpha), &glow) in color.iter_mut().zip(&*alpha).zip(glow) {
             *value *= if alpha > NOTHING { glow / alpha } else { 0.0 };

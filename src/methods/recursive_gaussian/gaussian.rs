@@ -21,7 +21,7 @@ pub(super) const PASSES: usize = 4;
 const LANES: usize = 16;
 
 /// Smaller values are 0: they cannot show, and single precision is slow below its normal range.
-const LEAST: f32 = 1e-20;
+pub(super) const LEAST: f32 = 1e-20;
 
 /// One position of [`LANES`] lines.
 type Lines = [f32; LANES];

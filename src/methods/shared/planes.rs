@@ -10,6 +10,10 @@ use std::ops::Range;
 /// Text of `shaders/shared/sheet.wgsl`.
 pub(in crate::methods) const SHEET_WGSL: &str = include_str!("../../../shaders/shared/sheet.wgsl");
 
+/// Text of `shaders/shared/other_sheet.wgsl`.
+pub(in crate::methods) const OTHER_SHEET_WGSL: &str =
+    include_str!("../../../shaders/shared/other_sheet.wgsl");
+
 mirrored! {
     /// Where a band's pixels lie in the frame, and the frame in level 0 of a pyramid.
     pub(in crate::methods) struct Frame {

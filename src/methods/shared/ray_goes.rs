@@ -6,9 +6,14 @@
 //! Memory: 36 bytes a pixel.
 
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Kernel, Shader, Work, mirrored};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MOST_ROUNDS, Shader, Work, mirrored};
 use crate::image::Image;
+use crate::methods::LEAST_HIT;
 use std::ops::Range;
+
+/// What [`RAY_SUMS`] reads of the program.
+pub(in crate::methods) const RAY_SUMS_CONSTANT: (&str, Constant) =
+    ("LEAST_HIT", Constant::Float(LEAST_HIT as f32));
 
 /// What sums and picture are bound to, and the shader's text that knows them: before a method's own.
 pub(in crate::methods) const RAY_SUMS: &str = include_str!("../../../shaders/shared/ray_sums.wgsl");
@@ -79,15 +84,15 @@ impl<'g> Goes<'g> {
     }
 
     /// Sums the rays of `views`: `ask` asks for what follows those of a go, with the bindings of go and sums; `progress` is told
-    /// how many views are done.
+    /// how many views are done. A view takes a thread `rounds` rounds of its loops at most.
     pub(in crate::methods) fn follow(
         &self,
-        views: Range<usize>,
+        (views, rounds): (Range<usize>, usize),
         ask: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
         progress: impl Fn(usize),
     ) -> Result<(), Error> {
         let most = (views.len() as f32).sqrt().ceil() as usize;
-        let most = most.clamp(VIEWS[0], VIEWS[1]);
+        let most = most.clamp(VIEWS[0], VIEWS[1]).min(MOST_ROUNDS / rounds.max(1)).max(1);
         for first in views.clone().step_by(most) {
             let end = (first + most).min(views.end);
             let go = self.gpu.uniform(&self.go(first..end, first == views.start, &[]))?;

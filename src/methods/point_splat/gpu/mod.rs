@@ -16,7 +16,7 @@ use super::splat::{Grid, Point};
 use super::sprites::Centre;
 use super::{PointSplat, Prepared};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Gpu, Mirrored, Shader, bands, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Constant, Gpu, MOST_ROUNDS, Mirrored, Shader, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::methods::shared::{peels, picture};
 use crate::methods::{Progress, Twin};
@@ -37,10 +37,6 @@ const BYTES_A_PAIR: usize = 2 * 3 * 5 * size_of::<f32>();
 
 /// Points looked at by all pixels of a pass together: some tenths of a second of a slow card.
 const MOST_VISITS: usize = 4_000_000_000;
-
-/// Blocks and points that a thread looks at in one pass. Mesa's lavapipe ends a thread's loops without a word after 65535 rounds
-/// of all of them together.
-const MOST_ROUNDS: usize = 60_000;
 
 /// Layers of a strip take no more: they are read and written in every go.
 const MOST_SUM_BYTES: usize = 1 << 26;
@@ -69,15 +65,12 @@ mirrored! {
         regions_across: i32,
         /// Planes of content.
         channels: u32,
-        /// Pixels along the sides of a block and of a region.
-        block: i32,
-        region: i32,
     }
 }
 
 static SHADER: Shader = Shader {
     name: "point_splat",
-    constants: &[],
+    constants: &[("BLOCK", Constant::Int(BLOCK as i32)), ("REGION", Constant::Int(REGION as i32))],
     parts: &[include_str!("../../../../shaders/methods/point_splat.wgsl")],
     structs: &[Params::LAYOUT],
 };
@@ -306,8 +299,6 @@ impl<'a, const N: usize> Splatting<'a, N> {
             blocks_across: resident.blocks_across as u32,
             regions_across: width.div_ceil(REGION) as i32,
             channels: N as u32,
-            block: BLOCK as i32,
-            region: REGION as i32,
         }
     }
 }

@@ -1,47 +1,13 @@
-//! `shear` on a GPU: `shaders/methods/shear.wgsl`.
-//!
-//! What is made once (bins, shifts of views, what the rim hides) the CPU makes as for itself, and it draws the few discs of
-//! highlights while the GPU paints. Bands read as far as views and the prefilter reach.
-//!
-//! Memory: 26 bytes a fragment, 100 a pixel.
+//! One band of rows: the stack brought up and put in order, then painted view by view.
 
-use super::bins::Bins;
-use super::bokeh::Bokeh;
-use super::highlights::{self, Highlight, Occluders};
-use super::paint::{LEAST_HIT, STOPPED_BELOW, Shear};
-use super::prefilter::{self, SURFACE_PX};
-use super::resolve;
-use super::runs::{self, JOIN_PX};
-use super::sampler::{ShearSet, bins, rim_softness, shears};
+use super::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TEXEL, TILE, Work};
 use crate::error::Error;
-use crate::gpu::{
-    Band, Buffer, Gpu, Kernel, Mirrored, ROW_ALIGNMENT, Resource, Shader, Texels, Texture, bands, mirrored,
-    tiles,
-};
-use crate::image::{Image, Plane};
-use crate::methods::{Progress, Twin};
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, PREFILTER_LEAST_VARIANCE, Plan, Scene};
-use std::borrow::Cow;
+use crate::gpu::{Band, Buffer, Kernel, MOST_ROUNDS, Resource, Texels, Texture, tiles};
+use crate::methods::Progress;
+use crate::methods::shear::paint::Shear;
+use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-static SHADER: Shader = Shader {
-    name: "shear",
-    constants: &[
-        ("OPAQUE_ALPHA", OPAQUE_ALPHA),
-        ("JOIN_PX", JOIN_PX),
-        ("SURFACE_PX", SURFACE_PX),
-        ("LEAST_VARIANCE", PREFILTER_LEAST_VARIANCE),
-        ("STOPPED_BELOW", STOPPED_BELOW),
-        ("LEAST_HIT", LEAST_HIT),
-    ],
-    parts: &[include_str!("../../../shaders/methods/shear.wgsl")],
-    structs: &[Params::LAYOUT],
-};
-
-/// Sides of the shader's tiles and blocks.
-const TILE: usize = 16;
-const BLOCK: usize = 4;
 
 /// Views that are painted at once: a go stays short, and its sums exact.
 const VIEWS_IN_A_GO: usize = 64;
@@ -49,248 +15,11 @@ const VIEWS_IN_A_GO: usize = 64;
 /// The shader's `shifts`: what may be uniform everywhere.
 const SHIFTS: usize = 8192;
 
-/// Entries that lists of groups have room for at first: more than enough where surfaces are large.
-const ENTRIES: usize = 8;
-
 /// Most bytes of lists.
 const LISTS_BYTES: u64 = 256 << 20;
 
-/// Rounds of all loops of a thread together, past which Mesa's software driver ends them without a word.
-const MOST_ROUNDS: usize = 60_000;
-
-/// Tiles along one of the shader's squares.
-const SQUARE: usize = 4;
-
-/// Bytes of a colour.
-const TEXEL: usize = size_of::<[f32; 4]>();
-
-/// Layers whose keys share a texel.
-const LAYERS_PER_TEXEL: usize = 4;
-
-/// Past so many radii of the prefilter's box what it brings is below a millionth: `e^(−√6 · 6)`.
-const SMOOTHING_RADII: f32 = 6.0;
-
-/// Planes of a picture in the making: red, green, blue, alpha, and the share of rays that met something in focus.
-const PLANES: usize = 5;
-
-/// Planes of sums: colour, what of it was in focus, what was missed, what was hidden.
-const SUMS: usize = 6;
-
-/// Bytes of a fragment in colours, bins and keys; of a pixel in sums, the picture and its readback, the lists of its tile, and the layer
-/// that is on its way, twice.
-const FRAGMENT_BYTES: usize = 26;
-const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16 + 40;
-
-mirrored! {
-    /// What all kernels read: see the shader.
-    struct Params {
-        width: u32,
-        height: u32,
-        stride: u32,
-        source_start: u32,
-        source_rows: u32,
-        band_start: u32,
-        band_rows: u32,
-        layers: u32,
-        layer: u32,
-        bins: u32,
-        words: u32,
-        entries: u32,
-        focused_start: u32,
-        focused_end: u32,
-        cells: u32,
-        start_px: f32,
-        cells_per_px: f32,
-        radius_per_coc: f32,
-        views: u32,
-        views_before: u32,
-        views_in_go: u32,
-        open_background: u32,
-        channels: u32,
-        cats_eye: f32,
-        axis_x_px: f32,
-        axis_y_px: f32,
-        half_diagonal_px: f32,
-        softness: f32,
-    }
-}
-
-/// `shear` on a GPU.
-#[derive(Debug)]
-pub(super) struct ShearTwin;
-
-impl Twin for ShearTwin {
-    fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let (layers, highlights) = load(scene, plan);
-        let work = Work::new(gpu, scene, &layers, plan)?;
-        let (painted, discs) = rayon::join(|| work.paint(progress), || work.discs(scene, &highlights));
-        let (mut image, focused_share) = painted?;
-        if let Some(discs) = discs {
-            add_light(&mut image, &discs);
-        }
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
-        }
-        Ok(image)
-    }
-
-    fn shader(&self) -> &'static Shader {
-        &SHADER
-    }
-}
-
-/// [`super::load`], of a scene that stays as it is.
-fn load<'a>(scene: &'a Scene, plan: &Plan) -> (Cow<'a, [Layer]>, Vec<Highlight>) {
-    let changes = plan.does(EffectKind::Highlights) || plan.does(EffectKind::Fill) || scene.supersample > 1;
-    if !changes {
-        return (Cow::Borrowed(&scene.layers), Vec::new());
-    }
-    let (layers, highlights) = super::load(scene.clone(), plan);
-    (Cow::Owned(layers), highlights)
-}
-
-fn add_light(image: &mut Image, light: &Image) {
-    for (plane, light) in image.planes.iter_mut().zip(&light.planes).take(3) {
-        plane.values_mut().iter_mut().zip(light.values()).for_each(|(value, light)| *value += light);
-    }
-}
-
-/// A scene on its way through a GPU.
-struct Work<'a> {
-    gpu: &'a Gpu,
-    plan: &'a Plan,
-    layers: &'a [Layer],
-    size: (usize, usize),
-    views: usize,
-    bins: Bins,
-    sets: Vec<ShearSet>,
-    /// Of the whole picture.
-    params: Params,
-    bin_ends_px: Buffer,
-    first_in_cell: Buffer,
-}
-
-impl<'a> Work<'a> {
-    fn new(gpu: &'a Gpu, scene: &Scene, layers: &'a [Layer], plan: &'a Plan) -> Result<Self, Error> {
-        let (size, views) = (scene.picture_size(), plan.lens_samples());
-        let bins = bins(plan, views);
-        let sets = shears(plan, &bins, views);
-        let (ends_px, first_in_cell, ..) = bins.table();
-        let ends_px: Vec<f32> = ends_px.iter().map(|end| end.min(f32::MAX)).collect();
-        let first_in_cell: Vec<u32> = first_in_cell.iter().map(|&bin| u32::from(bin)).collect();
-        let params = params(scene, layers.len(), plan, (&bins, &sets));
-        Ok(Self {
-            gpu,
-            plan,
-            layers,
-            size,
-            views,
-            sets,
-            params,
-            bin_ends_px: gpu.upload("ends of bins", &ends_px)?,
-            first_in_cell: gpu.upload("bins by radius", &first_in_cell)?,
-            bins,
-        })
-    }
-
-    /// How many rows away what a pixel shows may lie.
-    fn reach(&self) -> usize {
-        let coc = self.bins.centers_px().iter().fold(0.0, |most: f32, coc| most.max(coc.abs()));
-        let smoothed = if self.plan.does(EffectKind::Prefilter) {
-            SMOOTHING_RADII * self.params.radius_per_coc * coc
-        } else {
-            0.0
-        };
-        // Half a pixel of jitter, a neighbour that is joined.
-        (coc + self.plan.optics.longest_shift_px() + smoothed + 0.5).ceil() as usize + 2
-    }
-
-    /// Rows that can be read at once.
-    fn most_rows(&self) -> usize {
-        let (stride, layers) = (self.params.stride as usize, self.layers.len());
-        let largest = stride * TEXEL.max(SUMS * size_of::<f32>());
-        let together = stride * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
-        let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
-        rows(self.gpu.most_binding_bytes(), largest).min(rows(self.gpu.most_working_bytes(), together))
-    }
-
-    fn paint(&self, progress: &Progress<'_>) -> Result<(Image, Plane), Error> {
-        let (width, height) = self.size;
-        let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
-        let bands = bands(height, self.reach(), self.most_rows())?;
-        for (i, band) in bands.iter().enumerate() {
-            let share = |done: f32| progress((i as f32 + done) / bands.len() as f32);
-            let picture = BandWork::new(self, band)?.picture(&share)?;
-            let values = band.rows.start * width..band.rows.end * width;
-            let mut parts = planes.each_mut().map(|plane| &mut plane.values_mut()[values.clone()]);
-            self.gpu.read_into(&picture, &mut parts)?;
-        }
-        let [red, green, blue, alpha, focused_share] = planes;
-        Ok((Image { planes: [red, green, blue, alpha] }, focused_share))
-    }
-
-    /// The discs of `highlights` over nothing, if there are any.
-    fn discs(&self, scene: &Scene, highlights: &[Highlight]) -> Option<Image> {
-        if highlights.is_empty() {
-            return None;
-        }
-        let (bins, layers, (width, height)) = (&self.bins, self.layers, self.size);
-        let runs = runs::find(layers, bins);
-        let mut discs = Image::from_fn(width, height, |_, _| [0.0; 4]);
-        let bokeh = Bokeh::new(&self.plan.optics, scene.field, self.plan.fragment_px);
-        highlights::draw(&mut discs, highlights, &bokeh, &Occluders { width, runs: &runs, bins, layers });
-        Some(discs)
-    }
-}
-
-/// What is the same for all bands.
-fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[ShearSet])) -> Params {
-    let (width, height) = scene.picture_size();
-    let views = plan.lens_samples();
-    let (_, cells, start_px, cells_per_px) = bins.table();
-    let focused = focused_bins(sets);
-    let (field, optics) = (&scene.field, &plan.optics);
-    Params {
-        width: width as u32,
-        height: height as u32,
-        stride: (width * TEXEL).next_multiple_of(ROW_ALIGNMENT) as u32 / TEXEL as u32,
-        source_start: 0,
-        source_rows: height as u32,
-        band_start: 0,
-        band_rows: height as u32,
-        layers: layers as u32,
-        layer: 0,
-        bins: bins.count() as u32,
-        words: bins.count().div_ceil(32) as u32,
-        entries: ENTRIES as u32,
-        focused_start: focused.start as u32,
-        focused_end: focused.end as u32,
-        cells: cells.len() as u32,
-        start_px,
-        cells_per_px,
-        radius_per_coc: prefilter::radius_per_coc(views, plan.parameters.shear.prefilter),
-        views: views as u32,
-        views_before: 0,
-        views_in_go: 0,
-        open_background: u32::from(plan.does(EffectKind::OpenBackground)),
-        channels: 0,
-        cats_eye: optics.cats_eye,
-        axis_x_px: field.axis_px.x,
-        axis_y_px: field.axis_px.y,
-        half_diagonal_px: field.half_diagonal_px,
-        softness: rim_softness(views),
-    }
-}
-
-/// The bins that count as in focus: neighbours, since bins rise.
-fn focused_bins(sets: &[ShearSet]) -> Range<usize> {
-    let shifts = sets.first().and_then(|(shears, _)| shears.first()).map_or(&[][..], |shear| &shear.shifts);
-    let first = shifts.iter().position(|shift| shift.focused).unwrap_or(0);
-    first..shifts.iter().rposition(|shift| shift.focused).map_or(first, |last| last + 1)
-}
-
-/// One band of it.
-struct BandWork<'a> {
+/// One band of a scene on its way through a GPU.
+pub(super) struct BandWork<'a> {
     work: &'a Work<'a>,
     rows: usize,
     params: Params,
@@ -306,7 +35,7 @@ struct BandWork<'a> {
 
 impl<'a> BandWork<'a> {
     /// The band's rows on the GPU, in bins and prefiltered.
-    fn new(work: &'a Work<'a>, Band { rows, source }: &Band) -> Result<Self, Error> {
+    pub(super) fn new(work: &'a Work<'a>, Band { rows, source }: &Band) -> Result<Self, Error> {
         let (gpu, (width, _), layers) = (work.gpu, work.size, work.layers.len());
         let params = Params {
             source_start: source.start as u32,
@@ -404,7 +133,7 @@ impl<'a> BandWork<'a> {
     }
 
     /// Paints all views of all sets.
-    fn picture(mut self, progress: &Progress<'_>) -> Result<Buffer, Error> {
+    pub(super) fn picture(mut self, progress: &Progress<'_>) -> Result<Buffer, Error> {
         let gpu = self.work.gpu;
         let finish = gpu.kernel(&SHADER, "finish")?;
         let total = (self.work.sets.len() * self.work.views) as f32;
