@@ -5,20 +5,18 @@
 // neighbouring bins that it moves alike, most often one or two. A thread follows the rays of four pixels along that list until
 // they are stopped. Nothing is sorted, and no two threads write to one place.
 //
-// With it go shear_stack.wgsl, which puts the stack in order, and shear_lists.wgsl, which makes the lists. Here is what all declare, and
+// With it goes shear_lists.wgsl, which makes the lists. Here is what both declare, and
 //
 //   paint            sums over some views
 //   paint_veils      the same where fragments let light through
 //   finish           sums → picture
 //
-// Colours and CoC radii come a layer at a time, [row][column], rows those that the band reads; keys have four layers a texel; sums
-// and pictures are [plane][row][column], rows those that the band makes.
+// Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column], rows those that the band makes.
 
 struct Params {
-    // Of the picture; columns of a row of colours.
+    // Of the picture.
     width: u32,
     height: u32,
-    stride: u32,
     // The rows that are read.
     source_start: u32,
     source_rows: u32,
@@ -26,8 +24,6 @@ struct Params {
     band_start: u32,
     band_rows: u32,
     layers: u32,
-    // The layer at hand.
-    layer: u32,
     bins: u32,
     // Words of 32 bins.
     words: u32,
@@ -36,12 +32,6 @@ struct Params {
     // Bins in focus: from the first to before the end.
     focused_start: u32,
     focused_end: u32,
-    // The table of bins.
-    cells: u32,
-    start_px: f32,
-    cells_per_px: f32,
-    // Radius of the prefilter's box in pixels, for each pixel of CoC radius.
-    radius_per_coc: f32,
     // Views of the picture, and those of this go: all before it are in the sums.
     views: u32,
     views_before: u32,
@@ -61,41 +51,27 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 // [view][bin], two to a vector.
 @group(0) @binding(1) var<uniform> shifts: array<vec4i, 4096>;
-@group(0) @binding(2) var<storage, read_write> colors: array<vec4f>;
-@group(0) @binding(3) var<storage, read> coc_px: array<f32>;
-@group(0) @binding(4) var<storage, read> bin_ends_px: array<f32>;
-@group(0) @binding(5) var<storage, read> first_in_cell: array<u32>;
-// A fragment: the bits of its CoC radius, and its bin with OPAQUE.
-@group(0) @binding(6) var fragments_made: texture_storage_2d_array<rg32uint, write>;
-@group(0) @binding(7) var fragments: texture_2d_array<u32>;
-@group(0) @binding(8) var keys_made: texture_storage_2d_array<rg32uint, write>;
-@group(0) @binding(9) var keys: texture_2d_array<u32>;
-@group(0) @binding(10) var<storage, read_write> blocks: array<u32>;
-@group(0) @binding(11) var<storage, read_write> windows: array<u32>;
-// [tile][view][entry]: see `Group`.
-@group(0) @binding(12) var<storage, read_write> groups: array<vec2u>;
-@group(0) @binding(13) var<storage, read> lens_points: array<vec2f>;
-@group(0) @binding(14) var<storage, read_write> sums: array<f32>;
-@group(0) @binding(15) var<storage, read_write> picture: array<f32>;
-// The colours once more, smoothed.
-@group(0) @binding(16) var smoothed: texture_2d_array<f32>;
-// Entries of the longest list, whether or not there was room.
-@group(0) @binding(17) var<storage, read_write> longest: atomic<u32>;
+// A fragment's bin, from BIN_SHIFT on, and NEARER or FARTHER where it joins the bin before or after; NO_KEY for none: four layers a
+// texel, two to a word.
+@group(0) @binding(2) var keys: texture_2d_array<u32>;
+// [word][row of blocks][column]: a bit a bin.
+@group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
+@group(0) @binding(4) var<storage, read_write> windows: array<u32>;
+@group(0) @binding(5) var<storage, read_write> far_windows: array<u32>;
 // [square][view][word]: a bit a bin.
-@group(0) @binding(18) var<storage, read_write> far: array<u32>;
-@group(0) @binding(19) var<storage, read_write> far_windows: array<u32>;
+@group(0) @binding(6) var<storage, read_write> far: array<u32>;
+// [tile][view][entry]: see `Group`.
+@group(0) @binding(7) var<storage, read_write> groups: array<vec2u>;
+// Entries of the longest list, whether or not there was room.
+@group(0) @binding(8) var<storage, read_write> longest: atomic<u32>;
+// Red, green, blue, alpha, a layer each.
+@group(0) @binding(9) var colors: texture_2d_array<f32>;
+@group(0) @binding(10) var<storage, read> lens_points: array<vec2f>;
+@group(0) @binding(11) var<storage, read_write> sums: array<f32>;
+@group(0) @binding(12) var<storage, read_write> picture: array<f32>;
 
-// A bit above the bins and EMPTY.
-const OPAQUE = 0x10000u;
-
-// Bits of a key; the bin is above them.
-const NEARER = 1u;
-const FARTHER = 2u;
-const BIN_SHIFT = 3u;
-const NO_KEY = 0xffffu;
-
-// OPAQUE_ALPHA, JOIN_PX, SURFACE_PX, LEAST_VARIANCE, STOPPED_BELOW, LEAST_HIT, the bin EMPTY of a sample without a fragment, and the
-// sides TILE and BLOCK in pixels and SQUARE in tiles are the program's.
+// OPAQUE_ALPHA, STOPPED_BELOW, LEAST_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
+// program's.
 
 // Whether there are fragments in more layers than a texel of keys has, and whether a rim hides views: what a kernel need not ask
 // each ray. (A pipeline's own constants.)
@@ -187,7 +163,7 @@ fn stopped(hit: Hit, group: Group, pixel: vec2u) -> Hit {
 
 // What a ray that is stopped at `hit` sees: colour, and whether it is in focus; of one that is not, nothing.
 fn light_at(hit: Hit) -> vec4f {
-    let color = textureLoad(smoothed, hit.source, hit.order & 0xffu, 0);
+    let color = textureLoad(colors, hit.source, hit.order & 0xffu, 0);
     let seen = vec4f(color.rgb, select(0.0, 1.0, in_focus(hit.order)));
     return select(vec4f(0.0), seen, hit.order != NONE);
 }
@@ -259,7 +235,7 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
         if order == NONE {
             break;
         }
-        let color = textureLoad(smoothed, source, order & 0xffu, 0);
+        let color = textureLoad(colors, source, order & 0xffu, 0);
         let alpha = select(color.a, 1.0, color.a >= OPAQUE_ALPHA);
         light += left * vec4f(color.rgb, select(0.0, alpha, in_focus(order)));
         left *= 1.0 - alpha;

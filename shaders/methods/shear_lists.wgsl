@@ -1,7 +1,77 @@
 // What each view of `shear` can show to each tile: lists of groups of bins. Declarations: shear.wgsl.
 //
+//   mark_blocks      which bins each block of pixels holds
+//   mark_windows     which bins each window of blocks holds: what a tile can see, wherever a view moves it
+//   mark_far         the same for a square of tiles
 //   find_far         the bins that each view can show to each square of tiles
 //   find_groups      of those, the groups of bins that it can show to each tile
+
+fn blocks_size() -> vec2u {
+    return (vec2u(params.width, params.source_rows) + (BLOCK - 1u)) / BLOCK;
+}
+
+// The bins of `word` that `key` is in.
+fn bins_of(key: u32, word: u32) -> u32 {
+    let nearer = key & NEARER;
+    let bins = (2u << (nearer + ((key & FARTHER) / FARTHER))) - 1u;
+    let first = i32((key >> BIN_SHIFT) - nearer) - i32(32u * word);
+    let from_here = select(0u, bins << u32(first & 31), first >= 0 && first < 32);
+    let from_before = select(0u, bins >> u32(-first & 31), first < 0 && first > -3);
+    return select(from_here | from_before, 0u, key == NO_KEY);
+}
+
+@compute @workgroup_size(8, 8)
+fn mark_blocks(@builtin(global_invocation_id) at: vec3u) {
+    let size = blocks_size();
+    if at.x >= size.x || at.y >= size.y {
+        return;
+    }
+    let end = min(BLOCK * (at.xy + 1u), vec2u(params.width, params.source_rows));
+    var bits = 0u;
+    for (var slice = 0u; 4u * slice < params.layers; slice++) {
+        for (var y = BLOCK * at.y; y < end.y; y++) {
+            for (var x = BLOCK * at.x; x < end.x; x++) {
+                let four = textureLoad(keys, vec2u(x, y), slice, 0).xy;
+                bits |= bins_of(four.x & 0xffffu, at.z) | bins_of(four.x >> 16u, at.z);
+                bits |= bins_of(four.y & 0xffffu, at.z) | bins_of(four.y >> 16u, at.z);
+            }
+        }
+    }
+    blocks[(at.z * size.y + at.y) * size.x + at.x] = bits;
+}
+
+@compute @workgroup_size(8, 8)
+fn mark_windows(@builtin(global_invocation_id) at: vec3u) {
+    let size = blocks_size();
+    if at.x >= size.x || at.y >= size.y {
+        return;
+    }
+    let end = min(at.xy + WINDOW, size);
+    var bits = 0u;
+    for (var y = at.y; y < end.y; y++) {
+        for (var x = at.x; x < end.x; x++) {
+            bits |= blocks[(at.z * size.y + y) * size.x + x];
+        }
+    }
+    windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
+}
+
+@compute @workgroup_size(8, 8)
+fn mark_far(@builtin(global_invocation_id) at: vec3u) {
+    let size = blocks_size();
+    if at.x >= size.x || at.y >= size.y {
+        return;
+    }
+    let step = TILE / BLOCK;
+    let end = min(at.xy + SQUARE * step, size);
+    var bits = 0u;
+    for (var y = at.y; y < end.y; y += step) {
+        for (var x = at.x; x < end.x; x += step) {
+            bits |= windows[(at.z * size.y + y) * size.x + x];
+        }
+    }
+    far_windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
+}
 
 // The sample that a view shows at `pixel` of the band where it moves by `shift`: those at the border go on for ever.
 fn source_of(pixel: vec2u, shift: vec2i) -> vec2u {

@@ -7,9 +7,6 @@ use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Bytes of rows that are made before they are handed over: what stays in a processor's cache.
-const BYTES_AT_ONCE: usize = 4 << 20;
-
 /// Memory of a GPU.
 #[derive(Debug)]
 pub struct Buffer {
@@ -44,7 +41,7 @@ pub enum Texels {
 pub enum Resource<'a> {
     /// For `var<storage>` and `var<uniform>`.
     Buffer(&'a Buffer),
-    /// For `texture_2d_array` and `texture_storage_2d_array`.
+    /// For `texture_2d_array`.
     Texture(&'a Texture),
 }
 
@@ -86,29 +83,6 @@ impl Gpu {
         let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
         let buffer = self.buffer(label, bytes as u64, wgpu::BufferUsages::STORAGE)?;
         self.write(label, &buffer, 0, parts)?;
-        Ok(buffer)
-    }
-
-    /// A buffer of `rows` rows of `width` values, each written by `row`: several at once, so that it may gather what lies far
-    /// apart.
-    ///
-    /// # Errors
-    /// As [`Self::upload`].
-    pub fn upload_rows<T: Pod + Send>(
-        &self,
-        label: &str,
-        (width, rows): (usize, usize),
-        row: impl Fn(usize, &mut [T]) + Sync,
-    ) -> Result<Buffer, Error> {
-        let row_bytes = width * size_of::<T>();
-        let buffer = self.buffer(label, (rows * row_bytes) as u64, wgpu::BufferUsages::STORAGE)?;
-        let at_once = (BYTES_AT_ONCE / row_bytes.max(1)).clamp(1, rows.max(1));
-        let mut values = vec![T::zeroed(); at_once * width];
-        for start in (0..rows).step_by(at_once) {
-            let values = &mut values[..at_once.min(rows - start) * width];
-            values.par_chunks_mut(width.max(1)).enumerate().for_each(|(i, values)| row(start + i, values));
-            self.write(label, &buffer, start * row_bytes, &[values])?;
-        }
         Ok(buffer)
     }
 
@@ -180,9 +154,7 @@ impl Gpu {
                 Texels::FourFloats => wgpu::TextureFormat::Rgba32Float,
                 Texels::TwoWords => wgpu::TextureFormat::Rg32Uint,
             },
-            usage: wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_DST,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         };
         let of_layers = wgpu::TextureViewDescriptor {
@@ -194,6 +166,59 @@ impl Gpu {
             let view = raw.create_view(&of_layers);
             Texture { raw, view }
         })
+    }
+
+    /// Fills layer `layer` of `texture` with rows of texels, each written by `row`: several at once, so that it may gather what lies
+    /// far apart.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn fill<T: Pod + Send>(
+        &self,
+        texture: &Texture,
+        layer: usize,
+        row: impl Fn(usize, &mut [T]) + Sync,
+    ) -> Result<(), Error> {
+        const LABEL: &str = "texels";
+        let watch = Instant::now();
+        let size = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.raw.size() };
+        let row_bytes = size.width as usize * size_of::<T>();
+        let stride = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(LABEL),
+            size: (stride * size.height as usize) as u64,
+            usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::MAP_WRITE,
+            mapped_at_creation: true,
+        };
+        let staged = self.guarded(LABEL, || self.device.create_buffer(&descriptor))?;
+        let texels = || vec![T::zeroed(); size.width as usize];
+        (0..size.height as usize).into_par_iter().try_for_each_init(texels, |texels, y| {
+            row(y, texels);
+            let start = (y * stride) as u64;
+            let target = staged.get_mapped_range_mut(start..start + stride as u64);
+            let mut target = target.map_err(|error| self.failure(LABEL, &error.to_string()))?;
+            target.slice(..row_bytes).copy_from_slice(cast_slice(texels));
+            Ok(())
+        })?;
+        self.guarded(LABEL, || {
+            staged.unmap();
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(stride as u32),
+                rows_per_image: None,
+            };
+            let origin = wgpu::Origin3d { z: layer as u32, ..wgpu::Origin3d::ZERO };
+            let target = wgpu::TexelCopyTextureInfo { origin, ..texture.raw.as_image_copy() };
+            let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            encoder.copy_buffer_to_texture(
+                wgpu::TexelCopyBufferInfo { buffer: &staged, layout },
+                target,
+                size,
+            );
+            self.queue.submit([encoder.finish()]);
+        })?;
+        lock(&self.usage).uploaded(row_bytes * size.height as usize, watch.elapsed());
+        Ok(())
     }
 
     /// Writes `parts` into `buffer`, one after the other, from byte `start` on.

@@ -38,7 +38,7 @@ pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
 pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
 #[cfg(feature = "gpu")]
-pub use work::{Kernel, MOST_ROUNDS, ROW_ALIGNMENT, Work, tiles};
+pub use work::{Kernel, MOST_ROUNDS, Work, tiles};
 
 use crate::error::Error;
 use serde::Serialize;

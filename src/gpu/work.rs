@@ -1,7 +1,7 @@
 //! Work for a GPU: kernels, and passes that run them.
 
 use super::context::{Gpu, lock};
-use super::memory::{Buffer, Resource, Texture};
+use super::memory::{Buffer, Resource};
 use super::shader::Shader;
 use crate::error::Error;
 
@@ -18,15 +18,10 @@ pub(super) struct Stamps {
     pub(super) ticks: Buffer,
 }
 
-/// Passes that are to be carried out one after the other, and copies between them.
+/// Passes that are to be carried out one after the other.
 pub struct Work<'g> {
     gpu: &'g Gpu,
-    steps: Vec<Step>,
-}
-
-enum Step {
-    Pass(Pass),
-    Copy(Copy),
+    passes: Vec<Pass>,
 }
 
 struct Pass {
@@ -35,26 +30,9 @@ struct Pass {
     groups: [u32; 3],
 }
 
-/// The texels of a texture's layer, from a buffer of as many rows one after the other.
-struct Copy {
-    from: wgpu::Buffer,
-    to: wgpu::Texture,
-    layer: u32,
-    row_bytes: u32,
-}
-
-impl Step {
-    fn kernel_name(&self) -> Option<&'static str> {
-        match self {
-            Self::Pass(pass) => Some(pass.kernel.name),
-            Self::Copy(_) => None,
-        }
-    }
-}
-
 impl std::fmt::Debug for Work<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_list().entries(self.steps.iter().filter_map(Step::kernel_name)).finish()
+        f.debug_list().entries(self.passes.iter().map(|pass| pass.kernel.name)).finish()
     }
 }
 
@@ -108,21 +86,20 @@ impl Gpu {
     /// # Errors
     /// When one cannot be, or the device fails.
     pub fn submit(&self, ask: impl FnOnce(&mut Work<'_>) -> Result<(), Error>) -> Result<(), Error> {
-        let mut work = Work { gpu: self, steps: Vec::new() };
+        let mut work = Work { gpu: self, passes: Vec::new() };
         ask(&mut work)?;
-        let names: Vec<_> = work.steps.iter().filter_map(Step::kernel_name).collect();
-        let passes = names.len();
+        let names: Vec<_> = work.passes.iter().map(|pass| pass.kernel.name).collect();
         let stamps = self.stamps(names)?;
         self.guarded("the passes", || {
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             let set = stamps.as_ref().map(|(set, _)| set);
-            work.steps.iter().fold(0, |pass, step| step.encode(&mut encoder, set, pass));
+            work.passes.iter().enumerate().for_each(|(i, pass)| pass.encode(&mut encoder, set, i));
             if let Some((set, Stamps { ticks, names })) = &stamps {
                 encoder.resolve_query_set(set, 0..2 * names.len() as u32, &ticks.raw, 0);
             }
             self.queue.submit([encoder.finish()]);
         })?;
-        lock(&self.usage).asked_for(passes);
+        lock(&self.usage).asked_for(work.passes.len());
         lock(&self.pending).extend(stamps.map(|(_, stamps)| stamps));
         Ok(())
     }
@@ -143,44 +120,21 @@ impl Gpu {
     }
 }
 
-impl Step {
-    /// Encodes the step, before which there were `pass` passes, and returns how many there are then; their times go into `set`.
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, set: Option<&wgpu::QuerySet>, pass: u32) -> u32 {
-        match self {
-            Self::Copy(copy) => {
-                copy.encode(encoder);
-                pass
-            }
-            Self::Pass(Pass { kernel, bindings, groups: [x, y, z] }) => {
-                let timestamp_writes = set.map(|query_set| wgpu::ComputePassTimestampWrites {
-                    query_set,
-                    beginning_of_pass_write_index: Some(2 * pass),
-                    end_of_pass_write_index: Some(2 * pass + 1),
-                });
-                let label = Some(kernel.name);
-                let mut encoded =
-                    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes });
-                encoded.set_pipeline(&kernel.pipeline);
-                encoded.set_bind_group(0, bindings, &[]);
-                encoded.dispatch_workgroups(*x, *y, *z);
-                pass + 1
-            }
-        }
-    }
-}
-
-impl Copy {
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(self.row_bytes),
-            rows_per_image: None,
-        };
-        let from = wgpu::TexelCopyBufferInfo { buffer: &self.from, layout };
-        let origin = wgpu::Origin3d { x: 0, y: 0, z: self.layer };
-        let to = wgpu::TexelCopyTextureInfo { origin, ..self.to.as_image_copy() };
-        let size = wgpu::Extent3d { depth_or_array_layers: 1, ..self.to.size() };
-        encoder.copy_buffer_to_texture(from, to, size);
+impl Pass {
+    /// Encodes the pass, the one with number `i`; its times go into `set`.
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, set: Option<&wgpu::QuerySet>, i: usize) {
+        let Self { kernel, bindings, groups: [x, y, z] } = self;
+        let timestamp_writes = set.map(|query_set| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(2 * i as u32),
+            end_of_pass_write_index: Some(2 * i as u32 + 1),
+        });
+        let label = Some(kernel.name);
+        let mut encoded =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes });
+        encoded.set_pipeline(&kernel.pipeline);
+        encoded.set_bind_group(0, bindings, &[]);
+        encoded.dispatch_workgroups(*x, *y, *z);
     }
 }
 
@@ -189,7 +143,7 @@ impl Work<'_> {
     ///
     /// # Errors
     /// When the bindings are not the kernel's.
-    pub fn pass<'a, R: Into<Resource<'a>> + std::marker::Copy>(
+    pub fn pass<'a, R: Into<Resource<'a>> + Copy>(
         &mut self,
         kernel: &Kernel,
         bindings: &[(u32, R)],
@@ -208,23 +162,13 @@ impl Work<'_> {
                 entries: &entries,
             })
         })?;
-        self.steps.push(Step::Pass(Pass { kernel: kernel.clone(), bindings, groups }));
+        self.passes.push(Pass { kernel: kernel.clone(), bindings, groups });
         Ok(())
-    }
-
-    /// Asks for a copy of `from`, rows of texels of `row_bytes` each, a multiple of [`ROW_ALIGNMENT`], to layer `layer` of `to`.
-    pub fn copy(&mut self, from: &Buffer, to: &Texture, layer: usize, row_bytes: usize) {
-        let (from, to) = (from.raw.clone(), to.raw.clone());
-        let copy = Copy { from, to, layer: layer as u32, row_bytes: row_bytes as u32 };
-        self.steps.push(Step::Copy(copy));
     }
 }
 
 /// Rounds of all loops of a thread together in one pass. Mesa's software driver ends them without a word after 65 535.
 pub const MOST_ROUNDS: usize = 60_000;
-
-/// Rows of a buffer that is copied to a texture are a multiple of so many bytes.
-pub const ROW_ALIGNMENT: usize = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
 pub fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {

@@ -70,13 +70,6 @@ impl Bins {
         &self.centers_px
     }
 
-    /// Radius where each bin ends, the last one open; for each cell of the range the bin in which it begins; the radius of the first
-    /// cell's beginning, and how many cells make a pixel.
-    #[cfg(feature = "gpu")]
-    pub(super) fn table(&self) -> (&[f32], &[u16], f32, f32) {
-        (&self.ends_px, &self.first_in_cell, self.start_px, self.cells_per_px)
-    }
-
     /// The bin of radius `c`, which lies in the range.
     pub(super) fn index(&self, c: f32) -> u16 {
         let cell = ((c - self.start_px) * self.cells_per_px) as usize;

@@ -12,7 +12,7 @@
 //! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
 //! | fill | [`Scene::filled`] | a guessed surface where the stack has none |
-//! | bins, runs | [`bins`], [`runs`] | stretches of fragments that move together |
+//! | bins, keys, runs | [`bins`], [`keys`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`mod@paint`] | the views |
 //! | draw | [`highlights`], [`bokeh`] | the discs |
@@ -28,6 +28,7 @@ mod bokeh;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod highlights;
+mod keys;
 mod paint;
 mod prefilter;
 mod reach;

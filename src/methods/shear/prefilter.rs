@@ -12,10 +12,14 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-pub(super) const SURFACE_PX: f32 = 0.6;
+const SURFACE_PX: f32 = 0.6;
 
 /// Columns that one task smooths.
 const STRIP: usize = 128;
+
+/// Past so many radii of the box what it brings is below a millionth: `e^(−√6 · 6)`.
+#[cfg(feature = "gpu")]
+pub(super) const REACH_RADII: f32 = 6.0;
 
 /// Radius of the box, for each pixel of CoC radius, that closes the gaps between `views` lens samples times `strength`.
 pub(super) fn radius_per_coc(views: usize, strength: f32) -> f32 {
@@ -25,10 +29,39 @@ pub(super) fn radius_per_coc(views: usize, strength: f32) -> f32 {
 /// Smooths `layers` for `views` lens samples; `strength` scales the box's radius.
 pub(super) fn smooth(layers: &mut [Layer], views: usize, strength: f32) {
     let radius_per_coc = radius_per_coc(views, strength);
-    for layer in layers {
-        along_rows(layer, radius_per_coc);
-        along_columns(layer, radius_per_coc);
+    for Layer { color, alpha, coc_px } in layers {
+        let surface = Surface { width: alpha.width(), alpha: alpha.values(), coc_px: coc_px.values() };
+        smooth_surface(color.each_mut().map(Plane::values_mut), &surface, radius_per_coc);
     }
+}
+
+/// Rows of a layer: where it is, and how blurred.
+#[derive(Debug)]
+pub(super) struct Surface<'a> {
+    /// Columns.
+    pub(super) width: usize,
+    /// Coverage, row by row.
+    pub(super) alpha: &'a [f32],
+    /// CoC radius, likewise.
+    pub(super) coc_px: &'a [f32],
+}
+
+impl Surface<'_> {
+    /// Alpha and CoC radius of row `y`.
+    #[inline(always)]
+    fn row(&self, y: usize) -> (&[f32], &[f32]) {
+        let values = y * self.width..(y + 1) * self.width;
+        (&self.alpha[values.clone()], &self.coc_px[values])
+    }
+}
+
+/// Red, green and blue of a surface, row by row.
+type Channels<'a> = [&'a mut [f32]; 3];
+
+/// Smooths `color`, the colours of `surface`.
+pub(super) fn smooth_surface(mut color: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
+    along_rows(color.each_mut().map(|channel| &mut **channel), surface, radius_per_coc);
+    along_columns(color, surface, radius_per_coc);
 }
 
 /// The weight `a` between two neighbours, from the farther one's CoC radius.
@@ -70,19 +103,17 @@ impl NullaryFnOnce for FillWeights<'_> {
     }
 }
 
-fn along_rows(layer: &mut Layer, radius_per_coc: f32) {
-    let Layer { color: [red, green, blue], alpha, coc_px } = layer;
-    let width = alpha.width();
+fn along_rows([red, green, blue]: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
+    let width = surface.width;
     let arch = Arch::new();
-    red.values_mut()
-        .par_chunks_mut(width)
-        .zip(green.values_mut().par_chunks_mut(width))
-        .zip(blue.values_mut().par_chunks_mut(width))
+    red.par_chunks_mut(width)
+        .zip(green.par_chunks_mut(width))
+        .zip(blue.par_chunks_mut(width))
         .enumerate()
         .for_each_init(
             || vec![0.0; width],
             |weights, (y, ((red, green), blue))| {
-                let (alpha, coc, last) = (alpha.row(y), coc_px.row(y), width - 1);
+                let ((alpha, coc), last) = (surface.row(y), width - 1);
                 let (there, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
                 if arch.dispatch(FillWeights { weights: &mut weights[1..], there, here, radius_per_coc }) {
                     arch.dispatch(SmoothRow { row: [red, green, blue], weights });
@@ -124,15 +155,17 @@ fn mixed(color: [f32; 3], other: [f32; 3], a: f32) -> [f32; 3] {
     [keep * color[0] + a * other[0], keep * color[1] + a * other[1], keep * color[2] + a * other[2]]
 }
 
-fn along_columns(layer: &mut Layer, radius_per_coc: f32) {
-    let Layer { color, alpha, coc_px } = layer;
-    let (width, height) = (alpha.width(), alpha.height());
+fn along_columns(color: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
+    let (width, height) = (surface.width, color[0].len() / surface.width);
     let arch = Arch::new();
-    strips(color).into_par_iter().enumerate().for_each_init(
+    strips(color, width).into_par_iter().enumerate().for_each_init(
         || vec![0.0; STRIP * height],
         |weights, (i, mut channels)| {
             let columns = i * STRIP..(i * STRIP + STRIP).min(width);
-            let row = |y: usize| (&alpha.row(y)[columns.clone()], &coc_px.row(y)[columns.clone()]);
+            let row = |y: usize| {
+                let (alpha, coc) = surface.row(y);
+                (&alpha[columns.clone()], &coc[columns.clone()])
+            };
             let mut blurred = vec![false; height];
             for y in 1..height {
                 let weights = &mut weights[y * STRIP..y * STRIP + columns.len()];
@@ -149,13 +182,12 @@ fn along_columns(layer: &mut Layer, radius_per_coc: f32) {
 /// One strip: the rows of each channel.
 type Strip<'a> = [Vec<&'a mut [f32]>; 3];
 
-/// The planes cut into upright strips of [`STRIP`] columns.
-fn strips(color: &mut [Plane; 3]) -> Vec<Strip<'_>> {
-    let (width, height) = (color[0].width(), color[0].height());
-    let empty = || std::array::from_fn(|_| Vec::with_capacity(height));
+/// The channels, `width` columns each, cut into upright strips of [`STRIP`] columns.
+fn strips(color: Channels<'_>, width: usize) -> Vec<Strip<'_>> {
+    let empty = || std::array::from_fn(|_| Vec::with_capacity(color[0].len() / width));
     let mut strips: Vec<Strip<'_>> = (0..width.div_ceil(STRIP)).map(|_| empty()).collect();
-    for (channel, plane) in color.iter_mut().enumerate() {
-        for row in plane.values_mut().chunks_mut(width) {
+    for (channel, plane) in color.into_iter().enumerate() {
+        for row in plane.chunks_mut(width) {
             for (i, piece) in row.chunks_mut(STRIP).enumerate() {
                 strips[i][channel].push(piece);
             }

@@ -1,11 +1,13 @@
 //! One band of rows: the stack brought up and put in order, then painted view by view.
 
-use super::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TEXEL, TILE, Work};
+use super::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE, Work};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Kernel, MOST_ROUNDS, Resource, Texels, Texture, tiles};
 use crate::methods::Progress;
+use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
 use crate::methods::shear::paint::Shear;
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA};
+use crate::methods::shear::prefilter::{Surface, smooth_surface};
+use crate::scene::{Layer, OPAQUE_ALPHA};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -34,7 +36,7 @@ pub(super) struct BandWork<'a> {
 }
 
 impl<'a> BandWork<'a> {
-    /// The band's rows on the GPU, in bins and prefiltered.
+    /// The band's rows on the GPU, prefiltered and in bins.
     pub(super) fn new(work: &'a Work<'a>, Band { rows, source }: &Band) -> Result<Self, Error> {
         let (gpu, (width, _), layers) = (work.gpu, work.size, work.layers.len());
         let params = Params {
@@ -58,76 +60,74 @@ impl<'a> BandWork<'a> {
             sums: gpu.zeros::<f32>("sums", SUMS * width * rows.len())?,
             picture: gpu.zeros::<f32>("the picture", PLANES * width * rows.len())?,
         };
-        let fragments = gpu.texture("bins", Texels::TwoWords, size, layers)?;
-        for (i, layer) in work.layers.iter().enumerate() {
-            let colors = band.upload(layer, source)?;
-            let coc_px = &layer.coc_px.values()[source.start * width..source.end * width];
-            band.take(i, &colors, &gpu.upload("CoC radii", coc_px)?, &fragments)?;
-        }
-        band.mark(&fragments)?;
+        band.fill_keys(source)?;
+        band.mark()?;
+        band.fill_colors(source)?;
         Ok(band)
     }
 
-    /// The colours of `layer`; notes whether it lets light through.
-    fn upload(&mut self, layer: &Layer, source: &Range<usize>) -> Result<Buffer, Error> {
-        let veiled = AtomicBool::new(self.veiled);
-        let size = (self.params.stride as usize, source.len());
-        let colors = self.work.gpu.upload_rows("colours", size, |i, row| {
-            let Layer { color: [red, green, blue], alpha, .. } = layer;
-            let [red, green, blue, alpha] =
-                [red, green, blue, alpha].map(|plane| plane.row(source.start + i));
-            let pixels = red.iter().zip(green).zip(blue).zip(alpha);
-            for (texel, (((&r, &g), &b), &a)) in row.iter_mut().zip(pixels) {
-                *texel = [r, g, b, a];
-            }
-            if alpha.iter().fold(false, |veiled, &a| veiled | ((a > 0.0) & (a < OPAQUE_ALPHA))) {
-                veiled.store(true, Ordering::Relaxed);
-            }
-        })?;
-        self.veiled = veiled.into_inner();
-        Ok(colors)
+    /// The keys of rows `source`, of four layers a texel.
+    fn fill_keys(&self, source: &Range<usize>) -> Result<(), Error> {
+        let Work { gpu, keys, layers, size: (width, _), .. } = self.work;
+        for first in (0..layers.len()).step_by(LAYERS_PER_TEXEL) {
+            gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, |y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
+                let mut row = KeyRow::new(*width);
+                texels.fill([NO_KEY; LAYERS_PER_TEXEL]);
+                for layer in first..layers.len().min(first + LAYERS_PER_TEXEL) {
+                    keys.fill((layer, source.start + y), &mut row);
+                    texels.iter_mut().zip(&row.keys).for_each(|(texel, &key)| texel[layer - first] = key);
+                }
+            })?;
+        }
+        Ok(())
     }
 
-    /// Puts the fragments of layer `layer` into bins, and smooths them where the plan asks for it.
-    fn take(&self, layer: usize, colors: &Buffer, coc_px: &Buffer, bins: &Texture) -> Result<(), Error> {
-        let Work { gpu, plan, size: (width, _), .. } = *self.work;
-        let rows = self.params.source_rows as usize;
-        let kernel = |name| gpu.kernel(&SHADER, name);
-        let params = &gpu.uniform(&Params { layer: layer as u32, ..self.params })?;
-        gpu.submit(|work| {
-            let fragments = [(0, params), (2, colors), (3, coc_px)];
-            let tables = [(4, &self.work.bin_ends_px), (5, &self.work.first_in_cell)];
-            let read = [&fragments[..], &tables].concat();
-            let read = read.into_iter().map(|(binding, buffer)| (binding, Resource::from(buffer)));
-            let bindings: Vec<_> = read.chain([(6, bins.into())]).collect();
-            work.pass(&kernel("find_bins")?, &bindings, tiles(width, rows, TILE))?;
-            if plan.does(EffectKind::Prefilter) {
-                let lines = |count: usize| [count.div_ceil(64) as u32, 1, 1];
-                work.pass(&kernel("smooth_rows")?, &fragments, lines(rows))?;
-                work.pass(&kernel("smooth_columns")?, &fragments, lines(width))?;
+    /// The colours of rows `source`, smoothed where the plan asks for it; notes whether any lets light through.
+    fn fill_colors(&mut self, source: &Range<usize>) -> Result<(), Error> {
+        let Work { gpu, layers, radius_per_coc, size: (width, _), .. } = self.work;
+        let values = source.start * width..source.end * width;
+        let mut smoothed = [const { Vec::new() }; 3];
+        for (i, Layer { color, alpha, coc_px }) in layers.iter().enumerate() {
+            let (alpha, coc_px) = (&alpha.values()[values.clone()], &coc_px.values()[values.clone()]);
+            let mut color = color.each_ref().map(|plane| &plane.values()[values.clone()]);
+            if let Some(radius_per_coc) = radius_per_coc {
+                smoothed.iter_mut().zip(color).for_each(|(copy, plane)| copy_to(copy, plane));
+                let surface = Surface { width: *width, alpha, coc_px };
+                smooth_surface(smoothed.each_mut().map(Vec::as_mut_slice), &surface, *radius_per_coc);
+                color = smoothed.each_ref().map(Vec::as_slice);
             }
-            work.copy(colors, &self.colors, layer, self.params.stride as usize * TEXEL);
-            Ok(())
-        })
+            let veiled = AtomicBool::new(self.veiled);
+            gpu.fill(&self.colors, i, |y, texels: &mut [[f32; 4]]| {
+                let row = y * width..(y + 1) * width;
+                let [red, green, blue] = color.map(|plane| &plane[row.clone()]);
+                let alpha = &alpha[row];
+                let pixels = red.iter().zip(green).zip(blue).zip(alpha);
+                for (texel, (((&r, &g), &b), &a)) in texels.iter_mut().zip(pixels) {
+                    *texel = [r, g, b, a];
+                }
+                if alpha.iter().fold(false, |veiled, &a| veiled | ((a > 0.0) & (a < OPAQUE_ALPHA))) {
+                    veiled.store(true, Ordering::Relaxed);
+                }
+            })?;
+            self.veiled = veiled.into_inner();
+        }
+        Ok(())
     }
 
-    /// Joins the fragments' bins, and notes where each bin is.
-    fn mark(&self, bins: &Texture) -> Result<(), Error> {
+    /// Notes where each bin is.
+    fn mark(&self) -> Result<(), Error> {
         let (gpu, (width, _)) = (self.work.gpu, self.work.size);
-        let Params { layers, words, source_rows, .. } = self.params;
+        let Params { words, source_rows, .. } = self.params;
         let kernel = |name| gpu.kernel(&SHADER, name);
         let params = &gpu.uniform(&self.params)?;
         let blocks = &gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
-        let [x, y, _] = tiles(width, source_rows as usize, TILE);
         let [across, down, _] = tiles(width.div_ceil(BLOCK), (source_rows as usize).div_ceil(BLOCK), 8);
         gpu.submit(|work| {
-            let joined = [(0, params.into()), (7, Resource::from(bins)), (8, (&self.keys).into())];
-            work.pass(&kernel("join_bins")?, &joined, [x, y, layers.div_ceil(LAYERS_PER_TEXEL as u32)])?;
-            let marked = [(0, params.into()), (9, Resource::from(&self.keys)), (10, blocks.into())];
+            let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (3, blocks.into())];
             work.pass(&kernel("mark_blocks")?, &marked, [across, down, words])?;
-            let marked = [(0, params), (10, blocks), (11, &self.windows)];
+            let marked = [(0, params), (3, blocks), (4, &self.windows)];
             work.pass(&kernel("mark_windows")?, &marked, [across, down, words])?;
-            let marked = [(0, params), (11, &self.windows), (19, &self.far_windows)];
+            let marked = [(0, params), (4, &self.windows), (5, &self.far_windows)];
             work.pass(&kernel("mark_far")?, &marked, [across, down, words])
         })
     }
@@ -146,7 +146,7 @@ impl<'a> BandWork<'a> {
             }
             let channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
             let params = gpu.uniform(&Params { channels, ..self.params })?;
-            let bindings = [(0, &params), (14, &self.sums), (15, &self.picture)];
+            let bindings = [(0, &params), (11, &self.sums), (12, &self.picture)];
             gpu.submit(|work| work.pass(&finish, &bindings, tiles(self.work.size.0, self.rows, TILE)))?;
         }
         Ok(self.picture)
@@ -190,9 +190,9 @@ impl<'a> BandWork<'a> {
         let paint = self.paint_kernel()?;
         let [columns, rows, _] = self.tiles();
         gpu.submit(|work| {
-            let scene = [(9, (&self.keys).into()), (16, (&self.colors).into())];
-            let sums = [(0, Resource::from(params)), (12, (&groups).into()), (14, (&self.sums).into())];
-            let rim = [(13, lens.into())];
+            let scene = [(2, (&self.keys).into()), (9, (&self.colors).into())];
+            let sums = [(0, Resource::from(params)), (7, (&groups).into()), (11, (&self.sums).into())];
+            let rim = [(10, lens.into())];
             work.pass(&paint, &[&sums[..], &scene, &rim].concat(), [columns, rows, 1])
         })?;
         Ok(views)
@@ -209,12 +209,12 @@ impl<'a> BandWork<'a> {
         let longest = &gpu.zeros::<u32>("the longest list", 1)?;
         let (find_far, find) = (gpu.kernel(&SHADER, "find_far")?, gpu.kernel(&SHADER, "find_groups")?);
         gpu.submit(|work| {
-            let lists = [(0, params), (1, shifts), (18, far)];
+            let lists = [(0, params), (1, shifts), (6, far)];
             let groups_of =
                 |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, views as u32];
-            let seen = [(19, &self.far_windows)];
+            let seen = [(5, &self.far_windows)];
             work.pass(&find_far, &[&lists[..], &seen].concat(), groups_of((far_columns, far_rows)))?;
-            let seen = [(11, &self.windows), (12, &groups), (17, longest)];
+            let seen = [(4, &self.windows), (7, &groups), (8, longest)];
             work.pass(&find, &[&lists[..], &seen].concat(), groups_of((columns, rows)))
         })?;
         let longest = gpu.read::<u32>(longest)?;
@@ -241,4 +241,10 @@ fn shifts(shears: &[Shear]) -> Vec<[i32; 2]> {
     let mut shifts: Vec<[i32; 2]> = shears.iter().flat_map::<Vec<_>, _>(of_view).collect();
     shifts.resize(SHIFTS, [0; 2]);
     shifts
+}
+
+/// Makes `copy` the values of `plane`, in the memory that it has.
+fn copy_to(copy: &mut Vec<f32>, plane: &[f32]) {
+    copy.resize(plane.len(), 0.0);
+    copy.copy_from_slice(plane);
 }

@@ -1,25 +1,27 @@
 //! `shear` on a GPU: `shaders/methods/shear.wgsl`.
 //!
-//! What is made once (bins, shifts of views, what the rim hides) the CPU makes as for itself, and it draws the few discs of
-//! highlights while the GPU paints. Bands ([`band`]) read as far as views and the prefilter reach.
+//! What is done once a fragment, whatever the number of views, the CPU does as for itself, with its rows in hand on their way up: bins,
+//! keys, the prefilter. So it does the shifts of views, and it draws the few discs of highlights while the GPU paints. Bands ([`band`])
+//! read as far as views and the prefilter reach.
 //!
-//! Memory: 26 bytes a fragment, 100 a pixel.
+//! Memory: 18 bytes a fragment, 100 a pixel.
 
 mod band;
 
-use super::bins::{Bins, EMPTY};
+use super::bins::Bins;
 use super::bokeh::Bokeh;
 use super::highlights::{self, Highlight, Occluders};
+use super::keys::{BIN_SHIFT, FARTHER, Key, Keys, NEARER, NO_KEY};
 use super::paint::{LEAST_HIT, STOPPED_BELOW};
-use super::prefilter::{self, SURFACE_PX};
+use super::prefilter;
 use super::resolve;
-use super::runs::{self, JOIN_PX};
+use super::runs;
 use super::sampler::{ShearSet, bins, rim_softness, shears};
 use crate::error::Error;
-use crate::gpu::{Buffer, Constant, Gpu, Mirrored, ROW_ALIGNMENT, Shader, bands, mirrored};
+use crate::gpu::{Constant, Gpu, Mirrored, Shader, bands, mirrored};
 use crate::image::{Image, Plane};
 use crate::methods::{Progress, Twin};
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, PREFILTER_LEAST_VARIANCE, Plan, Scene};
+use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
 use band::BandWork;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -28,19 +30,18 @@ static SHADER: Shader = Shader {
     name: "shear",
     constants: &[
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
-        ("JOIN_PX", Constant::Float(JOIN_PX)),
-        ("SURFACE_PX", Constant::Float(SURFACE_PX)),
-        ("LEAST_VARIANCE", Constant::Float(PREFILTER_LEAST_VARIANCE)),
         ("STOPPED_BELOW", Constant::Float(STOPPED_BELOW)),
         ("LEAST_HIT", Constant::Float(LEAST_HIT)),
-        ("EMPTY", Constant::Uint(EMPTY as u32)),
+        ("NEARER", Constant::Uint(NEARER as u32)),
+        ("FARTHER", Constant::Uint(FARTHER as u32)),
+        ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
+        ("NO_KEY", Constant::Uint(NO_KEY as u32)),
         ("TILE", Constant::Uint(TILE as u32)),
         ("BLOCK", Constant::Uint(BLOCK as u32)),
         ("SQUARE", Constant::Uint(SQUARE as u32)),
     ],
     parts: &[
         include_str!("../../../../shaders/methods/shear.wgsl"),
-        include_str!("../../../../shaders/methods/shear_stack.wgsl"),
         include_str!("../../../../shaders/methods/shear_lists.wgsl"),
     ],
     structs: &[Params::LAYOUT],
@@ -62,18 +63,15 @@ const TEXEL: usize = size_of::<[f32; 4]>();
 /// Layers whose keys share a texel.
 const LAYERS_PER_TEXEL: usize = 4;
 
-/// Past so many radii of the prefilter's box what it brings is below a millionth: `e^(−√6 · 6)`.
-const SMOOTHING_RADII: f32 = 6.0;
-
 /// Planes of a picture in the making: red, green, blue, alpha, and the share of rays that met something in focus.
 const PLANES: usize = 5;
 
 /// Planes of sums: colour, what of it was in focus, what was missed, what was hidden.
 const SUMS: usize = 6;
 
-/// Bytes of a fragment in colours, bins and keys; of a pixel in sums, the picture and its readback, the lists of its tile, and the layer
-/// that is on its way, twice.
-const FRAGMENT_BYTES: usize = 26;
+/// Bytes of a fragment in colours and keys; of a pixel in sums, the picture and its readback, the lists of its tile, and two layers that
+/// are on their way.
+const FRAGMENT_BYTES: usize = TEXEL + size_of::<Key>();
 const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16 + 40;
 
 mirrored! {
@@ -81,22 +79,16 @@ mirrored! {
     struct Params {
         width: u32,
         height: u32,
-        stride: u32,
         source_start: u32,
         source_rows: u32,
         band_start: u32,
         band_rows: u32,
         layers: u32,
-        layer: u32,
         bins: u32,
         words: u32,
         entries: u32,
         focused_start: u32,
         focused_end: u32,
-        cells: u32,
-        start_px: f32,
-        cells_per_px: f32,
-        radius_per_coc: f32,
         views: u32,
         views_before: u32,
         views_in_go: u32,
@@ -117,7 +109,7 @@ pub(super) struct ShearTwin;
 impl Twin for ShearTwin {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let (layers, highlights) = load(scene, plan);
-        let work = Work::new(gpu, scene, &layers, plan)?;
+        let work = Work::new(gpu, scene, &layers, plan);
         let (painted, discs) = rayon::join(|| work.paint(progress), || work.discs(scene, &highlights));
         let (mut image, focused_share) = painted?;
         if let Some(discs) = discs {
@@ -158,53 +150,40 @@ struct Work<'a> {
     size: (usize, usize),
     views: usize,
     bins: Bins,
+    keys: Keys<'a>,
     sets: Vec<ShearSet>,
+    /// Radius of the prefilter's box, for each pixel of CoC radius, if there is one.
+    radius_per_coc: Option<f32>,
     /// Of the whole picture.
     params: Params,
-    bin_ends_px: Buffer,
-    first_in_cell: Buffer,
 }
 
 impl<'a> Work<'a> {
-    fn new(gpu: &'a Gpu, scene: &Scene, layers: &'a [Layer], plan: &'a Plan) -> Result<Self, Error> {
+    fn new(gpu: &'a Gpu, scene: &Scene, layers: &'a [Layer], plan: &'a Plan) -> Self {
         let (size, views) = (scene.picture_size(), plan.lens_samples());
         let bins = bins(plan, views);
         let sets = shears(plan, &bins, views);
-        let (ends_px, first_in_cell, ..) = bins.table();
-        let ends_px: Vec<f32> = ends_px.iter().map(|end| end.min(f32::MAX)).collect();
-        let first_in_cell: Vec<u32> = first_in_cell.iter().map(|&bin| u32::from(bin)).collect();
         let params = params(scene, layers.len(), plan, (&bins, &sets));
-        Ok(Self {
-            gpu,
-            plan,
-            layers,
-            size,
-            views,
-            sets,
-            params,
-            bin_ends_px: gpu.upload("ends of bins", &ends_px)?,
-            first_in_cell: gpu.upload("bins by radius", &first_in_cell)?,
-            bins,
-        })
+        let strength = plan.parameters.shear.prefilter;
+        let radius_per_coc =
+            plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
+        let keys = Keys::new(layers, &bins);
+        Self { gpu, plan, layers, size, views, bins, keys, sets, radius_per_coc, params }
     }
 
     /// How many rows away what a pixel shows may lie.
     fn reach(&self) -> usize {
         let coc = self.bins.centers_px().iter().fold(0.0, |most: f32, coc| most.max(coc.abs()));
-        let smoothed = if self.plan.does(EffectKind::Prefilter) {
-            SMOOTHING_RADII * self.params.radius_per_coc * coc
-        } else {
-            0.0
-        };
-        // Half a pixel of jitter, a neighbour that is joined.
-        (coc + self.plan.optics.longest_shift_px() + smoothed + 0.5).ceil() as usize + 2
+        let smoothed = prefilter::REACH_RADII * self.radius_per_coc.unwrap_or(0.0) * coc;
+        // Half a pixel of jitter.
+        (coc + self.plan.optics.longest_shift_px() + smoothed + 0.5).ceil() as usize + 1
     }
 
     /// Rows that can be read at once.
     fn most_rows(&self) -> usize {
-        let (stride, layers) = (self.params.stride as usize, self.layers.len());
-        let largest = stride * TEXEL.max(SUMS * size_of::<f32>());
-        let together = stride * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
+        let (width, layers) = (self.size.0, self.layers.len());
+        let largest = width * TEXEL.max(SUMS * size_of::<f32>());
+        let together = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
         rows(self.gpu.most_binding_bytes(), largest).min(rows(self.gpu.most_working_bytes(), together))
     }
@@ -242,28 +221,21 @@ impl<'a> Work<'a> {
 fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[ShearSet])) -> Params {
     let (width, height) = scene.picture_size();
     let views = plan.lens_samples();
-    let (_, cells, start_px, cells_per_px) = bins.table();
     let focused = focused_bins(sets);
     let (field, optics) = (&scene.field, &plan.optics);
     Params {
         width: width as u32,
         height: height as u32,
-        stride: (width * TEXEL).next_multiple_of(ROW_ALIGNMENT) as u32 / TEXEL as u32,
         source_start: 0,
         source_rows: height as u32,
         band_start: 0,
         band_rows: height as u32,
         layers: layers as u32,
-        layer: 0,
         bins: bins.count() as u32,
         words: bins.count().div_ceil(32) as u32,
         entries: ENTRIES as u32,
         focused_start: focused.start as u32,
         focused_end: focused.end as u32,
-        cells: cells.len() as u32,
-        start_px,
-        cells_per_px,
-        radius_per_coc: prefilter::radius_per_coc(views, plan.parameters.shear.prefilter),
         views: views as u32,
         views_before: 0,
         views_in_go: 0,

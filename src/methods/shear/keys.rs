@@ -1,0 +1,174 @@
+//! Keys: for each fragment its bin, and which neighbouring bins it joins.
+//!
+//! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours lies that way,
+//! less than [`JOIN_PX`] off: the neighbour in its own peel or, where that is of another surface, in any other peel. Surfaces
+//! then have no cracks where they pass from bin to bin, nor where something nearer begins and pushes them one peel back;
+//! joining wider would thicken edges. A translucent fragment never joins twice: it would count twice.
+
+use super::bins::{Bins, EMPTY};
+use crate::scene::{Layer, OPAQUE_ALPHA};
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+
+/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
+const JOIN_PX: f32 = 0.5;
+
+/// The bin of a fragment, and below it two bits for the neighbouring bins joined and one for opacity; [`NO_KEY`] without a fragment.
+pub(super) type Key = u16;
+
+/// The fragment joins the bin before its own.
+pub(super) const NEARER: Key = 1;
+
+/// The fragment joins the bin after its own.
+pub(super) const FARTHER: Key = 2;
+
+/// The fragment hides what is behind it.
+pub(super) const OPAQUE: Key = 4;
+
+/// Where the bin begins.
+pub(super) const BIN_SHIFT: u32 = 3;
+
+/// The key of a sample without a fragment.
+pub(super) const NO_KEY: Key = Key::MAX;
+
+/// The keys of a stack, made a row at a time.
+#[derive(Debug)]
+pub(super) struct Keys<'a> {
+    layers: &'a [Layer],
+    /// For each layer, the bin of every sample.
+    indices: Vec<Vec<u16>>,
+    arch: Arch,
+}
+
+impl<'a> Keys<'a> {
+    /// Of the fragments of `layers` in `bins`.
+    pub(super) fn new(layers: &'a [Layer], bins: &Bins) -> Self {
+        let indices = layers.iter().map(|layer| bin_indices(layer, bins)).collect();
+        Self { layers, indices, arch: Arch::new() }
+    }
+
+    /// Fills `row` with the keys of row `y` of layer `layer`.
+    pub(super) fn fill(&self, (layer, y): (usize, usize), row: &mut KeyRow) {
+        let Self { layers, indices, arch } = self;
+        let KeyRow { keys, found } = row;
+        arch.dispatch(RowKeys { layers, indices, layer, y, keys, found });
+    }
+}
+
+/// Room for a row of keys.
+#[derive(Debug)]
+pub(super) struct KeyRow {
+    /// The keys.
+    pub(super) keys: Vec<Key>,
+    /// Scratch: for each column, whether the neighbour at hand is found.
+    found: Vec<Key>,
+}
+
+impl KeyRow {
+    /// Of `width` samples.
+    pub(super) fn new(width: usize) -> Self {
+        Self { keys: vec![NO_KEY; width], found: vec![0; width] }
+    }
+}
+
+/// The bin of every fragment, [`EMPTY`] where there is none.
+fn bin_indices(layer: &Layer, bins: &Bins) -> Vec<u16> {
+    let width = layer.width();
+    let mut indices = vec![EMPTY; width * layer.height()];
+    indices.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
+        for (index, (&alpha, &coc)) in row.iter_mut().zip(fragments) {
+            if alpha > 0.0 {
+                *index = bins.index(coc);
+            }
+        }
+    });
+    indices
+}
+
+/// Fills `keys` for row `y` of surface `layer`; to be compiled for each instruction set.
+struct RowKeys<'a> {
+    layers: &'a [Layer],
+    indices: &'a [Vec<u16>],
+    layer: usize,
+    y: usize,
+    keys: &'a mut [Key],
+    found: &'a mut [Key],
+}
+
+impl<'a> NullaryFnOnce for RowKeys<'a> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { layers, indices, layer, y, keys, found } = self;
+        let (width, height) = (keys.len(), layers[layer].height());
+        let row = |layer: usize, y: usize| {
+            (&indices[layer][y * width..(y + 1) * width], layers[layer].coc_px.row(y))
+        };
+        let here = row(layer, y);
+        let (bins, last) = (here.0, width - 1);
+        let (tail, head) =
+            (|row: Row<'a>| (&row.0[1..], &row.1[1..]), |row: Row<'a>| (&row.0[..last], &row.1[..last]));
+        keys.fill(0);
+        if y > 0 {
+            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y - 1));
+        }
+        if y + 1 < height {
+            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y + 1));
+        }
+        join_surface(&mut keys[1..], found, tail(here), layer, layers.len(), |peel| head(row(peel, y)));
+        join_surface(&mut keys[..last], found, head(here), layer, layers.len(), |peel| tail(row(peel, y)));
+        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(layers[layer].alpha.row(y)) {
+            let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
+            *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
+        }
+    }
+}
+
+/// Bins and CoC radii of a stretch of a row.
+type Row<'a> = (&'a [u16], &'a [f32]);
+
+/// Columns whose neighbours in other peels are looked at together.
+const STRETCH: usize = 32;
+
+/// Joins the fragments `here`, of peel `layer`, to their neighbours on one side, of which `there(peel)` are those in `peel`.
+///
+/// A surface goes on in its own peel; only where another one begins there may it go on in any other peel.
+#[inline(always)]
+fn join_surface<'a>(
+    keys: &mut [Key],
+    found: &mut [Key],
+    here: Row<'a>,
+    layer: usize,
+    peels: usize,
+    there: impl Fn(usize) -> Row<'a>,
+) {
+    let found = &mut found[..keys.len()];
+    found.fill(0);
+    join(keys, found, here, there(layer));
+    for start in (0..keys.len()).step_by(STRETCH) {
+        let columns = start..(start + STRETCH).min(keys.len());
+        let fragments = here.0[columns.clone()].iter().zip(&found[columns.clone()]);
+        let lost = fragments.fold(false, |lost, (&bin, &found)| lost | ((bin != EMPTY) & (found == 0)));
+        if lost {
+            let part = |row: Row<'a>| (&row.0[columns.clone()], &row.1[columns.clone()]);
+            for peel in (0..peels).filter(|&peel| peel != layer) {
+                join(&mut keys[columns.clone()], &mut found[columns.clone()], part(here), part(there(peel)));
+            }
+        }
+    }
+}
+
+/// Marks in `keys` the bins that neighbours `there` make the fragments `here` join, unless the neighbour is already `found`.
+#[inline(always)]
+fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, there: Row<'_>) {
+    let fragments = here.0.iter().zip(here.1).zip(there.0.iter().zip(there.1));
+    for ((key, found), ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(found).zip(fragments)
+    {
+        let near = ((other_coc - coc).abs() < JOIN_PX) & (other_bin != EMPTY) & (*found == 0);
+        *key |= Key::from(near & (other_bin < bin)) * NEARER;
+        *key |= Key::from(near & (other_bin > bin)) * FARTHER;
+        *found |= Key::from(near);
+    }
+}
