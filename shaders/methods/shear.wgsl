@@ -7,9 +7,8 @@
 //
 // With it goes shear_lists.wgsl, which makes the lists. Here is what both declare, and
 //
-//   paint            sums over some views
+//   paint            views → sums, or the picture
 //   paint_veils      the same where fragments let light through
-//   finish           sums → picture
 //
 // Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column], rows those that the band makes.
 
@@ -32,9 +31,8 @@ struct Params {
     // Bins in focus: from the first to before the end.
     focused_start: u32,
     focused_end: u32,
-    // Views of the picture, and those of this go: all before it are in the sums.
+    // Views of the picture, and of this go.
     views: u32,
-    views_before: u32,
     views_in_go: u32,
     open_background: u32,
     // A bit for each channel that these views make.
@@ -49,10 +47,10 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-// [view][bin], two to a vector.
-@group(0) @binding(1) var<uniform> shifts: array<vec4i, 4096>;
-// A fragment's bin, from BIN_SHIFT on, and NEARER or FARTHER where it joins the bin before or after; NO_KEY for none: four layers a
-// texel, two to a word.
+// [view][bin], four to a vector: see `shift_in`.
+@group(0) @binding(1) var<uniform> shifts: array<vec4u, 4096>;
+// For each fragment the first bin that it is in, from BIN_SHIFT on; how many more, from EXTRA_SHIFT on; OPAQUE. NO_KEY for none. Four layers
+// a texel, two to a word.
 @group(0) @binding(2) var keys: texture_2d_array<u32>;
 // [word][row of blocks][column]: a bit a bin.
 @group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
@@ -64,6 +62,12 @@ struct Params {
 @group(0) @binding(7) var<storage, read_write> groups: array<vec2u>;
 // Entries of the longest list, whether or not there was room.
 @group(0) @binding(8) var<storage, read_write> longest: atomic<u32>;
+// [row of blocks][column]: see `Wall`.
+@group(0) @binding(13) var<storage, read_write> fronts: array<u32>;
+@group(0) @binding(14) var<storage, read_write> walls: array<u32>;
+// [tile][turn]: a view, and the shift of its first group. First come those that show a wall: so many.
+@group(0) @binding(15) var<storage, read_write> turns: array<vec2u>;
+@group(0) @binding(16) var<storage, read_write> turns_of_walls: array<u32>;
 // Red, green, blue, alpha, a layer each.
 @group(0) @binding(9) var colors: texture_2d_array<f32>;
 @group(0) @binding(10) var<storage, read> lens_points: array<vec2f>;
@@ -73,10 +77,14 @@ struct Params {
 // OPAQUE_ALPHA, STOPPED_BELOW, LEAST_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
 // program's.
 
-// Whether there are fragments in more layers than a texel of keys has, and whether a rim hides views: what a kernel need not ask
-// each ray. (A pipeline's own constants.)
+// A pipeline's own constants, what a kernel need not ask each ray: whether there are fragments in more layers than a texel of keys has,
+// and whether a rim hides views.
 override MANY_LAYERS = true;
 override RIM = true;
+
+// Whether these are the first views and the last ones of a set.
+override FIRST = true;
+override FINAL = true;
 
 // Blocks along a window: as many as a tile can touch.
 const WINDOW = TILE / BLOCK + 1u;
@@ -92,19 +100,30 @@ fn passing(lens: vec2f, pixel: vec2u) -> f32 {
     return clamp(within / params.softness + 0.5, 0.0, 1.0);
 }
 
+// The bits of a key that are its first bin.
+const ALL_BINS = 0xffffu ^ ((1u << BIN_SHIFT) - 1u);
+
 // No fragment.
 const NONE = 0xffffffffu;
 
-// `nearest` among the four layers from `4 · slice` on.
-fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
+// The keys of the four layers from `4 · slice` on.
+fn keys_at(source: vec2u, slice: u32) -> vec4u {
     let four = textureLoad(keys, source, slice, 0).xy;
-    let key = vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
-    let bin = key >> vec4u(BIN_SHIFT);
-    let first = max(bin - (key & vec4u(NEARER)), vec4u(group.first));
-    let last = min(bin + ((key & vec4u(FARTHER)) >> vec4u(1u)), vec4u(group.end - 1u));
-    let order = (first << vec4u(8u)) + (4u * slice + vec4u(0u, 1u, 2u, 3u));
-    let found = select(vec4u(NONE), order, (first <= last) & (order >= vec4u(start)));
-    return min(min(found.x, found.y), min(found.z, found.w));
+    return vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
+}
+
+// `nearest` among the four layers from `4 · slice` on: the least of bins, and below that, in place of what else a key says, of layers.
+fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
+    let key = keys_at(source, slice);
+    let begin = group.first << BIN_SHIFT;
+    let order = max(key & vec4u(ALL_BINS), vec4u(begin)) | vec4u(0u, 1u, 2u, 3u);
+    let extra = (key & vec4u(EXTRA << EXTRA_SHIFT)) << vec4u(BIN_SHIFT - EXTRA_SHIFT);
+    let inside = (key < vec4u(group.end << BIN_SHIFT)) & (key + extra >= vec4u(begin));
+    let layers_before = min(max(start & 0xffu, 4u * slice) - 4u * slice, 4u);
+    let least = ((start >> 8u) << BIN_SHIFT) | layers_before;
+    let found = select(vec4u(NONE), order, inside & (order >= vec4u(least)));
+    let best = min(min(found.x, found.y), min(found.z, found.w));
+    return select(((best >> BIN_SHIFT) << 8u) | (4u * slice + (best & 3u)), NONE, best == NONE);
 }
 
 // The place in the order of `group` at `source` of the nearest fragment that is not before place `start`: its bin, and below that, in
@@ -155,7 +174,7 @@ struct Hit {
 
 // `hit`, or where the ray through `pixel` is stopped in `group` if it was not before.
 fn stopped(hit: Hit, group: Group, pixel: vec2u) -> Hit {
-    let source = source_of(pixel, group.shift);
+    let source = source_of(pixel, shift_in(group.shift));
     let order = nearest(group, source, 0u);
     let was_before = hit.order != NONE;
     return Hit(select(source, hit.source, was_before), select(order, hit.order, was_before));
@@ -178,12 +197,40 @@ struct Seen {
     hidden: vec4f,
 }
 
+// A bit of a turn above its view: its wall is in focus.
+const SHARP = 0x10000u;
+
+fn wall_light(pixel: vec2u, shift: vec2i, sharp: f32) -> vec4f {
+    return vec4f(textureLoad(colors, source_of(pixel, shift), 0u, 0).rgb, sharp);
+}
+
+// What the rays of the views see that show `tile` nothing but a wall: where they end needs no keys.
+fn seen_walls(tile: vec2u, at: vec2u, first: u32, end: u32) -> Seen {
+    var seen: Seen;
+    for (var turn = first; turn < end; turn++) {
+        let next = turns[turn];
+        let shift = shift_in(next.x);
+        let sharp = select(0.0, 1.0, (next.y & SHARP) != 0u);
+        let start = start_of(next.y & (SHARP - 1u), tile, at);
+        seen.first += start.x * wall_light(pixel_of(tile, at, 0u), shift, sharp);
+        seen.second += start.y * wall_light(pixel_of(tile, at, 1u), shift, sharp);
+        seen.third += start.z * wall_light(pixel_of(tile, at, 2u), shift, sharp);
+        seen.fourth += start.w * wall_light(pixel_of(tile, at, 3u), shift, sharp);
+        seen.hidden += 1.0 - start;
+    }
+    return seen;
+}
+
 @compute @workgroup_size(16, 4)
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    var seen: Seen;
-    for (var view = 0u; view < params.views_in_go; view++) {
+    let tile_index = tile.y * tiles_size().x + tile.x;
+    let first_turn = tile_index * params.views_in_go;
+    let end_of_walls = first_turn + turns_of_walls[tile_index];
+    var seen = seen_walls(tile, at, first_turn, end_of_walls);
+    for (var turn = end_of_walls; turn < first_turn + params.views_in_go; turn++) {
+        let view = turns[turn].y;
         let list = list_of(view, tile);
         var first = Hit(vec2u(0u), NONE);
         var second = first;
@@ -228,7 +275,7 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
     if before <= 0.0 {
         return Met(light, left);
     }
-    let source = source_of(pixel, group.shift);
+    let source = source_of(pixel, shift_in(group.shift));
     var start = 0u;
     loop {
         let order = nearest(group, source, start);
@@ -252,8 +299,12 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
 fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    var seen: Seen;
-    for (var view = 0u; view < params.views_in_go; view++) {
+    let tile_index = tile.y * tiles_size().x + tile.x;
+    let first_turn = tile_index * params.views_in_go;
+    let end_of_walls = first_turn + turns_of_walls[tile_index];
+    var seen = seen_walls(tile, at, first_turn, end_of_walls);
+    for (var turn = end_of_walls; turn < first_turn + params.views_in_go; turn++) {
+        let view = turns[turn].y;
         let list = list_of(view, tile);
         var left = start_of(view, tile, at);
         seen.hidden += 1.0 - left;
@@ -280,20 +331,51 @@ fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id
     add_four(tile, at, seen);
 }
 
-// Adds a go's sums to those of the goes before it.
-fn add(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
+// Writes a pixel of the picture: the mean over all views, of which `hidden` did not pass the rim. Rays that met nothing, `missed`, are
+// transparent where the background is open, and left out of the mean where it is closed. Red, green, blue, alpha, and the share of
+// rays that met something in focus, the fourth part of `sum`.
+fn show(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
+    let plane = params.width * params.band_rows;
+    let pixel = at.y * params.width + at.x;
+    let views = f32(params.views) - hidden;
+    let hit = views - missed;
+    let share = 1.0 / select(hit, views, params.open_background != 0u);
+    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > LEAST_HIT);
+    for (var channel = 0u; channel < 4u; channel++) {
+        if (params.channels & (1u << channel)) != 0u {
+            picture[channel * plane + pixel] = mean[channel];
+        }
+    }
+    if (params.channels & 8u) != 0u {
+        picture[4u * plane + pixel] = sum.a / max(views, LEAST_HIT);
+    }
+}
+
+// Adds a go's sums to those of the goes before it; the last one's are the picture.
+fn add(at: vec2u, go: vec4f, missed_in_go: f32, hidden_in_go: f32) {
     if at.x >= params.width || at.y >= params.band_rows {
         return;
     }
+    var sum = go;
+    var missed = missed_in_go;
+    var hidden = hidden_in_go;
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;
-    let more = params.views_before > 0u;
-    sums[pixel] = sum.r + select(0.0, sums[pixel], more);
-    sums[plane + pixel] = sum.g + select(0.0, sums[plane + pixel], more);
-    sums[2u * plane + pixel] = sum.b + select(0.0, sums[2u * plane + pixel], more);
-    sums[3u * plane + pixel] = sum.a + select(0.0, sums[3u * plane + pixel], more);
-    sums[4u * plane + pixel] = missed + select(0.0, sums[4u * plane + pixel], more);
-    sums[5u * plane + pixel] = hidden + select(0.0, sums[5u * plane + pixel], more);
+    if !FIRST {
+        sum += vec4f(sums[pixel], sums[plane + pixel], sums[2u * plane + pixel], sums[3u * plane + pixel]);
+        missed += sums[4u * plane + pixel];
+        hidden += sums[5u * plane + pixel];
+    }
+    if FINAL {
+        show(at, sum, missed, hidden);
+    } else {
+        sums[pixel] = sum.r;
+        sums[plane + pixel] = sum.g;
+        sums[2u * plane + pixel] = sum.b;
+        sums[3u * plane + pixel] = sum.a;
+        sums[4u * plane + pixel] = missed;
+        sums[5u * plane + pixel] = hidden;
+    }
 }
 
 fn add_four(tile: vec2u, at: vec2u, seen: Seen) {
@@ -301,27 +383,4 @@ fn add_four(tile: vec2u, at: vec2u, seen: Seen) {
     add(pixel_of(tile, at, 1u), seen.second, seen.missed.y, seen.hidden.y);
     add(pixel_of(tile, at, 2u), seen.third, seen.missed.z, seen.hidden.z);
     add(pixel_of(tile, at, 3u), seen.fourth, seen.missed.w, seen.hidden.w);
-}
-
-// The mean over all views: rays that met nothing are transparent where the background is open, and left out of the mean where it
-// is closed. Red, green, blue, alpha, and the share of rays that met something in focus.
-@compute @workgroup_size(16, 16)
-fn finish(@builtin(global_invocation_id) at: vec3u) {
-    if at.x >= params.width || at.y >= params.band_rows {
-        return;
-    }
-    let plane = params.width * params.band_rows;
-    let pixel = at.y * params.width + at.x;
-    let views = f32(params.views) - sums[5u * plane + pixel];
-    let hit = views - sums[4u * plane + pixel];
-    let weight = select(hit, views, params.open_background != 0u);
-    for (var channel = 0u; channel < 4u; channel++) {
-        if (params.channels & (1u << channel)) != 0u {
-            let sum = select(hit, sums[channel * plane + pixel], channel < 3u);
-            picture[channel * plane + pixel] = select(0.0, sum / weight, hit > LEAST_HIT);
-        }
-    }
-    if (params.channels & 8u) != 0u {
-        picture[4u * plane + pixel] = sums[3u * plane + pixel] / max(views, LEAST_HIT);
-    }
 }

@@ -13,20 +13,21 @@ use rayon::prelude::*;
 /// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
 const JOIN_PX: f32 = 0.5;
 
-/// The bin of a fragment, and below it two bits for the neighbouring bins joined and one for opacity; [`NO_KEY`] without a fragment.
+/// The first bin that a fragment is in, from [`BIN_SHIFT`] on; how many more it joins, two bits from [`EXTRA_SHIFT`] on; and [`OPAQUE`] if
+/// it hides what is behind it. [`NO_KEY`] without a fragment.
 pub(super) type Key = u16;
 
-/// The fragment joins the bin before its own.
-pub(super) const NEARER: Key = 1;
+/// Where the first bin begins.
+pub(super) const BIN_SHIFT: u32 = 3;
 
-/// The fragment joins the bin after its own.
-pub(super) const FARTHER: Key = 2;
+/// Where the number of bins more begins.
+pub(super) const EXTRA_SHIFT: u32 = 1;
+
+/// The mask of that number.
+pub(super) const EXTRA: Key = 3;
 
 /// The fragment hides what is behind it.
-pub(super) const OPAQUE: Key = 4;
-
-/// Where the bin begins.
-pub(super) const BIN_SHIFT: u32 = 3;
+pub(super) const OPAQUE: Key = 1;
 
 /// The key of a sample without a fragment.
 pub(super) const NO_KEY: Key = Key::MAX;
@@ -120,14 +121,21 @@ impl<'a> NullaryFnOnce for RowKeys<'a> {
         join_surface(&mut keys[1..], found, tail(here), layer, layers.len(), |peel| head(row(peel, y)));
         join_surface(&mut keys[..last], found, head(here), layer, layers.len(), |peel| tail(row(peel, y)));
         for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(layers[layer].alpha.row(y)) {
-            let joined = if alpha >= OPAQUE_ALPHA { *key | OPAQUE } else { 0 };
-            *key = if bin == EMPTY { NO_KEY } else { (bin << BIN_SHIFT) | joined };
+            let opaque = Key::from(alpha >= OPAQUE_ALPHA);
+            let (nearer, farther) = (*key & opaque * NEARER, (*key & opaque * FARTHER) / FARTHER);
+            let made =
+                ((bin - nearer) << BIN_SHIFT) | ((nearer + farther) << EXTRA_SHIFT) | (opaque * OPAQUE);
+            *key = if bin == EMPTY { NO_KEY } else { made };
         }
     }
 }
 
 /// Bins and CoC radii of a stretch of a row.
 type Row<'a> = (&'a [u16], &'a [f32]);
+
+/// A fragment joins the bin before its own, a count of one; it joins the bin after.
+const NEARER: Key = 1;
+const FARTHER: Key = 2;
 
 /// Columns whose neighbours in other peels are looked at together.
 const STRETCH: usize = 32;

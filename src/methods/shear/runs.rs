@@ -1,7 +1,7 @@
 //! Rows as runs: for each row and each bin, the stretches of fragments that move together.
 
 use super::bins::Bins;
-use super::keys::{BIN_SHIFT, FARTHER, Key, KeyRow, Keys, NEARER, NO_KEY, OPAQUE};
+use super::keys::{BIN_SHIFT, EXTRA, EXTRA_SHIFT, Key, KeyRow, Keys, NO_KEY, OPAQUE};
 use crate::scene::Layer;
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
@@ -110,13 +110,8 @@ impl OpenRuns {
     /// Closes the runs that `key` does not go on with and opens those it begins.
     fn change(&mut self, key: Key, x: u32, layer: u8, found: &mut Vec<(u16, Run)>) {
         let opaque = key & OPAQUE != 0;
-        let (first, count) = if key == NO_KEY {
-            (0, 0)
-        } else {
-            let nearer = key & NEARER; // bit 0: a count of one
-            let farther = (key & FARTHER) / FARTHER;
-            ((key >> BIN_SHIFT) - nearer, 1 + nearer + farther)
-        };
+        let (first, count) =
+            if key == NO_KEY { (0, 0) } else { (key >> BIN_SHIFT, 1 + (key >> EXTRA_SHIFT & EXTRA)) };
         let goes_on = |bin: u16| opaque == self.opaque && bin >= first && bin < first + count;
         for k in 0..self.count {
             let bin = self.first + k;

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const VIEWS_IN_A_GO: usize = 64;
 
 /// The shader's `shifts`: what may be uniform everywhere.
-const SHIFTS: usize = 8192;
+const SHIFTS: usize = 16384;
 
 /// Most bytes of lists.
 const LISTS_BYTES: u64 = 256 << 20;
@@ -31,8 +31,17 @@ pub(super) struct BandWork<'a> {
     keys: Texture,
     windows: Buffer,
     far_windows: Buffer,
-    sums: Buffer,
+    walls: Buffer,
+    /// Of the views so far, where they are not painted all at once.
+    sums: Option<Buffer>,
     picture: Buffer,
+}
+
+/// What each of some views can show to each tile: see the shader.
+struct Lists {
+    groups: Buffer,
+    turns: Buffer,
+    turns_of_walls: Buffer,
 }
 
 impl<'a> BandWork<'a> {
@@ -46,7 +55,8 @@ impl<'a> BandWork<'a> {
             band_rows: rows.len() as u32,
             ..work.params
         };
-        let blocks = width.div_ceil(BLOCK) * source.len().div_ceil(BLOCK) * params.words as usize;
+        let blocks = width.div_ceil(BLOCK) * source.len().div_ceil(BLOCK);
+        let words = blocks * params.words as usize;
         let size = (width, source.len());
         let mut band = Self {
             work,
@@ -55,9 +65,10 @@ impl<'a> BandWork<'a> {
             veiled: false,
             colors: gpu.texture("colours", Texels::FourFloats, size, layers)?,
             keys: gpu.texture("keys", Texels::TwoWords, size, layers.div_ceil(LAYERS_PER_TEXEL))?,
-            windows: gpu.zeros::<u32>("windows", blocks)?,
-            far_windows: gpu.zeros::<u32>("windows", blocks)?,
-            sums: gpu.zeros::<f32>("sums", SUMS * width * rows.len())?,
+            windows: gpu.zeros::<u32>("windows", words)?,
+            far_windows: gpu.zeros::<u32>("windows", words)?,
+            walls: gpu.zeros::<u32>("walls", blocks)?,
+            sums: None,
             picture: gpu.zeros::<f32>("the picture", PLANES * width * rows.len())?,
         };
         band.fill_keys(source)?;
@@ -114,13 +125,14 @@ impl<'a> BandWork<'a> {
         Ok(())
     }
 
-    /// Notes where each bin is.
+    /// Notes where each bin is, and where the first layer hides all others.
     fn mark(&self) -> Result<(), Error> {
         let (gpu, (width, _)) = (self.work.gpu, self.work.size);
         let Params { words, source_rows, .. } = self.params;
         let kernel = |name| gpu.kernel(&SHADER, name);
         let params = &gpu.uniform(&self.params)?;
         let blocks = &gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
+        let fronts = &gpu.zeros::<u32>("fronts", (self.walls.bytes() / 4) as usize)?;
         let [across, down, _] = tiles(width.div_ceil(BLOCK), (source_rows as usize).div_ceil(BLOCK), 8);
         gpu.submit(|work| {
             let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (3, blocks.into())];
@@ -128,26 +140,25 @@ impl<'a> BandWork<'a> {
             let marked = [(0, params), (3, blocks), (4, &self.windows)];
             work.pass(&kernel("mark_windows")?, &marked, [across, down, words])?;
             let marked = [(0, params), (4, &self.windows), (5, &self.far_windows)];
-            work.pass(&kernel("mark_far")?, &marked, [across, down, words])
+            work.pass(&kernel("mark_far")?, &marked, [across, down, words])?;
+            let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (13, fronts.into())];
+            work.pass(&kernel("mark_fronts")?, &marked, [across, down, 1])?;
+            let marked = [(0, params), (13, fronts), (14, &self.walls)];
+            work.pass(&kernel("mark_walls")?, &marked, [across, down, 1])
         })
     }
 
     /// Paints all views of all sets.
     pub(super) fn picture(mut self, progress: &Progress<'_>) -> Result<Buffer, Error> {
-        let gpu = self.work.gpu;
-        let finish = gpu.kernel(&SHADER, "finish")?;
         let total = (self.work.sets.len() * self.work.views) as f32;
         for (set, (shears, channels)) in self.work.sets.iter().enumerate() {
+            self.params.channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
             let mut before = 0;
             while before < shears.len() {
-                let go = &shears[before..];
-                before += self.paint(&go[..go.len().min(self.views_in_a_go()?)], before)?;
+                let end = shears.len().min(before + self.views_in_a_go()?);
+                before += self.paint(shears, before..end)?;
                 progress((set * self.work.views + before) as f32 / total);
             }
-            let channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
-            let params = gpu.uniform(&Params { channels, ..self.params })?;
-            let bindings = [(0, &params), (11, &self.sums), (12, &self.picture)];
-            gpu.submit(|work| work.pass(&finish, &bindings, tiles(self.work.size.0, self.rows, TILE)))?;
         }
         Ok(self.picture)
     }
@@ -173,60 +184,80 @@ impl<'a> BandWork<'a> {
         Ok(most.min(VIEWS_IN_A_GO))
     }
 
-    /// Adds the views of `go`, which `before` views went before, and returns how many there are; none where lists turn out to need
-    /// more room, which they have from then on.
-    fn paint(&mut self, go: &[Shear], before: usize) -> Result<usize, Error> {
-        let (gpu, views) = (self.work.gpu, go.len());
-        let params = Params { views_before: before as u32, views_in_go: views as u32, ..self.params };
-        let params = &gpu.uniform(&params)?;
+    /// Adds the views `go` of `shears` to those before, and returns how many there are; none where lists turn out to need more room,
+    /// which they have from then on. The last ones make the picture.
+    fn paint(&mut self, shears: &[Shear], go: Range<usize>) -> Result<usize, Error> {
+        let (gpu, views, [is_first, is_last]) =
+            (self.work.gpu, go.len(), [go.start == 0, go.end == shears.len()]);
+        if !is_last && self.sums.is_none() {
+            self.sums = Some(gpu.zeros::<f32>("sums", SUMS * self.work.size.0 * self.rows)?);
+        }
+        let go = &shears[go];
+        let params = &gpu.uniform(&Params { views_in_go: views as u32, ..self.params })?;
         let shifts = &gpu.uniform_of(&shifts(go))?;
-        let (groups, longest) = self.lists(params, shifts, views)?;
+        let (lists, longest) = self.lists(params, shifts, views)?;
         if longest > self.params.entries {
             self.params.entries = longest;
             return Ok(0);
         }
         let lens: Vec<[f32; 2]> = go.iter().map(|shear| shear.lens.to_array()).collect();
         let lens = &gpu.upload("lens samples", &lens)?;
-        let paint = self.paint_kernel()?;
+        let paint = self.paint_kernel(is_first, is_last)?;
+        let no_sums = gpu.zeros::<f32>("no sums", 1)?;
         let [columns, rows, _] = self.tiles();
         gpu.submit(|work| {
             let scene = [(2, (&self.keys).into()), (9, (&self.colors).into())];
-            let sums = [(0, Resource::from(params)), (7, (&groups).into()), (11, (&self.sums).into())];
-            let rim = [(10, lens.into())];
-            work.pass(&paint, &[&sums[..], &scene, &rim].concat(), [columns, rows, 1])
+            let turns = [(15, Resource::from(&lists.turns)), (16, (&lists.turns_of_walls).into())];
+            let views = [(0, Resource::from(params)), (7, (&lists.groups).into()), (10, lens.into())];
+            let sums = self.sums.as_ref().unwrap_or(&no_sums);
+            let made = [(11, Resource::from(sums)), (12, (&self.picture).into())];
+            work.pass(&paint, &[&views[..], &scene, &turns, &made].concat(), [columns, rows, 1])
         })?;
         Ok(views)
     }
 
     /// The groups of bins that each view shows to each tile, and how many entries the longest list has.
-    fn lists(&self, params: &Buffer, shifts: &Buffer, views: usize) -> Result<(Buffer, u32), Error> {
+    fn lists(&self, params: &Buffer, shifts: &Buffer, views: usize) -> Result<(Lists, u32), Error> {
         let gpu = self.work.gpu;
         let [columns, rows, _] = self.tiles().map(|tiles| tiles as usize);
         let (far_columns, far_rows) = (columns.div_ceil(SQUARE), rows.div_ceil(SQUARE));
         let far = &gpu.zeros::<u32>("bins", far_columns * far_rows * views * self.params.words as usize)?;
-        let entries = columns * rows * views * self.params.entries as usize;
-        let groups = gpu.zeros::<[u32; 2]>("groups of bins", entries)?;
+        let turns = columns * rows * views;
+        let made = Lists {
+            groups: gpu.zeros::<[u32; 2]>("groups of bins", turns * self.params.entries as usize)?,
+            turns: gpu.zeros::<[u32; 2]>("turns of views", turns)?,
+            turns_of_walls: gpu.zeros::<u32>("turns of walls", columns * rows)?,
+        };
         let longest = &gpu.zeros::<u32>("the longest list", 1)?;
-        let (find_far, find) = (gpu.kernel(&SHADER, "find_far")?, gpu.kernel(&SHADER, "find_groups")?);
+        let kernel = |name| gpu.kernel(&SHADER, name);
         gpu.submit(|work| {
             let lists = [(0, params), (1, shifts), (6, far)];
             let groups_of =
                 |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, views as u32];
             let seen = [(5, &self.far_windows)];
-            work.pass(&find_far, &[&lists[..], &seen].concat(), groups_of((far_columns, far_rows)))?;
-            let seen = [(4, &self.windows), (7, &groups), (8, longest)];
-            work.pass(&find, &[&lists[..], &seen].concat(), groups_of((columns, rows)))
+            work.pass(
+                &kernel("find_far")?,
+                &[&lists[..], &seen].concat(),
+                groups_of((far_columns, far_rows)),
+            )?;
+            let seen = [(4, &self.windows), (14, &self.walls), (7, &made.groups), (8, longest)];
+            work.pass(&kernel("find_groups")?, &[&lists[..], &seen].concat(), groups_of((columns, rows)))?;
+            let sorted = [(0, params), (7, &made.groups), (15, &made.turns), (16, &made.turns_of_walls)];
+            let [across, ..] = groups_of((columns, rows));
+            work.pass(&kernel("sort_views")?, &sorted, [across, rows as u32, 1])
         })?;
         let longest = gpu.read::<u32>(longest)?;
-        Ok((groups, longest.first().copied().unwrap_or(0)))
+        Ok((made, longest.first().copied().unwrap_or(0)))
     }
 
-    /// What paints this scene: what it has not need not be asked for ray by ray.
-    fn paint_kernel(&self) -> Result<Kernel, Error> {
+    /// What paints the first or last views of this scene, or others: what it has not need not be asked for ray by ray.
+    fn paint_kernel(&self, is_first: bool, is_last: bool) -> Result<Kernel, Error> {
         let name = if self.veiled { "paint_veils" } else { "paint" };
         let constants = [
             ("MANY_LAYERS", f64::from(self.params.layers > LAYERS_PER_TEXEL as u32)),
             ("RIM", f64::from(self.params.cats_eye > 0.0)),
+            ("FIRST", f64::from(is_first)),
+            ("FINAL", f64::from(is_last)),
         ];
         self.work.gpu.kernel_with(&SHADER, name, &constants)
     }
@@ -234,11 +265,11 @@ impl<'a> BandWork<'a> {
 
 /// Columns and rows that each of `shears` moves each bin by, as the shader has them: past the border all samples are the border's, so
 /// that no more than 16 bits are needed.
-fn shifts(shears: &[Shear]) -> Vec<[i32; 2]> {
+fn shifts(shears: &[Shear]) -> Vec<[i16; 2]> {
     let most = i32::from(i16::MAX);
-    let moved = |by: i32| by.clamp(-most, most);
-    let of_view = |shear: &Shear| shear.shifts.iter().map(|s| [moved(s.columns), moved(s.rows)]).collect();
-    let mut shifts: Vec<[i32; 2]> = shears.iter().flat_map::<Vec<_>, _>(of_view).collect();
+    let moved = |by: i32| by.clamp(-most, most) as i16;
+    let shifts = shears.iter().flat_map(|shear| &shear.shifts).map(|s| [moved(s.columns), moved(s.rows)]);
+    let mut shifts: Vec<_> = shifts.collect();
     shifts.resize(SHIFTS, [0; 2]);
     shifts
 }

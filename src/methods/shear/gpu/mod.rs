@@ -11,7 +11,7 @@ mod band;
 use super::bins::Bins;
 use super::bokeh::Bokeh;
 use super::highlights::{self, Highlight, Occluders};
-use super::keys::{BIN_SHIFT, FARTHER, Key, Keys, NEARER, NO_KEY};
+use super::keys::{BIN_SHIFT, EXTRA, EXTRA_SHIFT, Key, Keys, NO_KEY, OPAQUE};
 use super::paint::{LEAST_HIT, STOPPED_BELOW};
 use super::prefilter;
 use super::resolve;
@@ -32,9 +32,10 @@ static SHADER: Shader = Shader {
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("STOPPED_BELOW", Constant::Float(STOPPED_BELOW)),
         ("LEAST_HIT", Constant::Float(LEAST_HIT)),
-        ("NEARER", Constant::Uint(NEARER as u32)),
-        ("FARTHER", Constant::Uint(FARTHER as u32)),
         ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
+        ("EXTRA_SHIFT", Constant::Uint(EXTRA_SHIFT)),
+        ("EXTRA", Constant::Uint(EXTRA as u32)),
+        ("OPAQUE", Constant::Uint(OPAQUE as u32)),
         ("NO_KEY", Constant::Uint(NO_KEY as u32)),
         ("TILE", Constant::Uint(TILE as u32)),
         ("BLOCK", Constant::Uint(BLOCK as u32)),
@@ -51,8 +52,8 @@ static SHADER: Shader = Shader {
 const TILE: usize = 16;
 const BLOCK: usize = 4;
 
-/// Entries that lists of groups have room for at first: more than enough where surfaces are large.
-const ENTRIES: usize = 8;
+/// Entries that lists of groups have room for at first: most often one or two are needed, but they are made again where one list is longer.
+const ENTRIES: usize = 16;
 
 /// Tiles along one of the shader's squares.
 const SQUARE: usize = 4;
@@ -90,7 +91,6 @@ mirrored! {
         focused_start: u32,
         focused_end: u32,
         views: u32,
-        views_before: u32,
         views_in_go: u32,
         open_background: u32,
         channels: u32,
@@ -237,7 +237,6 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
         focused_start: focused.start as u32,
         focused_end: focused.end as u32,
         views: views as u32,
-        views_before: 0,
         views_in_go: 0,
         open_background: u32::from(plan.does(EffectKind::OpenBackground)),
         channels: 0,
