@@ -22,6 +22,7 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     most_binding_bytes: u64,
+    pub(super) modules: Mutex<HashMap<&'static str, wgpu::ShaderModule>>,
     pub(super) kernels: Mutex<HashMap<String, Kernel>>,
     /// What failed first of what no scope was there to catch.
     fault: Arc<Mutex<Option<String>>>,
@@ -84,6 +85,7 @@ impl Gpu {
             device,
             queue,
             most_binding_bytes: most_binding_bytes.min(MOST_WORKING_BYTES),
+            modules: Mutex::default(),
             kernels: Mutex::default(),
             fault,
             usage: Mutex::default(),

@@ -61,10 +61,8 @@ impl Gpu {
             return Ok(kernel);
         }
         let kernel = self.guarded(name, || {
-            let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(shader.name),
-                source: wgpu::ShaderSource::Wgsl(shader.source().into()),
-            });
+            let module =
+                lock(&self.modules).entry(shader.name).or_insert_with(|| self.module(shader)).clone();
             let compilation_options =
                 wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
             let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -79,6 +77,13 @@ impl Gpu {
         })?;
         lock(&self.kernels).insert(key, kernel.clone());
         Ok(kernel)
+    }
+
+    fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(shader.name),
+            source: wgpu::ShaderSource::Wgsl(shader.source().into()),
+        })
     }
 
     /// Has the passes that `ask` asks for carried out, in order.
