@@ -3,7 +3,8 @@
 // A view (u, j) sees at pixel p, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋: the shifts, made by the CPU in whole
 // numbers. A group of threads has a tile of pixels, and for each view a list of what the view can show it, nearest first: groups of
 // neighbouring bins that it moves alike, most often one or two. A thread follows the rays of four pixels along that list until
-// they are stopped. Nothing is sorted, and no two threads write to one place.
+// they are stopped. Where a view shows a tile nothing but one opaque surface, a wall, the list need not be followed. No fragments are
+// sorted, and no two threads write to one place.
 //
 // With it goes shear_lists.wgsl, which makes the lists. Here is what both declare, and
 //
@@ -56,23 +57,23 @@ struct Params {
 @group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
 @group(0) @binding(4) var<storage, read_write> windows: array<u32>;
 @group(0) @binding(5) var<storage, read_write> far_windows: array<u32>;
-// [square][view][word]: a bit a bin.
-@group(0) @binding(6) var<storage, read_write> far: array<u32>;
-// [tile][view][entry]: see `Group`.
-@group(0) @binding(7) var<storage, read_write> groups: array<vec2u>;
-// Entries of the longest list, whether or not there was room.
-@group(0) @binding(8) var<storage, read_write> longest: atomic<u32>;
 // [row of blocks][column]: see `Wall`.
-@group(0) @binding(13) var<storage, read_write> fronts: array<u32>;
-@group(0) @binding(14) var<storage, read_write> walls: array<u32>;
+@group(0) @binding(6) var<storage, read_write> block_walls: array<u32>;
+@group(0) @binding(7) var<storage, read_write> walls: array<u32>;
+// [square][view][word]: a bit a bin.
+@group(0) @binding(8) var<storage, read_write> far: array<u32>;
+// [tile][view][entry]: see `Group`.
+@group(0) @binding(9) var<storage, read_write> groups: array<vec2u>;
 // [tile][turn]: a view, and the shift of its first group. First come those that show a wall: so many.
-@group(0) @binding(15) var<storage, read_write> turns: array<vec2u>;
-@group(0) @binding(16) var<storage, read_write> turns_of_walls: array<u32>;
+@group(0) @binding(10) var<storage, read_write> turns: array<vec2u>;
+@group(0) @binding(11) var<storage, read_write> turns_of_walls: array<u32>;
+// Entries of the longest list, whether or not there was room.
+@group(0) @binding(12) var<storage, read_write> longest: atomic<u32>;
 // Red, green, blue, alpha, a layer each.
-@group(0) @binding(9) var colors: texture_2d_array<f32>;
-@group(0) @binding(10) var<storage, read> lens_points: array<vec2f>;
-@group(0) @binding(11) var<storage, read_write> sums: array<f32>;
-@group(0) @binding(12) var<storage, read_write> picture: array<f32>;
+@group(0) @binding(13) var colors: texture_2d_array<f32>;
+@group(0) @binding(14) var<storage, read> lens_points: array<vec2f>;
+@group(0) @binding(15) var<storage, read_write> sums: array<f32>;
+@group(0) @binding(16) var<storage, read_write> picture: array<f32>;
 
 // OPAQUE_ALPHA, STOPPED_BELOW, LEAST_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
 // program's.
@@ -200,14 +201,27 @@ struct Seen {
 // A bit of a turn above its view: its wall is in focus.
 const SHARP = 0x10000u;
 
+// The turns of a tile: first those of views that show it a wall.
+struct Turns {
+    first: u32,
+    end_of_walls: u32,
+    end: u32,
+}
+
+fn turns_of(tile: vec2u) -> Turns {
+    let index = tile.y * tiles_size().x + tile.x;
+    let first = index * params.views_in_go;
+    return Turns(first, first + turns_of_walls[index], first + params.views_in_go);
+}
+
 fn wall_light(pixel: vec2u, shift: vec2i, sharp: f32) -> vec4f {
     return vec4f(textureLoad(colors, source_of(pixel, shift), 0u, 0).rgb, sharp);
 }
 
 // What the rays of the views see that show `tile` nothing but a wall: where they end needs no keys.
-fn seen_walls(tile: vec2u, at: vec2u, first: u32, end: u32) -> Seen {
+fn seen_walls(tile: vec2u, at: vec2u, of_tile: Turns) -> Seen {
     var seen: Seen;
-    for (var turn = first; turn < end; turn++) {
+    for (var turn = of_tile.first; turn < of_tile.end_of_walls; turn++) {
         let next = turns[turn];
         let shift = shift_in(next.x);
         let sharp = select(0.0, 1.0, (next.y & SHARP) != 0u);
@@ -225,11 +239,9 @@ fn seen_walls(tile: vec2u, at: vec2u, first: u32, end: u32) -> Seen {
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    let tile_index = tile.y * tiles_size().x + tile.x;
-    let first_turn = tile_index * params.views_in_go;
-    let end_of_walls = first_turn + turns_of_walls[tile_index];
-    var seen = seen_walls(tile, at, first_turn, end_of_walls);
-    for (var turn = end_of_walls; turn < first_turn + params.views_in_go; turn++) {
+    let of_tile = turns_of(tile);
+    var seen = seen_walls(tile, at, of_tile);
+    for (var turn = of_tile.end_of_walls; turn < of_tile.end; turn++) {
         let view = turns[turn].y;
         let list = list_of(view, tile);
         var first = Hit(vec2u(0u), NONE);
@@ -299,11 +311,9 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
 fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    let tile_index = tile.y * tiles_size().x + tile.x;
-    let first_turn = tile_index * params.views_in_go;
-    let end_of_walls = first_turn + turns_of_walls[tile_index];
-    var seen = seen_walls(tile, at, first_turn, end_of_walls);
-    for (var turn = end_of_walls; turn < first_turn + params.views_in_go; turn++) {
+    let of_tile = turns_of(tile);
+    var seen = seen_walls(tile, at, of_tile);
+    for (var turn = of_tile.end_of_walls; turn < of_tile.end; turn++) {
         let view = turns[turn].y;
         let list = list_of(view, tile);
         var left = start_of(view, tile, at);

@@ -1,13 +1,13 @@
 // What each view of `shear` can show to each tile: lists of groups of bins. Declarations: shear.wgsl.
 //
-//   mark_blocks      which bins each block of pixels holds
-//   mark_windows     which bins each window of blocks holds: what a tile can see, wherever a view moves it
-//   mark_fronts      between which bins the first layer lies in each block, where it hides all others
-//   mark_walls       the same for each window
-//   mark_far         the same for a square of tiles
-//   find_far         the bins that each view can show to each square of tiles
-//   find_groups      of those, the groups of bins that it can show to each tile
-//   sort_views       for each tile, the views that show nothing but the first layer, and the others
+//   mark_blocks        which bins each block of pixels holds
+//   mark_windows       which bins each window of blocks holds: what a tile can see, wherever a view moves it
+//   mark_far           the same for a square of tiles
+//   mark_block_walls   in which bins the first layer lies in each block, if it hides all others there
+//   mark_walls         the same for each window
+//   find_far           the bins that each view can show to each square of tiles
+//   find_groups        of those, the groups of bins that it can show to each tile
+//   sort_views         the views that show a tile a wall before those that do not
 
 fn blocks_size() -> vec2u {
     return (vec2u(params.width, params.source_rows) + (BLOCK - 1u)) / BLOCK;
@@ -58,6 +58,23 @@ fn mark_windows(@builtin(global_invocation_id) at: vec3u) {
     windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
 }
 
+@compute @workgroup_size(8, 8)
+fn mark_far(@builtin(global_invocation_id) at: vec3u) {
+    let size = blocks_size();
+    if at.x >= size.x || at.y >= size.y {
+        return;
+    }
+    let step = TILE / BLOCK;
+    let end = min(at.xy + SQUARE * step, size);
+    var bits = 0u;
+    for (var y = at.y; y < end.y; y += step) {
+        for (var x = at.x; x < end.x; x += step) {
+            bits |= windows[(at.z * size.y + y) * size.x + x];
+        }
+    }
+    far_windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
+}
+
 // Bins that the first layer begins in, from the least to the greatest, if at each sample it is opaque and no other layer begins before
 // it: a group that holds them all stops every ray, there. Else the greatest is past all bins.
 struct Wall {
@@ -91,7 +108,7 @@ fn wall_at(place: vec2u) -> Wall {
 }
 
 @compute @workgroup_size(8, 8)
-fn mark_fronts(@builtin(global_invocation_id) at: vec3u) {
+fn mark_block_walls(@builtin(global_invocation_id) at: vec3u) {
     let size = blocks_size();
     if at.x >= size.x || at.y >= size.y {
         return;
@@ -103,7 +120,7 @@ fn mark_fronts(@builtin(global_invocation_id) at: vec3u) {
             wall = both(wall, wall_at(vec2u(x, y)));
         }
     }
-    fronts[at.y * size.x + at.x] = packed_wall(wall);
+    block_walls[at.y * size.x + at.x] = packed_wall(wall);
 }
 
 @compute @workgroup_size(8, 8)
@@ -116,27 +133,10 @@ fn mark_walls(@builtin(global_invocation_id) at: vec3u) {
     var wall = Wall(NO_KEY, 0u);
     for (var y = at.y; y < end.y; y++) {
         for (var x = at.x; x < end.x; x++) {
-            wall = both(wall, unpacked_wall(fronts[y * size.x + x]));
+            wall = both(wall, unpacked_wall(block_walls[y * size.x + x]));
         }
     }
     walls[at.y * size.x + at.x] = packed_wall(wall);
-}
-
-@compute @workgroup_size(8, 8)
-fn mark_far(@builtin(global_invocation_id) at: vec3u) {
-    let size = blocks_size();
-    if at.x >= size.x || at.y >= size.y {
-        return;
-    }
-    let step = TILE / BLOCK;
-    let end = min(at.xy + SQUARE * step, size);
-    var bits = 0u;
-    for (var y = at.y; y < end.y; y += step) {
-        for (var x = at.x; x < end.x; x += step) {
-            bits |= windows[(at.z * size.y + y) * size.x + x];
-        }
-    }
-    far_windows[(at.z * size.y + at.y) * size.x + at.x] = bits;
 }
 
 // The sample that a view shows at `pixel` of the band where it moves by `shift`: those at the border go on for ever.

@@ -132,7 +132,7 @@ impl<'a> BandWork<'a> {
         let kernel = |name| gpu.kernel(&SHADER, name);
         let params = &gpu.uniform(&self.params)?;
         let blocks = &gpu.zeros::<u32>("blocks", (self.windows.bytes() / 4) as usize)?;
-        let fronts = &gpu.zeros::<u32>("fronts", (self.walls.bytes() / 4) as usize)?;
+        let block_walls = &gpu.zeros::<u32>("walls of blocks", (self.walls.bytes() / 4) as usize)?;
         let [across, down, _] = tiles(width.div_ceil(BLOCK), (source_rows as usize).div_ceil(BLOCK), 8);
         gpu.submit(|work| {
             let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (3, blocks.into())];
@@ -141,9 +141,9 @@ impl<'a> BandWork<'a> {
             work.pass(&kernel("mark_windows")?, &marked, [across, down, words])?;
             let marked = [(0, params), (4, &self.windows), (5, &self.far_windows)];
             work.pass(&kernel("mark_far")?, &marked, [across, down, words])?;
-            let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (13, fronts.into())];
-            work.pass(&kernel("mark_fronts")?, &marked, [across, down, 1])?;
-            let marked = [(0, params), (13, fronts), (14, &self.walls)];
+            let marked = [(0, params.into()), (2, Resource::from(&self.keys)), (6, block_walls.into())];
+            work.pass(&kernel("mark_block_walls")?, &marked, [across, down, 1])?;
+            let marked = [(0, params), (6, block_walls), (7, &self.walls)];
             work.pass(&kernel("mark_walls")?, &marked, [across, down, 1])
         })
     }
@@ -206,11 +206,11 @@ impl<'a> BandWork<'a> {
         let no_sums = gpu.zeros::<f32>("no sums", 1)?;
         let [columns, rows, _] = self.tiles();
         gpu.submit(|work| {
-            let scene = [(2, (&self.keys).into()), (9, (&self.colors).into())];
-            let turns = [(15, Resource::from(&lists.turns)), (16, (&lists.turns_of_walls).into())];
-            let views = [(0, Resource::from(params)), (7, (&lists.groups).into()), (10, lens.into())];
+            let scene = [(2, (&self.keys).into()), (13, (&self.colors).into())];
+            let turns = [(10, Resource::from(&lists.turns)), (11, (&lists.turns_of_walls).into())];
+            let views = [(0, Resource::from(params)), (9, (&lists.groups).into()), (14, lens.into())];
             let sums = self.sums.as_ref().unwrap_or(&no_sums);
-            let made = [(11, Resource::from(sums)), (12, (&self.picture).into())];
+            let made = [(15, Resource::from(sums)), (16, (&self.picture).into())];
             work.pass(&paint, &[&views[..], &scene, &turns, &made].concat(), [columns, rows, 1])
         })?;
         Ok(views)
@@ -231,7 +231,7 @@ impl<'a> BandWork<'a> {
         let longest = &gpu.zeros::<u32>("the longest list", 1)?;
         let kernel = |name| gpu.kernel(&SHADER, name);
         gpu.submit(|work| {
-            let lists = [(0, params), (1, shifts), (6, far)];
+            let lists = [(0, params), (1, shifts), (8, far)];
             let groups_of =
                 |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, views as u32];
             let seen = [(5, &self.far_windows)];
@@ -240,9 +240,9 @@ impl<'a> BandWork<'a> {
                 &[&lists[..], &seen].concat(),
                 groups_of((far_columns, far_rows)),
             )?;
-            let seen = [(4, &self.windows), (14, &self.walls), (7, &made.groups), (8, longest)];
+            let seen = [(4, &self.windows), (7, &self.walls), (9, &made.groups), (12, longest)];
             work.pass(&kernel("find_groups")?, &[&lists[..], &seen].concat(), groups_of((columns, rows)))?;
-            let sorted = [(0, params), (7, &made.groups), (15, &made.turns), (16, &made.turns_of_walls)];
+            let sorted = [(0, params), (9, &made.groups), (10, &made.turns), (11, &made.turns_of_walls)];
             let [across, ..] = groups_of((columns, rows));
             work.pass(&kernel("sort_views")?, &sorted, [across, rows as u32, 1])
         })?;
