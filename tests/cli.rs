@@ -362,6 +362,8 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     for words in [
         "method                  shear",
         "highlights              off",
+        "device                  ",
+        "on the CPU",
         "* shear:48 ",
         "  shear:256 ",
         "not calibrated",
@@ -396,6 +398,7 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     let chosen: Vec<_> = costs.iter().filter(|cost| cost["chosen"] == true).collect();
     assert!(chosen.len() == 1 && chosen[0]["name"] == "shear:64", "{chosen:?}");
     assert_eq!((&json["calibrated"], &json["plan"]["views"]), (&false.into(), &64.into()));
+    assert!(json["device"]["reason"].is_string(), "{}", json["device"]);
 }
 
 #[test]

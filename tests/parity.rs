@@ -407,6 +407,22 @@ fn a_frame_that_the_gpu_loses_is_done_on_the_cpu_and_says_so() {
 }
 
 #[test]
+fn a_frame_that_the_gpu_loses_half_way_is_done_again_on_the_cpu() {
+    if gpu().is_none() {
+        return;
+    }
+    for method in methods_with_twin() {
+        let gpu = Gpu::open(true).unwrap().unwrap();
+        let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
+        let (scene, plan) = settle(method, scene, &Values::default(), 700);
+        let (image, fault) = methods::render_on(&gpu, scene.clone(), &plan, &|_| gpu.lose()).unwrap();
+        let name = method.info().name;
+        assert!(fault.unwrap().to_string().contains("the GPU failed"), "{name}");
+        assert_eq!(image, on_cpu(&scene, &plan), "{name}: bit for bit");
+    }
+}
+
+#[test]
 fn a_frame_that_does_not_fit_is_done_on_the_cpu_with_a_warning() {
     if gpu().is_none() {
         return;
@@ -421,14 +437,33 @@ fn a_frame_that_does_not_fit_is_done_on_the_cpu_with_a_warning() {
     }
 }
 
+/// A job on the smallest sample.
+fn job(device: DeviceChoice) -> Job {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join("fence");
+    Job { sources: vec![Source::File(folder.join("stack.exr"))], device, ..Job::default() }
+}
+
+#[test]
+fn a_job_whose_gpu_is_lost_warns_and_says_that_it_was_done_on_the_cpu() {
+    if gpu().is_none() {
+        return;
+    }
+    let prepared = prepare(&job(DeviceChoice::Gpu)).unwrap();
+    prepared.gpu.as_ref().unwrap().lose();
+    let rendered = prepared.blur(&|_| {}).unwrap();
+    assert_eq!(rendered.device.kind, DeviceKind::Cpu, "{:?}", rendered.device);
+    assert!(rendered.device.reason.contains("the GPU failed"), "{:?}", rendered.device);
+    let report = rendered.report(Vec::new(), String::new());
+    let told = report.warnings.iter().any(|warning| warning.contains("the frame was done on the CPU"));
+    assert!(told, "{:?}", report.warnings);
+    assert_eq!(rendered.image, render(&job(DeviceChoice::Cpu), &|_| {}).unwrap().image, "bit for bit");
+}
+
 #[test]
 fn a_job_for_the_gpu_runs_there_and_reports_it() {
     if gpu().is_none() {
         return;
     }
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join("fence");
-    let job =
-        |device| Job { sources: vec![Source::File(folder.join("stack.exr"))], device, ..Job::default() };
     let rendered = render(&job(DeviceChoice::Gpu), &|_| {}).unwrap();
     assert_eq!(rendered.device.kind, DeviceKind::Gpu, "{:?}", rendered.device);
     assert!(rendered.gpu_usage.unwrap().passes > 0);

@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
 use std::path::PathBuf;
+use thinlens::gpu::Device;
 use thinlens::lens::{Sharpness, ThinLens};
 use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
@@ -119,8 +120,13 @@ fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<
         write_peels_seen(&mut text, peels)?;
     }
     write_plan(&mut text, plan)?;
-    line(&mut text, "device", &device.name)?;
+    write_device(&mut text, device)?;
     Ok(text)
+}
+
+/// Where a plan would be carried out, and why there.
+pub(super) fn write_device(text: &mut String, Device { name, reason, .. }: &Device) -> fmt::Result {
+    line(text, "device", format!("{name}: {reason}"))
 }
 
 /// A name, and what there is to say about it.

@@ -3,7 +3,7 @@
 use super::Failure;
 use super::args::JobArgs;
 use super::console::{Console, print, print_json};
-use super::inspect::{write_peels, write_plan};
+use super::inspect::{write_device, write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
 use serde_json::json;
@@ -28,7 +28,7 @@ Examples:
 
 /// Show what will be simulated, why, and what it will cost
 ///
-/// The cost is that of the blur alone, without reading and writing: of the settings asked for, and of the method's steps from
+/// The cost is that of the blur alone on the CPU, without reading and writing: of the settings asked for, and of the method's steps from
 /// rough to fine. Beside it stands how far each is from the stack's truth, where the method can be asked for single pixels, from 400
 /// of them. The first call times this machine for less than a second and keeps what it finds in the user's cache
 /// folder, or in the one that `THINLENS_CACHE_DIR` names.
@@ -81,6 +81,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     if args.json {
         print_json(&json!({
             "plan": prepared.plan,
+            "device": prepared.device,
             "peels": prepared.facts.peels,
             "costs": rows,
             "calibrated": calibration.measured_at.is_some(),
@@ -165,7 +166,8 @@ fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Resu
     let mut text = String::new();
     write_peels(&mut text, &prepared.facts.peels)?;
     write_plan(&mut text, &prepared.plan)?;
-    writeln!(text, "expected of the blur")?;
+    write_device(&mut text, &prepared.device)?;
+    writeln!(text, "expected of the blur, on the CPU")?;
     writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % certainty", "settings", "CPU s", "wall s")?;
     for Row { name, chosen, cost, sampling_error, .. } in rows {
         let star = if *chosen { '*' } else { ' ' };

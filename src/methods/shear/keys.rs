@@ -122,7 +122,8 @@ impl<'a> NullaryFnOnce for RowKeys<'a> {
         join_surface(&mut keys[..last], found, head(here), layer, layers.len(), |peel| tail(row(peel, y)));
         for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(layers[layer].alpha.row(y)) {
             let opaque = Key::from(alpha >= OPAQUE_ALPHA);
-            let (nearer, farther) = (*key & opaque * NEARER, (*key & opaque * FARTHER) / FARTHER);
+            let joined = *key * opaque;
+            let (nearer, farther) = (joined & NEARER, (joined & FARTHER) / FARTHER);
             let made =
                 ((bin - nearer) << BIN_SHIFT) | ((nearer + farther) << EXTRA_SHIFT) | (opaque * OPAQUE);
             *key = if bin == EMPTY { NO_KEY } else { made };

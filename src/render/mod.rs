@@ -3,23 +3,26 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] carries the plan
 //! out. Writing is the caller's: this module touches no output file and prints nothing.
 
+mod paint;
+
 use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
-use crate::dial::{self, Outcome};
+use crate::dial::Outcome;
 use crate::error::Error;
 use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
-use crate::methods::{self, METHODS, Progress};
+use crate::methods::{self, Progress};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
-use crate::scene::{self, EffectKind, Facts, Focused, FrameNumber, Goal, Plan, Scene};
+use crate::scene::{self, Facts, Focused, FrameNumber, Goal, Plan, Scene};
 use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
+use paint::Painted;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -140,7 +143,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     if job.confidence {
         confidence::check(&plan)?;
     }
-    let (device, gpu) = clock.time(Stage::Plan, || device(job.device, demanded, &plan))?;
+    let (device, gpu) = clock.time(Stage::Plan, || paint::device(job.device, demanded, &plan))?;
     let (verify, confidence) = (job.verify, job.confidence);
     Ok(Prepared {
         stack,
@@ -174,8 +177,8 @@ impl Prepared {
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
         let field = scene.field;
         let Painted { image, outcome, fault } = clock.time(Stage::Blur, || match &gpu {
-            Some(gpu) => paint_on(gpu, scene, &plan, progress),
-            None => paint(scene, (&facts, &plan), &calibration, progress),
+            Some(gpu) => paint::on_gpu(gpu, scene, &plan, progress),
+            None => paint::on_cpu(scene, (&facts, &plan), &calibration, progress),
         })?;
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
         if let Some(fault) = fault {
@@ -213,65 +216,6 @@ impl Prepared {
             clock,
         })
     }
-}
-
-/// A picture by a plan.
-struct Painted {
-    image: Image,
-    /// How the number of lens samples was found, where the plan has a goal instead.
-    outcome: Option<Outcome>,
-    /// Why the GPU did not make it, where it should have.
-    fault: Option<Error>,
-}
-
-/// The picture of `scene` by `plan` on `gpu`.
-fn paint_on(gpu: &Gpu, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Painted, Error> {
-    let outcome = match plan.goal {
-        Some(Goal::TargetDb { psnr_db, most_views }) => {
-            Some(dial::look(scene.clone(), plan, (psnr_db, most_views))?)
-        }
-        _ => None,
-    };
-    let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
-    let (image, fault) = methods::render_on(gpu, scene, &Plan { views, ..plan.clone() }, progress)?;
-    Ok(Painted { image, outcome, fault })
-}
-
-/// The same on the CPU.
-fn paint(
-    scene: Scene,
-    (facts, plan): (&Facts, &Plan),
-    calibration: &Calibration,
-    progress: &Progress<'_>,
-) -> Result<Painted, Error> {
-    let (image, outcome) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
-        Some(Goal::TargetDb { psnr_db, most_views }) => {
-            dial::reach(scene, plan, (psnr_db, most_views), progress)?
-        }
-        Some(Goal::TimeBudget { seconds }) => {
-            dial::fit(scene, (facts, plan), seconds, calibration, progress)?
-        }
-        None => {
-            let image = methods::render(scene, plan, progress)?;
-            return Ok(Painted { image, outcome: None, fault: None });
-        }
-    };
-    Ok(Painted { image, outcome: Some(outcome), fault: None })
-}
-
-/// Where to carry out `plan`, and the GPU if it is one; `demanded` is the one that `choice` insists on.
-fn device(choice: DeviceChoice, demanded: Option<Gpu>, plan: &Plan) -> Result<(Device, Option<Gpu>), Error> {
-    if !plan.does(EffectKind::Blur) {
-        return Ok((Device::cpu("there is nothing to blur"), None));
-    }
-    let hindrance = methods::bound_to_cpu(plan);
-    if let (DeviceChoice::Gpu, Some(hindrance)) = (choice, &hindrance) {
-        let able = METHODS.iter().filter(|method| method.twin().is_some());
-        let able: Vec<&str> = able.map(|method| method.info().name).collect();
-        return Err(Error::unsupported(hindrance.clone())
-            .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
-    }
-    Ok(gpu::choose(choice, demanded, hindrance))
 }
 
 /// Carries out `job` from files to picture.

@@ -1,0 +1,78 @@
+//! From plan to picture: where it is carried out, and how many lens samples it takes.
+
+use crate::cost::Calibration;
+use crate::dial::{self, Outcome};
+use crate::error::Error;
+use crate::gpu::{self, Device, DeviceChoice, Gpu};
+use crate::image::Image;
+use crate::methods::{self, METHODS, Progress};
+use crate::scene::{EffectKind, Facts, Goal, Plan, Scene};
+
+/// A picture by a plan.
+#[derive(Debug)]
+pub(super) struct Painted {
+    pub(super) image: Image,
+    /// How the number of lens samples was found, where the plan has a goal instead.
+    pub(super) outcome: Option<Outcome>,
+    /// Why the GPU did not make it, where it should have.
+    pub(super) fault: Option<Error>,
+}
+
+/// The picture of `scene` by `plan` on `gpu`.
+pub(super) fn on_gpu(
+    gpu: &Gpu,
+    scene: Scene,
+    plan: &Plan,
+    progress: &Progress<'_>,
+) -> Result<Painted, Error> {
+    let outcome = match plan.goal {
+        Some(Goal::TargetDb { psnr_db, most_views }) => {
+            Some(dial::look(scene.clone(), plan, (psnr_db, most_views))?)
+        }
+        _ => None,
+    };
+    let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
+    let (image, fault) = methods::render_on(gpu, scene, &Plan { views, ..plan.clone() }, progress)?;
+    Ok(Painted { image, outcome, fault })
+}
+
+/// The same on the CPU.
+pub(super) fn on_cpu(
+    scene: Scene,
+    (facts, plan): (&Facts, &Plan),
+    calibration: &Calibration,
+    progress: &Progress<'_>,
+) -> Result<Painted, Error> {
+    let (image, outcome) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
+        Some(Goal::TargetDb { psnr_db, most_views }) => {
+            dial::reach(scene, plan, (psnr_db, most_views), progress)?
+        }
+        Some(Goal::TimeBudget { seconds }) => {
+            dial::fit(scene, (facts, plan), seconds, calibration, progress)?
+        }
+        None => {
+            let image = methods::render(scene, plan, progress)?;
+            return Ok(Painted { image, outcome: None, fault: None });
+        }
+    };
+    Ok(Painted { image, outcome: Some(outcome), fault: None })
+}
+
+/// Where to carry out `plan`, and the GPU if it is one; `demanded` is the one that `choice` insists on.
+pub(super) fn device(
+    choice: DeviceChoice,
+    demanded: Option<Gpu>,
+    plan: &Plan,
+) -> Result<(Device, Option<Gpu>), Error> {
+    if !plan.does(EffectKind::Blur) {
+        return Ok((Device::cpu("there is nothing to blur"), None));
+    }
+    let hindrance = methods::bound_to_cpu(plan);
+    if let (DeviceChoice::Gpu, Some(hindrance)) = (choice, &hindrance) {
+        let able = METHODS.iter().filter(|method| method.twin().is_some());
+        let able: Vec<&str> = able.map(|method| method.info().name).collect();
+        return Err(Error::unsupported(hindrance.clone())
+            .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
+    }
+    Ok(gpu::choose(choice, demanded, hindrance))
+}
