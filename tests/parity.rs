@@ -194,6 +194,20 @@ fn cases() -> Vec<Case> {
         let far = layer(width, height, |x, y| ([noise(x, y, 3), noise(x, y, 4), 0.2, 1.0], 5.0));
         scene(vec![near, far], StackKind::PointSampled)
     };
+    let surfaces = |[near, far]: [fn(usize, usize) -> f32; 2]| {
+        let surface = |seed: usize, coc_px: fn(usize, usize) -> f32| {
+            layer(90, 70, move |x, y| {
+                let color = [noise(x / 3, y / 2, seed), noise(x, y, seed + 1), 0.3 * seed as f32, 1.0];
+                (color, coc_px(x, y))
+            })
+        };
+        scene(vec![surface(1, near), surface(2, far)], StackKind::PointSampled)
+    };
+    // Neighbours within joining distance in the second layer alone: its fragments begin a bin before those that they lie behind.
+    let rough = [
+        |x: usize, _: usize| if x.is_multiple_of(2) { 0.05 } else { 0.65 },
+        |x: usize, _: usize| if x.is_multiple_of(2) { 0.20 } else { 0.67 },
+    ];
     let blades = Values {
         blades: Some(5),
         rotation_deg: Some(20.0),
@@ -215,6 +229,8 @@ fn cases() -> Vec<Case> {
         case("a supersampled stack", supersampled),
         case("one layer", scene(layers(67, 41, 1.0)[..1].to_vec(), StackKind::BeautyDepth)),
         case("lights", lights()),
+        case("large surfaces", surfaces([|_, y| 0.06 * y as f32 - 3.0, |x, _| 3.0 + 0.01 * x as f32])),
+        case("rough surfaces that all but touch", surfaces(rough)),
         case("one pixel", opaque(1, 1)),
         case("one row", opaque(19, 1)),
         case("one column", opaque(1, 23)),
