@@ -1,8 +1,8 @@
 //! The default method on the GPU against the CPU at 1080p and 4K, four peels and 64 views: what goes up, what is computed, what comes
 //! down. `cargo bench --bench gpu`; `THINLENS_STACK` and `THINLENS_PRESET` measure with a stack of one's own.
 //!
-//! Every ray has to fetch at least the keys of one sample and one colour: 24 bytes, which a card cannot do faster than its caches give
-//! them. The least traffic says how far from that the paint is.
+//! Every ray has to fetch at least a colour: 16 bytes, which a card cannot do faster than its caches give them. The least traffic says how
+//! far from that the paint is.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
@@ -34,8 +34,8 @@ mod measure {
     /// Runs, of which the middle one counts; one before them warms caches and compiles.
     const RUNS: usize = 5;
 
-    /// Bytes that a ray has to fetch: keys and a colour.
-    const LEAST_BYTES_PER_RAY: f64 = 24.0;
+    /// Bytes that a ray has to fetch: a colour.
+    const LEAST_BYTES_PER_RAY: f64 = 16.0;
 
     pub(super) fn run() {
         let Some(gpu) = Gpu::open(true).unwrap_or_else(|error| panic!("{error}")) else {
@@ -94,10 +94,9 @@ mod measure {
     }
 
     fn on_gpu(gpu: &Gpu, scene: &Scene, plan: &Plan) -> Run {
-        let before = gpu.usage().unwrap_or_default();
+        let (scene, before) = (scene.clone(), gpu.usage().unwrap_or_default());
         let (clock, watch) = (Instant::now(), Stopwatch::start());
-        let (_, fault) =
-            render_on(gpu, scene.clone(), plan, &|_| {}).unwrap_or_else(|error| panic!("{error}"));
+        let (_, fault) = render_on(gpu, scene, plan, &|_| {}).unwrap_or_else(|error| panic!("{error}"));
         if let Some(fault) = fault {
             panic!("{fault}");
         }

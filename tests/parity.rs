@@ -378,6 +378,16 @@ fn bands_leave_no_seams() {
     }
 }
 
+#[test]
+fn a_frame_higher_than_a_texture_is_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_twin() {
+        let scene = Scene::new(layers(3, gpu.most_texels() + 90, 1.0), StackKind::PointSampled, 1, 60.0);
+        let (scene, plan) = settle(method, scene, &Values::default(), 4);
+        tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a strip");
+    }
+}
+
 /// The same picture, `columns` to the right.
 fn moved(image: &Image, columns: usize) -> Image {
     Image::from_fn(image.width(), image.height(), |x, y| image.pixel(x.saturating_sub(columns), y))

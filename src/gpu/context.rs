@@ -109,6 +109,11 @@ impl Gpu {
         self.most_binding_bytes
     }
 
+    /// Most texels of a texture either way.
+    pub fn most_texels(&self) -> usize {
+        self.device.limits().max_texture_dimension_2d as usize
+    }
+
     /// Bytes that all buffers of a band may take together.
     pub fn most_working_bytes(&self) -> u64 {
         MOST_WORKING_BYTES

@@ -137,9 +137,8 @@ impl Gpu {
         (width, height): (usize, usize),
         layers: usize,
     ) -> Result<Texture, Error> {
-        let limits = self.device.limits();
-        let most = [limits.max_texture_dimension_2d, limits.max_texture_array_layers];
-        if width.max(height) > most[0] as usize || layers > most[1] as usize {
+        let most = [self.most_texels(), self.device.limits().max_texture_array_layers as usize];
+        if width.max(height) > most[0] || layers > most[1] {
             let found = format!("{layers} layers of {width} × {height} texels");
             return Err(too_large(label, found, format!("{} of {} either way at most", most[1], most[0])));
         }

@@ -185,7 +185,9 @@ impl<'a> Work<'a> {
         let largest = width * TEXEL.max(SUMS * size_of::<f32>());
         let together = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
-        rows(self.gpu.most_binding_bytes(), largest).min(rows(self.gpu.most_working_bytes(), together))
+        rows(self.gpu.most_binding_bytes(), largest)
+            .min(rows(self.gpu.most_working_bytes(), together))
+            .min(self.gpu.most_texels())
     }
 
     fn paint(&self, progress: &Progress<'_>) -> Result<(Image, Plane), Error> {
