@@ -203,11 +203,8 @@ fn cases() -> Vec<Case> {
         };
         scene(vec![surface(1, near), surface(2, far)], StackKind::PointSampled)
     };
-    // Neighbours within joining distance in the second layer alone: its fragments begin a bin before those that they lie behind.
-    let rough = [
-        |x: usize, _: usize| if x.is_multiple_of(2) { 0.05 } else { 0.65 },
-        |x: usize, _: usize| if x.is_multiple_of(2) { 0.20 } else { 0.67 },
-    ];
+    let (slope, wall) =
+        (|_: usize, y: usize| 0.06 * y as f32 - 3.0, |x: usize, _: usize| 3.0 + 0.01 * x as f32);
     let blades = Values {
         blades: Some(5),
         rotation_deg: Some(20.0),
@@ -229,8 +226,8 @@ fn cases() -> Vec<Case> {
         case("a supersampled stack", supersampled),
         case("one layer", scene(layers(67, 41, 1.0)[..1].to_vec(), StackKind::BeautyDepth)),
         case("lights", lights()),
-        case("large surfaces", surfaces([|_, y| 0.06 * y as f32 - 3.0, |x, _| 3.0 + 0.01 * x as f32])),
-        case("rough surfaces that all but touch", surfaces(rough)),
+        case("large surfaces", surfaces([slope, wall])),
+        case("peels in the wrong order", surfaces([wall, slope])),
         case("one pixel", opaque(1, 1)),
         case("one row", opaque(19, 1)),
         case("one column", opaque(1, 23)),
