@@ -31,7 +31,7 @@ struct Tolerance {
 const TOLERANCES: &[Tolerance] = &[
     Tolerance {
         method: "shear",
-        apart: 2e-5,
+        apart: 3e-6,
         outliers: 0.0,
         reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
     },
