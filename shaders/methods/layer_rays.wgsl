@@ -5,35 +5,17 @@
 // follow_cones   the same for any cones
 // central        the ray through the middle of each pixel and lens, where nothing is known of any other
 //
-// A ray is over sample position start + c·step at CoC radius c. Positions are those of the whole stack, whichever rows of it are at
-// hand. Fragments, layers, N-buffers and mipmaps are the CPU's tables.
+// Fragments, layers, N-buffers and mipmaps are the CPU's tables. An N-buffer is kept for a slab of neighbouring layers.
 
-// The rows of the stack at hand, and how rays meet them.
+// The layers, and how rays meet them.
 struct Frame {
-    // Columns of the picture; its first row that is made, and how many are.
-    width: u32,
-    row: u32,
-    rows: u32,
     // Views of a set, and sets.
     views: u32,
     sets: u32,
-    // Samples of a pixel along each axis.
-    supersample: f32,
-    // Columns and rows of the whole stack, in samples; the first of its rows at hand, and the last.
-    columns: u32,
-    height: u32,
-    top: u32,
-    bottom: u32,
-    // Fragments that a sample may have.
-    depth: u32,
     // Layers; neighbouring ones share an N-buffer, a slab of them each.
     layers: u32,
     layers_per_slab: u32,
     slabs: u32,
-    // The grid of blocks that N-buffers are kept for, and blocks a sample.
-    block_columns: u32,
-    block_rows: u32,
-    blocks_per_sample: f32,
     // Mipmap levels above the stack itself, and the diameter of a cone in samples for each pixel of CoC radius.
     levels: u32,
     cone_per_coc_px: f32,
@@ -41,14 +23,6 @@ struct Frame {
     iterations: u32,
     // Whether rays that leave the frame are left out.
     discard_outside: u32,
-}
-
-// A lens sample, as rays need it: where in the pixel, and how far for each pixel of CoC radius, in samples.
-struct View {
-    start_x: f32,
-    start_y: f32,
-    step_x: f32,
-    step_y: f32,
 }
 
 // What one layer has in a texel of a mipmap: colour (premultiplied) and coverage.
@@ -60,33 +34,19 @@ struct Texel {
     alpha: f32,
 }
 
-@group(0) @binding(3) var<uniform> frame: Frame;
-// [set][view].
-@group(0) @binding(4) var<storage, read> views: array<View>;
-// [row][column][fragment]: CoC radius, rising; ABSENT where there is no further fragment.
-@group(0) @binding(5) var<storage, read> coc_px: array<f32>;
-// The same for red and green, and for blue and alpha.
-@group(0) @binding(6) var<storage, read> red_green: array<vec2f>;
-@group(0) @binding(7) var<storage, read> blue_alpha: array<vec2f>;
-// Per slab, where its N-buffer begins, how many levels it has, and the bits of how far rays go in it; per layer the bits of its
-// near and its far bound, and its slab; then the bits of the N-buffers, [slab][level][row][column].
-@group(0) @binding(8) var<storage, read> culling: array<u32>;
+// Views are [set][view]. Beside N-buffers are, per slab, the bits of how far rays go in it, and, per layer, the bits of its near and its
+// far bound, and its slab.
+@group(0) @binding(9) var<uniform> frame: Frame;
 // Per level of the mipmaps its columns, its first and its last row at hand, its last row in all, and where its starts begin; then
 // the starts: where each texel's list begins, and where the last one ends.
-@group(0) @binding(9) var<storage, read> starts: array<u32>;
+@group(0) @binding(10) var<storage, read> starts: array<u32>;
 // The lists, each in the order of the layers.
-@group(0) @binding(10) var<storage, read> texels: array<Texel>;
+@group(0) @binding(11) var<storage, read> texels: array<Texel>;
 
-// The program's are OPAQUE_ALPHA; ABSENT, farther than any fragment; MOST_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words
-// of a slab, a layer and a level.
+// The program's are MOST_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words of a slab, a layer and a level.
 
 // A cone that is wider than a sample is of this mipmap level at least.
 const LEAST_LEVEL: f32 = 1e-7;
-
-struct Ray {
-    start: vec2f,
-    step: vec2f,
-}
 
 // Where a ray meets a layer.
 struct Hit {
@@ -116,13 +76,9 @@ fn hash(pixel: vec2u) -> u32 {
     return v.x ^ (v.x >> 16u);
 }
 
-fn ray_at(ray: Ray, c: f32) -> vec2f {
-    return ray.start + c * ray.step;
-}
-
 // CoC radii between which `ray` is within the frame; it passes the plane of focus within it.
 fn stay(ray: Ray) -> vec2f {
-    let size = vec2f(f32(frame.columns), f32(frame.height));
+    let size = vec2f(f32(stack.columns), f32(stack.height));
     let still = ray.step == vec2f(0.0);
     let step = select(ray.step, vec2f(1.0), still);
     let a = -ray.start / step;
@@ -133,46 +89,28 @@ fn stay(ray: Ray) -> vec2f {
     return vec2f(max(enters.x, enters.y), min(leaves.x, leaves.y));
 }
 
+// Where what is said of a layer begins.
+fn words_of(layer: u32) -> u32 {
+    return SLAB_WORDS * frame.slabs + LAYER_WORDS * layer;
+}
+
 // Near and far bound of a layer.
 fn interval(layer: u32) -> vec2f {
-    let word = SLAB_WORDS * frame.slabs + LAYER_WORDS * layer;
-    return vec2f(bitcast<f32>(culling[word]), bitcast<f32>(culling[word + 1u]));
+    let word = words_of(layer);
+    return vec2f(bitcast<f32>(nbuffers[word]), bitcast<f32>(nbuffers[word + 1u]));
 }
 
 // The slab that a layer is of.
 fn slab_of(layer: u32) -> u32 {
-    return culling[SLAB_WORDS * frame.slabs + LAYER_WORDS * layer + 2u];
-}
-
-// The least CoC radius of a slab in the blocks that hold the rectangle from `least` to `greatest`.
-fn nearest_within(slab: u32, least: vec2f, greatest: vec2f) -> f32 {
-    let levels = culling[SLAB_WORDS * slab + 1u];
-    if levels == 0u {
-        return ABSENT;
-    }
-    let last = vec2f(f32(frame.block_columns - 1u), f32(frame.block_rows - 1u));
-    let begin = vec2u(clamp(least * frame.blocks_per_sample, vec2f(0.0), last));
-    let end = max(vec2u(clamp(greatest * frame.blocks_per_sample, vec2f(0.0), last)), begin) + 1u;
-    let shorter = min(end.x - begin.x, end.y - begin.y);
-    let level = min(firstLeadingBit(shorter), levels - 1u);
-    let side = 1u << level;
-    let values = culling[SLAB_WORDS * slab] + level * frame.block_columns * frame.block_rows;
-    var nearest = ABSENT;
-    for (var y = begin.y; y < end.y; y += side) {
-        let row = values + min(y, end.y - side) * frame.block_columns;
-        for (var x = begin.x; x < end.x; x += side) {
-            nearest = min(nearest, bitcast<f32>(culling[row + min(x, end.x - side)]));
-        }
-    }
-    return nearest;
+    return nbuffers[words_of(layer) + 2u];
 }
 
 // The slabs that rays through the pixel whose centre is at sample position `centre` can meet, a bit each.
 fn slabs_around(centre: vec2f) -> vec2u {
     var slabs = vec2u(0u);
     for (var slab = 0u; slab < frame.slabs; slab++) {
-        let reach = bitcast<f32>(culling[SLAB_WORDS * slab + 2u]);
-        if nearest_within(slab, centre - reach, centre + reach) < ABSENT {
+        let reach = bitcast<f32>(nbuffers[NBUFFER_WORDS * frame.slabs + slab]);
+        if least_in(slab, window_between(centre - reach, centre + reach)) < ABSENT {
             slabs[slab >> 5u] |= 1u << (slab & 31u);
         }
     }
@@ -181,19 +119,14 @@ fn slabs_around(centre: vec2f) -> vec2u {
 
 // Whether `ray` can meet anything in a layer of `slab` that holds the CoC radii of `bounds`.
 fn can_meet(ray: Ray, slab: u32, bounds: vec2f) -> bool {
-    let a = ray_at(ray, bounds.x);
-    let b = ray_at(ray, bounds.y);
-    return nearest_within(slab, min(a, b), max(a, b)) <= bounds.y;
+    return least_in(slab, window_between(ray_at(ray, bounds.x), ray_at(ray, bounds.y))) <= bounds.y;
 }
 
 // The layer's nearest fragment where the ray is at `c`, as if it were met there: of the CoC radii of `bounds`, and of those behind
 // `behind`.
 fn over(ray: Ray, bounds: vec2f, behind: f32, c: f32) -> Hit {
-    let least = vec2f(0.0, f32(frame.top));
-    let last = vec2f(f32(frame.columns - 1u), f32(frame.bottom));
-    let place = vec2u(clamp(ray_at(ray, c), least, last));
-    let first = ((place.y - frame.top) * frame.columns + place.x) * frame.depth;
-    for (var k = 0u; k < frame.depth; k++) {
+    let first = list_at(ray_at(ray, c));
+    for (var k = 0u; k < stack.depth; k++) {
         let coc = coc_px[first + k];
         if coc >= bounds.x && coc > behind {
             return Hit(coc <= bounds.y, c, first + k, coc);
@@ -274,11 +207,6 @@ fn bilinear(number: u32, position: vec2f, layer: u32) -> vec4f {
     return sum + share.x * share.y * texel_at(words, vec2u(x1, y1), layer);
 }
 
-// What a fragment shows: red, green, blue (premultiplied) and alpha.
-fn color_of(index: u32) -> vec4f {
-    return vec4f(red_green[index], blue_alpha[index]);
-}
-
 // Mipmap level of the cone of a ray at CoC radius `at`; 0 where it is no wider than a sample, whatever a logarithm makes of 1.
 fn cone_level(at: f32) -> f32 {
     let diameter = frame.cone_per_coc_px * abs(at);
@@ -353,7 +281,7 @@ fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> Seen {
                 }
             }
             seen.color += seen.transmitted * shown.rgb;
-            seen.transmitted *= select(1.0 - shown.a, 0.0, shown.a >= OPAQUE_ALPHA);
+            seen.transmitted *= let_through(shown.a);
             behind = hit.coc_px;
         }
         if seen.transmitted <= 0.0 || !seen.counts {
@@ -372,28 +300,21 @@ fn part_of_sum(seen: Seen) -> Sum {
     return Sum(seen.color, 1.0 - seen.transmitted, 1.0);
 }
 
-// The sample position of the centre of a pixel.
-fn centre_of(pixel: vec2u) -> vec2f {
-    return (vec2f(pixel) + 0.5) * frame.supersample;
-}
-
 // Adds the rays of a go of views through the pixel at `at` of those that are made.
 fn add_rays(at: vec2u, has_cones: bool) {
-    if at.x >= frame.width || at.y >= frame.rows {
+    if at.x >= stack.width || at.y >= stack.rows {
         return;
     }
-    let pixel = vec2u(at.x, frame.row + at.y);
+    let pixel = vec2u(at.x, stack.row + at.y);
     let centre = centre_of(pixel);
     let slabs = slabs_around(centre);
     let first_view = hash(pixel) % frame.sets * frame.views;
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
     for (var i = go.first_view; i < go.end_view; i++) {
-        let view = views[first_view + i];
-        let ray = Ray(centre + vec2f(view.start_x, view.start_y), vec2f(view.step_x, view.step_y));
-        let part = part_of_sum(follow_ray(ray, slabs, has_cones));
+        let part = part_of_sum(follow_ray(ray_of(first_view + i, centre), slabs, has_cones));
         sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
     }
-    add_go(at.y * frame.width + at.x, sum);
+    add_go(at.y * stack.width + at.x, sum);
 }
 
 @compute @workgroup_size(8, 8)
@@ -408,15 +329,15 @@ fn follow_cones(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(8, 8)
 fn central(@builtin(global_invocation_id) at: vec3u) {
-    if at.x >= frame.width || at.y >= frame.rows {
+    if at.x >= stack.width || at.y >= stack.rows {
         return;
     }
-    let index = at.y * frame.width + at.x;
+    let index = at.y * stack.width + at.x;
     let sum = saved_sum(index);
     let is_open = go.open_background != 0u && sum.rays > 0.0;
     if is_open || !shows_nothing(sum) {
         return;
     }
-    let centre = centre_of(vec2u(at.x, frame.row + at.y));
+    let centre = centre_of(vec2u(at.x, stack.row + at.y));
     save_sum(index, part_of_sum(follow_ray(Ray(centre, vec2f(0.0)), slabs_around(centre), true)));
 }

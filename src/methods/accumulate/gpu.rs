@@ -8,10 +8,10 @@ use super::Accumulate;
 use super::tiles::{SLABS, TILE};
 use super::volume::{JOIN_PX, Ray, Volume};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, bands, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
-use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT};
+use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
 use crate::methods::{Progress, Twin};
 use crate::scene::{Layer, OPAQUE_ALPHA, Plan, Scene};
 use glam::Vec2;
@@ -246,16 +246,17 @@ impl Twin for Accumulate {
         let volume = Volume::new(scene, plan);
         let lens = Lens::new(gpu, &volume, &plan.optics.rays(plan.lens_samples()))?;
         let (width, height) = scene.picture_size();
-        let mut image = Image::transparent(width, height);
-        let bands = bands(height, lens.reach_rows, most_rows(gpu, scene))?;
-        for (i, band) in bands.iter().enumerate() {
-            let progress = |share: f32| progress((i as f32 + share) / bands.len() as f32);
-            let rows = Rows::new(gpu, &volume, width, band)?;
-            let goes = Goes::new(gpu, &SHADER, width * band.rows.len(), volume.open_background)?;
-            follow(gpu, (&rows, &lens), &goes, tiles(width, band.rows.len(), TILE as usize), &progress)?;
-            goes.read_into(&mut image, band)?;
-        }
-        Ok(image)
+        picture_of_goes(
+            (width, height),
+            [lens.reach_rows, most_rows(gpu, scene)],
+            progress,
+            |band, progress| {
+                let rows = Rows::new(gpu, &volume, width, band)?;
+                let goes = Goes::new(gpu, &SHADER, width * band.rows.len(), volume.open_background)?;
+                follow(gpu, (&rows, &lens), &goes, tiles(width, band.rows.len(), TILE as usize), progress)?;
+                Ok(goes)
+            },
+        )
     }
 
     fn shader(&self) -> &'static Shader {

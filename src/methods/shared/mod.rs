@@ -10,6 +10,8 @@ mod planes;
 mod pyramid;
 #[cfg(feature = "gpu")]
 mod ray_goes;
+#[cfg(feature = "gpu")]
+mod ray_stack;
 mod rays;
 mod sub_images;
 
@@ -25,7 +27,12 @@ pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 #[cfg(feature = "gpu")]
 pub(super) use pyramid::{Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
-pub(super) use ray_goes::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT};
+pub(super) use ray_goes::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
+#[cfg(feature = "gpu")]
+pub(super) use ray_stack::{
+    NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
+    nbuffer_words,
+};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]

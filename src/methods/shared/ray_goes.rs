@@ -6,9 +6,9 @@
 //! Memory: 36 bytes a pixel.
 
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MOST_ROUNDS, Shader, Work, mirrored};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MOST_ROUNDS, Shader, Work, bands, mirrored};
 use crate::image::Image;
-use crate::methods::LEAST_HIT;
+use crate::methods::{LEAST_HIT, Progress};
 use std::ops::Range;
 
 /// What [`RAY_SUMS`] reads of the program.
@@ -131,13 +131,30 @@ impl<'g> Goes<'g> {
     }
 
     /// Puts the rows that were made into `image`.
-    pub(in crate::methods) fn read_into(&self, image: &mut Image, band: &Band) -> Result<(), Error> {
+    fn read_into(&self, image: &mut Image, band: &Band) -> Result<(), Error> {
         let row = image.width();
         let rows = band.rows.start * row..band.rows.end * row;
         let [red, green, blue, alpha] =
             image.planes.each_mut().map(|plane| &mut plane.values_mut()[rows.clone()]);
         self.gpu.read_into(&self.picture, &mut [red, green, blue, alpha])
     }
+}
+
+/// A picture of `width × height` pixels, `most_rows` of whose rows can be held at once, by rays that look at `reach_rows` more either way:
+/// `make(band, progress)` makes a band.
+pub(in crate::methods) fn picture_of_goes<'g>(
+    (width, height): (usize, usize),
+    [reach_rows, most_rows]: [usize; 2],
+    progress: &Progress<'_>,
+    make: impl Fn(&Band, &dyn Fn(f32)) -> Result<Goes<'g>, Error>,
+) -> Result<Image, Error> {
+    let mut image = Image::transparent(width, height);
+    let bands = bands(height, reach_rows, most_rows)?;
+    for (i, band) in bands.iter().enumerate() {
+        let progress = |share: f32| progress((i as f32 + share) / bands.len() as f32);
+        make(band, &progress)?.read_into(&mut image, band)?;
+    }
+    Ok(image)
 }
 
 /// Workgroups of 64 threads for `pixels`, in as many rows as it takes.

@@ -16,7 +16,13 @@
 //!
 //! Cost: pixels × rays × steps × layers. Memory: the scene. Limits: knows only what the peels know; with few steps thin things
 //! are stepped over.
+//! GPU twin: `shaders/methods/peel_rays.wgsl`.
 
+#[cfg(feature = "gpu")]
+mod gpu;
+
+#[cfg(feature = "gpu")]
+use super::Twin;
 use super::shared::{Blocks, Fragments, NBuffer, RaySampler, Tracer};
 use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, RaySum, Sampler};
 use crate::error::Error;
@@ -63,6 +69,11 @@ impl Method for PeelRays {
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         Ok(self.begin(scene, plan).picture(plan.lens_samples(), progress))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn Twin> {
+        Some(self)
     }
 }
 
