@@ -17,7 +17,7 @@
 mod gpu;
 
 #[cfg(feature = "gpu")]
-pub(in crate::methods) use gpu::{Levels, PYRAMID_WGSL, Step, corners, reach};
+pub(in crate::methods) use gpu::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 
 use super::content::row_blocks;
 use crate::image::Plane;
@@ -84,6 +84,12 @@ impl Grid {
             })
             .collect();
         Self { frame, origin: ((finest.0 - frame.0) / 2, (finest.1 - frame.1) / 2), edge, sizes }
+    }
+
+    /// The same without the levels above `level`.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn up_to(&self, level: usize) -> Self {
+        Self { sizes: self.sizes[..=level].to_vec(), ..self.clone() }
     }
 
     /// The frame's row that row `y` of level 0 shows; none past a clear border.
