@@ -24,7 +24,7 @@ struct Means {
     coc_px: f32,
 }
 
-// The pyramid that is filled, or copied from; its level 1 is the coarser one of the step.
+// The pyramid that is filled, or that is copied from; what is read is the coarser level of the step.
 @group(0) @binding(8) var<uniform> filled: Step;
 @group(0) @binding(9) var<storage, read_write> filled_levels: array<f32>;
 @group(0) @binding(10) var<uniform> means: Means;

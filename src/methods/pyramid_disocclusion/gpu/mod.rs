@@ -1,7 +1,9 @@
 //! Sub-images with disocclusion on a GPU: for each, a pyramid that fills holes and one that blurs.
 //!
 //! Level 0 of neither is stored. What a hole is filled with may come from anywhere in the frame, so the coarse levels that fill
-//! are those of the whole frame (`holes.rs`), and bands reach no farther than a blur and the finest levels do.
+//! are those of the whole frame (`holes.rs`), and bands reach no farther than a blur and the finest levels do. Where there are
+//! several bands, all of them first bring together what fills the holes of every sub-image; a band that is the whole frame does
+//! with one sub-image after the other.
 //!
 //! Limits: level 3 of the whole frame, or the coarsest where there are fewer, has to fit into one buffer. That is level 1, of a
 //! quarter of all samples, where nothing is blurred by more than the first radius.
@@ -58,15 +60,12 @@ impl Twin for PyramidDisocclusion {
             grid: &grid,
             holes,
         };
-        let all = if bands.len() > 1 {
-            painter.fill_all(&bands, &|share| progress(FILLING_SHARE * share))?
-        } else {
-            Vec::new()
-        };
-        let before = if bands.len() > 1 { FILLING_SHARE } else { 0.0 };
-        let progress = |share: f32| progress(before + (1.0 - before) * share);
+        let filling_share = if bands.len() > 1 { FILLING_SHARE } else { 0.0 };
+        let fill_all = || painter.fill_all(&bands, &|share| progress(filling_share * share));
+        let filled = (bands.len() > 1).then(fill_all).transpose()?;
+        let progress = |share: f32| progress(filling_share + (1.0 - filling_share) * share);
         picture_of_bands(gpu, (size, channels > 3), &bands, &progress, |band, progress| {
-            painter.band(band, &all, progress)
+            painter.band(band, filled.as_deref(), progress)
         })
     }
 
@@ -149,15 +148,16 @@ struct Part {
 }
 
 impl Painter<'_> {
-    /// What the holes of each sub-image are filled with, made from all bands.
+    /// What the holes of each sub-image but the nearest, which has none, are filled with, made from all bands.
     fn fill_all(&self, bands: &[Band], progress: &Progress<'_>) -> Result<Vec<Filled>, Error> {
-        let all = self.images.far_to_near().map(|_| self.holes.unfilled()).collect::<Result<Vec<_>, _>>()?;
+        let holed = || self.images.far_to_near().filter(|&i| !self.images.is_nearest(i));
+        let all = holed().map(|_| self.holes.unfilled()).collect::<Result<Vec<_>, _>>()?;
         for (done, band) in bands.iter().enumerate() {
             let source = self.source(band)?;
-            let levels = self.holes.levels_of(self.rows_with_border(band));
+            let levels = self.holes.levels_of(self.grid.rows_with_border(&band.rows));
             let values = self.gpu.zeros::<f32>("the levels of the pyramid", levels.values())?;
             let own = Pyramid { levels: &levels, values: &values };
-            for (i, whole) in self.images.far_to_near().zip(&all) {
+            for (i, whole) in holed().zip(&all) {
                 self.gpu.submit(|work| {
                     self.holes.pull(work, i, own, &source)?;
                     self.holes.hand_up(work, own, whole)
@@ -171,14 +171,15 @@ impl Painter<'_> {
         all.into_iter().map(|whole| self.holes.fill(whole, &frame)).collect()
     }
 
-    /// Content, and then coverage, of a band's rows; `all` is what holes are filled with, if that is known already.
-    fn band(&self, band: &Band, all: &[Filled], progress: &Progress<'_>) -> Result<Planes, Error> {
+    /// Content, and then coverage, of a band's rows; `filled` is what holes are filled with, if that is known already.
+    fn band(&self, band: &Band, filled: Option<&[Filled]>, progress: &Progress<'_>) -> Result<Planes, Error> {
         let parts: Vec<Part> =
-            self.images.far_to_near().map(|i| self.part(i, band, all.is_empty())).collect();
+            self.images.far_to_near().map(|i| self.part(i, band, filled.is_none())).collect();
         let canvas = self.canvas(band, &parts)?;
         for (done, part) in parts.iter().enumerate() {
             let own = Pyramid { levels: &part.filling, values: &canvas.filling };
-            if self.disocclude(part.i, own, all.get(done), &canvas.source)? {
+            let filled = filled.and_then(|filled| filled.get(done));
+            if self.disocclude(part.i, own, filled, &canvas.source)? {
                 self.lay(part, &canvas)?;
             }
             progress((done + 1) as f32 / (parts.len() + 1) as f32);
@@ -192,14 +193,6 @@ impl Painter<'_> {
 
     fn width(&self) -> usize {
         self.visible.coc_px.width()
-    }
-
-    /// Rows of level 0 that a band makes, with those past the frame where it is the first or the last.
-    fn rows_with_border(&self, Band { rows, .. }: &Band) -> std::ops::Range<usize> {
-        let (first, origin) = (rows.start == 0, self.grid.origin.1);
-        let last = rows.end == self.visible.coc_px.height();
-        let start = if first { 0 } else { rows.start + origin };
-        start..if last { self.grid.sizes[0].1 } else { rows.end + origin }
     }
 
     fn frame(&self, band: &Band) -> Frame {
@@ -218,7 +211,7 @@ impl Painter<'_> {
     fn part(&self, i: i32, band: &Band, whole: bool) -> Part {
         let channels = self.visible.content.len() + 1;
         let blurring = Levels::new(self.grid.up_to(i.unsigned_abs() as usize), &band.rows, channels);
-        let rows = if whole { self.rows_with_border(band) } else { blurring.finest_rows() };
+        let rows = if whole { self.grid.rows_with_border(&band.rows) } else { blurring.finest_rows() };
         Part { i, filling: self.holes.levels_of(rows), blurring }
     }
 

@@ -263,6 +263,25 @@ mod tests {
     }
 
     #[test]
+    fn bands_have_every_row_of_every_level_between_them() {
+        for (height, levels) in [(1, 3), (7, 1), (157, 4), (61, 7), (1080, 9)] {
+            let grid = Grid::new((33, height), levels, Edge::Repeat);
+            for count in [1, 3, 7] {
+                let rows = (0..count).map(|i| i * height / count..(i + 1) * height / count);
+                let bands = rows.filter(|rows| !rows.is_empty());
+                let bands = bands.map(|rows| {
+                    Levels::of_finest(grid.up_to(levels.min(3)), grid.rows_with_border(&rows), 1, 1)
+                });
+                let bands: Vec<Levels> = bands.collect();
+                for level in 0..=levels.min(3) {
+                    let has = |row| bands.iter().any(|band| band.kept[level].contains(&row));
+                    assert!((0..grid.sizes[level].1).all(has), "{height} rows, level {level}, {count} bands");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_row_is_expanded_from_its_coarse_row_and_the_next() {
         let grid = Grid::new((8, 32), 1, Edge::Repeat);
         let coarse = |row: usize| made_rows(&grid, row..row + 1)[1].clone();
