@@ -72,6 +72,12 @@ const TOLERANCES: &[Tolerance] = &[
         reason: "pyramids are sums; their order alone differs, and how a division is rounded",
     },
     Tolerance {
+        method: "pyramid-disocclusion",
+        apart: 2e-6,
+        outliers: 0.0,
+        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+    },
+    Tolerance {
         method: "point-splat",
         apart: 1e-5,
         outliers: 0.0,

@@ -1,5 +1,5 @@
 // A-buffer and B-buffers (2003): contributions splatted into two pyramids, before and behind focus, at the level of their blur.
-// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, other_sheet.wgsl, pyramid.wgsl.
+// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, other_sheet.wgsl, pyramid.wgsl, first_level.wgsl.
 //
 // Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
 // One pyramid serves all levels of a field, the coarsest first: what goes to level n is splatted to level 1 and reduced to n,
@@ -94,12 +94,7 @@ fn weight_of(coc_px: f32) -> f32 {
     return select(0.0, min(risen, left), weighing.sign * coc_px > weighing.in_focus_px);
 }
 
-// A weighed contribution: content, occupancy, and occupancy in the next finer level.
-struct Sample {
-    content: vec4f,
-    occupancy: vec2f,
-}
-
+// A weighed contribution: content, and occupancy, here and in the next finer level.
 fn contribution(index: i32) -> Sample {
     let plane = source_plane();
     let coc_px = peel_rest[plane + index];
@@ -111,35 +106,14 @@ fn contribution(index: i32) -> Sample {
     return Sample(weight * content, coverage * vec2f(weight, in_finer));
 }
 
-// Two coarse samples' parts of a row of fine ones.
-struct Pair {
-    left: vec4f,
-    right: vec4f,
-    left_occupancy: vec2f,
-    right_occupancy: vec2f,
-}
-
 fn contributed_pair(x: i32, y: i32) -> Pair {
-    let a = contribution(source_index(x, y));
-    let b = contribution(source_index(x + 1, y));
-    let c = contribution(source_index(x + 2, y));
-    let d = contribution(source_index(x + 3, y));
-    let e = contribution(source_index(x + 4, y));
-    let f = contribution(source_index(x + 5, y));
-    return Pair(
-        level.inner * (b.content + c.content) + level.outer * (a.content + d.content),
-        level.inner * (d.content + e.content) + level.outer * (c.content + f.content),
-        level.inner * (b.occupancy + c.occupancy) + level.outer * (a.occupancy + d.occupancy),
-        level.inner * (d.occupancy + e.occupancy) + level.outer * (c.occupancy + f.occupancy),
-    );
-}
-
-fn four_rows(a: Pair, b: Pair, c: Pair, d: Pair) -> Pair {
-    return Pair(
-        level.outer * (a.left + d.left) + level.inner * (b.left + c.left),
-        level.outer * (a.right + d.right) + level.inner * (b.right + c.right),
-        level.outer * (a.left_occupancy + d.left_occupancy) + level.inner * (b.left_occupancy + c.left_occupancy),
-        level.outer * (a.right_occupancy + d.right_occupancy) + level.inner * (b.right_occupancy + c.right_occupancy),
+    return pair_of(
+        contribution(source_index(x, y)),
+        contribution(source_index(x + 1, y)),
+        contribution(source_index(x + 2, y)),
+        contribution(source_index(x + 3, y)),
+        contribution(source_index(x + 4, y)),
+        contribution(source_index(x + 5, y)),
     );
 }
 
@@ -174,19 +148,16 @@ fn splat(@builtin(global_invocation_id) at: vec3u) {
     let d = contributed_pair(left, top + 3);
     let upper = four_rows(contributed_pair(left, top), contributed_pair(left, top + 1), c, d);
     let lower = four_rows(c, d, contributed_pair(left, top + 4), contributed_pair(left, top + 5));
-    let content = transpose(mat4x4f(upper.left, upper.right, lower.left, lower.right));
+    let block = block_of(upper, lower);
     for (var k = 0; k < 3; k++) {
-        add_coarse(k, x, y, content[k]);
+        add_coarse(k, x, y, block.content[k]);
     }
     if frame.channels > 3 {
-        add_coarse(3, x, y, content[3]);
+        add_coarse(3, x, y, block.content[3]);
     }
-    let occupancy = transpose(
-        mat4x2f(upper.left_occupancy, upper.right_occupancy, lower.left_occupancy, lower.right_occupancy)
-    );
-    add_coarse(frame.channels, x, y, occupancy[0]);
+    add_coarse(frame.channels, x, y, block.rest[0]);
     if weighing.sign > 0.0 {
-        add_coarse(frame.channels + 1, x, y, occupancy[1]);
+        add_coarse(frame.channels + 1, x, y, block.rest[1]);
     }
 }
 
@@ -268,7 +239,7 @@ fn gather(@builtin(global_invocation_id) at: vec3u) {
     let index = row * frame.width + i32(at.x);
     let own = contribution(index);
     let sum = other_pixel(index);
-    set_other_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.occupancy.x));
+    set_other_pixel(index, Pixel(sum.content + own.content, sum.coverage + own.rest.x));
 }
 
 @compute @workgroup_size(16, 16)

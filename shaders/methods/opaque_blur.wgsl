@@ -1,5 +1,5 @@
 // Opaque image blur (Kraus 2011): sub-images by depth, each blurred and laid over those behind it.
-// CPU twin: src/methods/opaque_blur/mod.rs. Before it: sheet.wgsl, pyramid.wgsl, sub_images.wgsl.
+// CPU twin: src/methods/opaque_blur/mod.rs. Before it: sheet.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
 // Channels of a pyramid: content, alpha, glow of alpha. Synthesis writes over the analysis, sample by sample.
 //
@@ -8,56 +8,27 @@
 // lay:       the frame expanded from level 1, rescaled (eq. 7), over the result (eq. 6).
 // lay_sharp: the sub-image in focus over the result.
 
-// Colour in one buffer, the rest in another: content and CoC radius.
-@group(0) @binding(4) var<storage, read> source_colors: array<f32>;
-@group(0) @binding(5) var<storage, read> source_rest: array<f32>;
-
 // NOTHING, where there is no more to rescale, is the program's.
 
 // The matting weight of a pixel of the source; 0 where there is none.
 fn weight_at(index: i32) -> f32 {
-    let plane = frame.source_rows * frame.width;
-    let coc_px = source_rest[(frame.channels - 3) * plane + max(index, 0)];
-    return select(0.0, matting_weight(coc_px), index >= 0);
+    return select(0.0, matting_weight(visible_coc_px(max(index, 0))), index >= 0);
 }
 
-// A pixel of the source in the sub-image.
-fn matted(index: i32) -> Pixel {
-    let plane = frame.source_rows * frame.width;
-    let kept = max(index, 0);
+// A pixel of the source in the sub-image: content and alpha.
+fn matted(index: i32) -> Sample {
     let weight = weight_at(index);
-    // Where the background is closed that is the CoC radius.
-    let alpha = source_rest[kept];
-    let colors = vec3f(source_colors[kept], source_colors[plane + kept], source_colors[2 * plane + kept]);
-    return Pixel(weight * vec4f(colors, select(0.0, alpha, frame.channels > 3)), weight);
-}
-
-// Two coarse samples' parts of a row of fine ones.
-struct Pair {
-    left: vec4f,
-    right: vec4f,
-    alpha: vec2f,
+    return Sample(weight * visible_content(max(index, 0)), vec2f(weight, 0.0));
 }
 
 fn matted_pair(x: i32, y: i32) -> Pair {
-    let a = matted(source_index(x, y));
-    let b = matted(source_index(x + 1, y));
-    let c = matted(source_index(x + 2, y));
-    let d = matted(source_index(x + 3, y));
-    let e = matted(source_index(x + 4, y));
-    let f = matted(source_index(x + 5, y));
-    return Pair(
-        level.inner * (b.content + c.content) + level.outer * (a.content + d.content),
-        level.inner * (d.content + e.content) + level.outer * (c.content + f.content),
-        analysed_pair(vec3f(a.coverage, b.coverage, c.coverage), vec3f(d.coverage, e.coverage, f.coverage)),
-    );
-}
-
-fn four_rows(a: Pair, b: Pair, c: Pair, d: Pair) -> Pair {
-    return Pair(
-        level.outer * (a.left + d.left) + level.inner * (b.left + c.left),
-        level.outer * (a.right + d.right) + level.inner * (b.right + c.right),
-        level.outer * (a.alpha + d.alpha) + level.inner * (b.alpha + c.alpha),
+    return pair_of(
+        matted(source_index(x, y)),
+        matted(source_index(x + 1, y)),
+        matted(source_index(x + 2, y)),
+        matted(source_index(x + 3, y)),
+        matted(source_index(x + 4, y)),
+        matted(source_index(x + 5, y)),
     );
 }
 
@@ -74,16 +45,10 @@ fn matte(@builtin(global_invocation_id) at: vec3u) {
     let d = matted_pair(left, top + 3);
     let upper = four_rows(matted_pair(left, top), matted_pair(left, top + 1), c, d);
     let lower = four_rows(c, d, matted_pair(left, top + 4), matted_pair(left, top + 5));
-    let content = transpose(mat4x4f(upper.left, upper.right, lower.left, lower.right));
-    for (var k = 0; k < 3; k++) {
-        set_coarse(k, x, y, content[k]);
-    }
-    if frame.channels > 3 {
-        set_coarse(3, x, y, content[3]);
-    }
-    let alpha = vec4f(upper.alpha, lower.alpha);
-    set_coarse(frame.channels, x, y, alpha);
-    set_coarse(frame.channels + 1, x, y, alpha);
+    let block = block_of(upper, lower);
+    set_content(x, y, block.content);
+    set_coarse(frame.channels, x, y, block.rest[0]);
+    set_coarse(frame.channels + 1, x, y, block.rest[0]);
 }
 
 // A_syn = A_exp + A_ana - A_exp A_ana (eq. 9).
@@ -145,5 +110,6 @@ fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = i32(at.y) * frame.width + i32(at.x);
     let source = (i32(at.y) + frame.made_first - frame.source_first) * frame.width + i32(at.x);
-    lay_over(index, matted(source));
+    let front = matted(source);
+    lay_over(index, Pixel(front.content, front.rest.x));
 }

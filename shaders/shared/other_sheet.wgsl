@@ -3,10 +3,6 @@
 @group(0) @binding(8) var<storage, read_write> other_colors: array<f32>;
 @group(0) @binding(9) var<storage, read_write> other_rest: array<f32>;
 
-fn source_plane() -> i32 {
-    return frame.source_rows * frame.width;
-}
-
 fn other_pixel(index: i32) -> Pixel {
     let plane = source_plane();
     // Where the background is closed that is coverage.

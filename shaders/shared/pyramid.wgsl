@@ -86,25 +86,33 @@ struct Corners {
 
 // The coarse samples at columns `column - 1` and `column` of row `row - 1`, then those of row `row`.
 fn corners(column: i32, row: i32) -> Corners {
-    let x = vec4i(column - 1, column, column - 1, column);
-    let y = vec4i(row - 1, row - 1, row, row);
-    let width = vec4i(level.coarse_width);
-    let height = vec4i(level.coarse_height);
-    let inside = (x >= vec4i(0)) & (x < width) & (y >= vec4i(0)) & (y < height);
-    let kept_x = clamp(x, vec4i(0), width - 1);
-    let first = vec4i(level.coarse_first);
-    let kept_y = clamp(clamp(y, vec4i(0), height - 1), first, first + level.coarse_rows - 1) - first;
-    return Corners(level.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(level.repeats == 1u));
+    return corners_of(level, column, row);
 }
 
-// The finer level's samples at columns `2 column - 1` and `2 column` of row `2 row - 1`, then those of row `2 row`, by biquadratic
-// interpolation: 3/4 of the nearest coarse sample, 1/4 of the next, either way.
+// The same of the coarser level of `step`.
+fn corners_of(step: Step, column: i32, row: i32) -> Corners {
+    let x = vec4i(column - 1, column, column - 1, column);
+    let y = vec4i(row - 1, row - 1, row, row);
+    let width = vec4i(step.coarse_width);
+    let height = vec4i(step.coarse_height);
+    let inside = (x >= vec4i(0)) & (x < width) & (y >= vec4i(0)) & (y < height);
+    let kept_x = clamp(x, vec4i(0), width - 1);
+    let first = vec4i(step.coarse_first);
+    let kept_y = clamp(clamp(y, vec4i(0), height - 1), first, first + step.coarse_rows - 1) - first;
+    return Corners(step.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(step.repeats == 1u));
+}
+
+// Biquadratic interpolation among the coarse samples of four corners: 3/4 of the nearest one, 1/4 of the next, either way.
+fn interpolated(coarse: vec4f) -> vec4f {
+    let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
+    return 0.75 * blend + 0.25 * blend.yxwz;
+}
+
+// The finer level's samples at columns `2 column - 1` and `2 column` of row `2 row - 1`, then those of row `2 row`.
 fn expanded(channel: i32, at: Corners) -> vec4f {
     let index = at.index + channel * level.coarse_rows * level.coarse_width;
     let found = vec4f(levels[index.x], levels[index.y], levels[index.z], levels[index.w]);
-    let coarse = select(vec4f(0.0), found, at.there);
-    let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
-    return 0.75 * blend + 0.25 * blend.yxwz;
+    return interpolated(select(vec4f(0.0), found, at.there));
 }
 
 // Four samples around a corner: where they are, and which of them are to be made.
@@ -139,21 +147,24 @@ fn expanded_content(at: Corners) -> mat4x4f {
     return transpose(mat4x4f(expanded(0, at), expanded(1, at), expanded(2, at), alpha));
 }
 
-@compute @workgroup_size(16, 16)
-fn reduce(@builtin(global_invocation_id) at: vec3u) {
-    let x = 2 * i32(at.x);
-    let y = 2 * i32(at.y) + level.from_row;
-    let channel = i32(at.z);
-    if x >= level.coarse_width || y >= level.to_row {
-        return;
-    }
+// Two by two coarse samples, from column x of row y on.
+fn reduced(channel: i32, x: i32, y: i32) -> vec4f {
     let left = 2 * x - 1;
     let top = 2 * y - 1;
     let c = fine_pair(channel, left, top + 2);
     let d = fine_pair(channel, left, top + 3);
     let upper = level.outer * (fine_pair(channel, left, top) + d) + level.inner * (fine_pair(channel, left, top + 1) + c);
     let lower = level.outer * (c + fine_pair(channel, left, top + 5)) + level.inner * (d + fine_pair(channel, left, top + 4));
-    set_coarse(channel, x, y, vec4f(upper, lower));
+    return vec4f(upper, lower);
+}
+
+@compute @workgroup_size(16, 16)
+fn reduce(@builtin(global_invocation_id) at: vec3u) {
+    let x = 2 * i32(at.x);
+    let y = 2 * i32(at.y) + level.from_row;
+    if x < level.coarse_width && y < level.to_row {
+        set_coarse(i32(at.z), x, y, reduced(i32(at.z), x, y));
+    }
 }
 
 // Sets the two coarse samples from column x on of row y, and the two below, as far as they are to be made.

@@ -22,6 +22,11 @@ struct Frame {
 @group(0) @binding(6) var<storage, read_write> result_colors: array<f32>;
 @group(0) @binding(7) var<storage, read_write> result_rest: array<f32>;
 
+// Values of a plane of the rows that the band reads.
+fn source_plane() -> i32 {
+    return frame.source_rows * frame.width;
+}
+
 // What is known of a pixel; the fourth of its content is 0 where the background is closed.
 struct Pixel {
     content: vec4f,

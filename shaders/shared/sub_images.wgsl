@@ -19,8 +19,12 @@ fn ramp(coc_px: f32, start: f32, scale: f32) -> f32 {
     return clamp((coc_px - start) * scale / nearness, 0.0, 1.0);
 }
 
+// Share that is not before the range of the sub-image.
+fn not_nearer_weight(coc_px: f32) -> f32 {
+    return select(1.0, ramp(coc_px, matting.rise_start, matting.rise_scale), matting.rises == 1u);
+}
+
 fn matting_weight(coc_px: f32) -> f32 {
-    let risen = select(1.0, ramp(coc_px, matting.rise_start, matting.rise_scale), matting.rises == 1u);
     let fallen = select(0.0, ramp(coc_px, matting.fall_start, matting.fall_scale), matting.falls == 1u);
-    return risen * (1.0 - fallen);
+    return not_nearer_weight(coc_px) * (1.0 - fallen);
 }

@@ -3,8 +3,8 @@
 //! The rows of a peel that have contributions to a level are found before culling, which can only make them fewer.
 
 use super::super::shared::{
-    self, Edge, Frame, Grid, Levels, OTHER_SHEET_WGSL, PYRAMID_WGSL, Peel, Planes, RowNeeds, SHEET_WGSL,
-    SPLAT, Step, at_pixels, corners, picture_in_bands,
+    self, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_SHEET_WGSL, PYRAMID_WGSL, Peel, Planes,
+    RowNeeds, SHEET_WGSL, SPLAT, Step, at_pixels, corners, picture_in_bands,
 };
 use super::super::{Progress, Twin};
 use super::field::{Field, Side, Weighing};
@@ -25,6 +25,7 @@ static SHADER: Shader = Shader {
         SHEET_WGSL,
         OTHER_SHEET_WGSL,
         PYRAMID_WGSL,
+        FIRST_LEVEL_WGSL,
         include_str!("../../../shaders/methods/b_buffer.wgsl"),
     ],
     structs: &[Step::LAYOUT, Frame::LAYOUT, Weighing::LAYOUT, PeelFacts::LAYOUT],

@@ -1,8 +1,9 @@
 //! The opaque image blur on a GPU: one pyramid a sub-image, in which synthesis takes the place of analysis.
 
 use super::super::shared::{
-    self, BOX, Edge, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds, SHEET_WGSL,
-    SUB_IMAGES_WGSL, Step, SubImages, Visible, at_pixels, corners, picture_in_bands,
+    self, BOX, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds,
+    SHEET_WGSL, SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, corners,
+    picture_in_bands,
 };
 use super::super::{Progress, Twin};
 use super::{NOTHING, OpaqueBlur, sub_images};
@@ -16,7 +17,9 @@ static SHADER: Shader = Shader {
     constants: &[("NOTHING", Constant::Float(NOTHING))],
     parts: &[
         SHEET_WGSL,
+        VISIBLE_WGSL,
         PYRAMID_WGSL,
+        FIRST_LEVEL_WGSL,
         SUB_IMAGES_WGSL,
         include_str!("../../../shaders/methods/opaque_blur.wgsl"),
     ],

@@ -22,10 +22,13 @@ pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
-pub(super) use planes::{Frame, OTHER_SHEET_WGSL, Planes, RowNeeds, SHEET_WGSL, at_pixels, picture_in_bands};
+pub(super) use planes::{
+    Frame, OTHER_SHEET_WGSL, Planes, RowNeeds, SHEET_WGSL, VISIBLE_WGSL, at_pixels, bands_of,
+    picture_in_bands, picture_of_bands,
+};
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
 #[cfg(feature = "gpu")]
-pub(super) use pyramid::{Levels, PYRAMID_WGSL, Step, corners, reach};
+pub(super) use pyramid::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
 pub(super) use ray_goes::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
 #[cfg(feature = "gpu")]

@@ -14,6 +14,9 @@ pub(in crate::methods) const SHEET_WGSL: &str = include_str!("../../../shaders/s
 pub(in crate::methods) const OTHER_SHEET_WGSL: &str =
     include_str!("../../../shaders/shared/other_sheet.wgsl");
 
+/// Text of `shaders/shared/visible.wgsl`.
+pub(in crate::methods) const VISIBLE_WGSL: &str = include_str!("../../../shaders/shared/visible.wgsl");
+
 mirrored! {
     /// Where a band's pixels lie in the frame, and the frame in level 0 of a pyramid.
     pub(in crate::methods) struct Frame {
@@ -153,13 +156,38 @@ pub(in crate::methods) fn picture_in_bands(
     progress: &Progress<'_>,
     make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
 ) -> Result<Image, Error> {
-    let (width, height) = size;
+    let bands = bands_of(gpu, size, (reach, needs))?;
+    picture_of_bands(gpu, (size, open), &bands, progress, make)
+}
+
+/// The bands of a picture of `size`, each of which is made from what lies up to `reach` rows away.
+///
+/// # Errors
+/// When not even a row fits.
+pub(in crate::methods) fn bands_of(
+    gpu: &Gpu,
+    (width, height): (usize, usize),
+    (reach, needs): (usize, RowNeeds),
+) -> Result<Vec<Band>, Error> {
     let value_bytes = size_of::<f32>() as u64;
     let row_bytes = value_bytes * needs.values.max(IN_A_BUFFER * width) as u64;
     let working_row_bytes = value_bytes * (needs.planes * width + needs.values) as u64;
     let most_rows = (gpu.most_binding_bytes() / row_bytes).min(gpu.most_working_bytes() / working_row_bytes);
-    let bands = bands(height, reach, most_rows as usize)?;
-    let mut image = Image::transparent(width, height);
+    bands(height, reach, most_rows as usize)
+}
+
+/// The same as [`picture_in_bands`] for bands that are known.
+///
+/// # Errors
+/// When the device fails.
+pub(in crate::methods) fn picture_of_bands(
+    gpu: &Gpu,
+    (size, open): ((usize, usize), bool),
+    bands: &[Band],
+    progress: &Progress<'_>,
+    make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
+) -> Result<Image, Error> {
+    let mut image = Image::transparent(size.0, size.1);
     for (i, band) in bands.iter().enumerate() {
         let share = |share: f32| progress((i as f32 + share) / bands.len() as f32);
         make(band, &share)?.read_into(gpu, &mut image, &band.rows, open)?;

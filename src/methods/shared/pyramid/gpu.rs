@@ -12,6 +12,10 @@ use std::ops::Range;
 /// Text of `shaders/shared/pyramid.wgsl`.
 pub(in crate::methods) const PYRAMID_WGSL: &str = include_str!("../../../../shaders/shared/pyramid.wgsl");
 
+/// Text of `shaders/shared/first_level.wgsl`.
+pub(in crate::methods) const FIRST_LEVEL_WGSL: &str =
+    include_str!("../../../../shaders/shared/first_level.wgsl");
+
 mirrored! {
     /// Two neighbouring levels, and the rows that a pass makes of one of them.
     pub(in crate::methods) struct Step {
@@ -57,7 +61,7 @@ pub(in crate::methods) struct Levels {
     channels: usize,
     /// Rows of each level that are made on the way down.
     made: Vec<Range<usize>>,
-    /// Rows of each level that those are made from and, above level 0, are kept.
+    /// Rows of each level that those are made from and, where the level has a place, are kept.
     kept: Vec<Range<usize>>,
     /// Where each level begins in the buffer.
     starts: Vec<usize>,
@@ -67,13 +71,24 @@ pub(in crate::methods) struct Levels {
 impl Levels {
     /// The levels of `grid` for these rows of its frame, `channels` planes each.
     pub(in crate::methods) fn new(grid: Grid, rows: &Range<usize>, channels: usize) -> Self {
+        let finest = rows.start + grid.origin.1..rows.end + grid.origin.1;
+        Self::of_finest(grid, finest, channels, 1)
+    }
+
+    /// The levels of `grid` for these rows of level 0, `channels` planes each; those from `lowest` on have a place in the buffer.
+    pub(in crate::methods) fn of_finest(
+        grid: Grid,
+        rows: Range<usize>,
+        channels: usize,
+        lowest: usize,
+    ) -> Self {
         let made = made_rows(&grid, rows);
         let kept = kept_rows(&grid, &made);
         let mut values = 0;
         let sizes = grid.sizes.iter().zip(&kept).enumerate();
         let starts = sizes.map(|(level, (&(width, _), rows))| {
             let start = values;
-            values += if level == 0 { 0 } else { channels * width * rows.len() };
+            values += if level < lowest { 0 } else { channels * width * rows.len() };
             start
         });
         let starts = starts.collect();
@@ -88,6 +103,11 @@ impl Levels {
     /// Values of all levels together.
     pub(in crate::methods) fn values(&self) -> usize {
         self.values
+    }
+
+    /// Rows of level 0 that they are made from.
+    pub(in crate::methods) fn finest_rows(&self) -> Range<usize> {
+        self.kept[0].clone()
     }
 
     /// Where the pixels of a band are.
@@ -189,16 +209,15 @@ impl Levels {
     }
 }
 
-/// Rows of each level of which these rows of the frame are expanded.
-fn made_rows(grid: &Grid, rows: &Range<usize>) -> Vec<Range<usize>> {
-    let own = rows.start + grid.origin.1..rows.end + grid.origin.1;
+/// Rows of each level of which these rows of level 0 are expanded.
+fn made_rows(grid: &Grid, own: Range<usize>) -> Vec<Range<usize>> {
     let coarser = grid.sizes.iter().skip(1).scan(own.clone(), |rows, &(_, height)| {
         // An even row needs the coarse row before its own, an odd one the one after it.
         let start = rows.start.div_ceil(2).saturating_sub(1).min(height - 1);
         *rows = start..(rows.end / 2 + 1).min(height);
         Some(rows.clone())
     });
-    iter::once(own.clone()).chain(coarser).collect()
+    iter::once(own).chain(coarser).collect()
 }
 
 /// Those rows of each level, and those of which the level above is made.
@@ -223,7 +242,8 @@ mod tests {
             for edge in [Edge::Clear, Edge::Repeat] {
                 let grid = Grid::new((33, height), levels, edge);
                 for rows in [0..1, height / 2..height / 2 + 1, height - 1..height, height / 3..height] {
-                    let made = made_rows(&grid, &rows);
+                    let finest = rows.start + grid.origin.1..rows.end + grid.origin.1;
+                    let made = made_rows(&grid, finest);
                     let kept = kept_rows(&grid, &made);
                     let first = kept[0].start.saturating_sub(grid.origin.1);
                     let end = kept[0].end.saturating_sub(grid.origin.1).min(height);
@@ -243,9 +263,28 @@ mod tests {
     }
 
     #[test]
+    fn bands_have_every_row_of_every_level_between_them() {
+        for (height, levels) in [(1, 3), (7, 1), (157, 4), (61, 7), (1080, 9)] {
+            let grid = Grid::new((33, height), levels, Edge::Repeat);
+            for count in [1, 3, 7] {
+                let rows = (0..count).map(|i| i * height / count..(i + 1) * height / count);
+                let bands = rows.filter(|rows| !rows.is_empty());
+                let bands = bands.map(|rows| {
+                    Levels::of_finest(grid.up_to(levels.min(3)), grid.rows_with_border(&rows), 1, 1)
+                });
+                let bands: Vec<Levels> = bands.collect();
+                for level in 0..=levels.min(3) {
+                    let has = |row| bands.iter().any(|band| band.kept[level].contains(&row));
+                    assert!((0..grid.sizes[level].1).all(has), "{height} rows, level {level}, {count} bands");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_row_is_expanded_from_its_coarse_row_and_the_next() {
         let grid = Grid::new((8, 32), 1, Edge::Repeat);
-        let coarse = |row: usize| made_rows(&grid, &(row..row + 1))[1].clone();
+        let coarse = |row: usize| made_rows(&grid, row..row + 1)[1].clone();
         assert_eq!([8, 9, 0, 31].map(coarse), [3..5, 4..6, 0..1, 15..16]);
     }
 }

@@ -17,12 +17,14 @@
 mod gpu;
 
 #[cfg(feature = "gpu")]
-pub(in crate::methods) use gpu::{Levels, PYRAMID_WGSL, Step, corners, reach};
+pub(in crate::methods) use gpu::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 
 use super::content::row_blocks;
 use crate::image::Plane;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
+#[cfg(feature = "gpu")]
+use std::ops::Range;
 
 /// One row of each channel.
 pub(in crate::methods) type Rows = Vec<Vec<f32>>;
@@ -84,6 +86,20 @@ impl Grid {
             })
             .collect();
         Self { frame, origin: ((finest.0 - frame.0) / 2, (finest.1 - frame.1) / 2), edge, sizes }
+    }
+
+    /// Rows of level 0 that show these of the frame: with its first and its last those past its border.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn rows_with_border(&self, rows: &Range<usize>) -> Range<usize> {
+        let start = if rows.start == 0 { 0 } else { rows.start + self.origin.1 };
+        let end = if rows.end == self.frame.1 { self.sizes[0].1 } else { rows.end + self.origin.1 };
+        start..end
+    }
+
+    /// The same without the levels above `level`.
+    #[cfg(feature = "gpu")]
+    pub(in crate::methods) fn up_to(&self, level: usize) -> Self {
+        Self { sizes: self.sizes[..=level].to_vec(), ..self.clone() }
     }
 
     /// The frame's row that row `y` of level 0 shows; none past a clear border.

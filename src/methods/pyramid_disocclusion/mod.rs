@@ -18,6 +18,11 @@
 //! Cost: pixels × sub-images as for `opaque-blur`, each with one more pyramid, of the full size. Memory: twelve planes and
 //! two pyramids. Limits: one colour and depth a pixel, what is hidden is guessed; no aperture shape; the blur radii are
 //! those of `opaque-blur`, with the same remarks: nearly twice as far as a disc's, and limited behind focus.
+//!
+//! GPU twin: `shaders/methods/pyramid_disocclusion.wgsl`.
+
+#[cfg(feature = "gpu")]
+mod gpu;
 
 use super::shared::{self, BOX, Edge, Grid, Rows, Sheet, SubImages, Visible};
 use super::{Deviation, Law, Method, MethodInfo, Progress};
@@ -44,10 +49,8 @@ impl Method for PyramidDisocclusion {
     }
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let first_radius_px = plan.parameters.pyramid_disocclusion.first_radius_px;
-        let (frame, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
-        let images = SubImages::new(first_radius_px, plan.coc_range_px, coc_infinity_px, frame);
-        let grid = Grid::new(frame, images.most_levels().max(1), Edge::Repeat);
+        let frame = scene.picture_size();
+        let (images, grid) = sub_images(&scene, plan);
         let visible = shared::visible(scene, plan);
         let mut result = Sheet::unknown(frame.0, frame.1, visible.content.len());
         let count = images.far_to_near().count();
@@ -59,7 +62,24 @@ impl Method for PyramidDisocclusion {
         }
         Ok(result.into_picture())
     }
+
+    #[cfg(feature = "gpu")]
+    fn twin(&self) -> Option<&dyn super::Twin> {
+        Some(self)
+    }
 }
+
+/// The sub-images that the picture of `scene` is cut into, and the grid of all their pyramids.
+fn sub_images(scene: &Scene, plan: &Plan) -> (SubImages, Grid) {
+    let first_radius_px = plan.parameters.pyramid_disocclusion.first_radius_px;
+    let (frame, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
+    let images = SubImages::new(first_radius_px, plan.coc_range_px, coc_infinity_px, frame);
+    let grid = Grid::new(frame, images.most_levels().max(1), Edge::Repeat);
+    (images, grid)
+}
+
+/// Where the coarsest level knows less than this of a pixel in all, that is rounding, and nothing is known.
+const LEAST_KNOWN: f64 = 1e-6;
 
 /// Figures of the laws' cases, rounded outward.
 const DEVIATIONS: &[Deviation] = &[
@@ -140,11 +160,14 @@ fn keep_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Grid
     }
 }
 
+/// A quarter of a coarse sample's surroundings.
+const BEST_QUARTER: f32 = 0.25;
+
 /// Makes samples of a coarser level, whose last plane says how much of their surroundings is known, as well known as the
 /// best known quarter of those could make them: a known neighbour is worth more than a far-off mean.
 fn raise_knowledge(planes: &mut [Plane]) {
     let Some((known, values)) = planes.split_last_mut() else { return };
-    let raise = |known: f32| if known > 0.25 { 1.0 / known } else { 4.0 };
+    let raise = |known: f32| 1.0 / known.max(BEST_QUARTER);
     for plane in values {
         let values = plane.values_mut().par_iter_mut().zip(known.values());
         values.for_each(|(value, &known)| *value *= raise(known));
@@ -156,8 +179,7 @@ fn raise_knowledge(planes: &mut [Plane]) {
 fn filled_with_mean(mut planes: Vec<Plane>) -> Option<Vec<Plane>> {
     let total = |plane: &Plane| plane.values().iter().map(|&value| f64::from(value)).sum::<f64>();
     let known = planes.pop()?;
-    // Less than this of a pixel is rounding.
-    let all_known = Some(total(&known)).filter(|&sum| sum > 1e-6)?;
+    let all_known = Some(total(&known)).filter(|&sum| sum > LEAST_KNOWN)?;
     for plane in &mut planes {
         let mean = (total(plane) / all_known) as f32;
         let values = plane.values_mut().iter_mut().zip(known.values());
