@@ -1,0 +1,97 @@
+//! Pictures and methods held against each other.
+
+use super::program::{STACK, run, stderr};
+use super::stdout;
+use std::fs;
+
+#[test]
+fn a_picture_scores_perfectly_against_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/reference.exr");
+    let text = stdout(&run(folder.path(), &["score", picture, picture]));
+    assert!(text.contains("PSNR          200.00 dB"), "{text}");
+}
+
+#[test]
+fn a_score_can_have_hdr_flip_and_a_map_of_the_difference() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = |name: &str| format!("{}/samples/fence/{name}.exr", env!("CARGO_MANIFEST_DIR"));
+    let (image, reference) = (sample("pinhole"), sample("reference"));
+    let output =
+        run(folder.path(), &["score", &image, &reference, "--hdr-flip", "--map", "map.png", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(json["flip"].as_f64().unwrap() > 0.3 && json["hdr_flip"].as_f64().unwrap() > 0.3, "{json}");
+    let map = image::open(folder.path().join("map.png")).unwrap();
+    assert_eq!((map.width(), map.height()), (320, 180));
+    let onto_input = run(folder.path(), &["score", &image, &reference, "--map", &image]);
+    assert!(stderr(&onto_input).contains("one of the inputs"), "{}", stderr(&onto_input));
+}
+
+#[test]
+fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = |name: &str| format!("{}/samples/fence/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (preset, reference) = (sample("preset.toml"), sample("reference.exr"));
+    let common = ["compare", STACK, "--preset", &preset, "--repeats", "1", "--probes", "60"];
+    let measured = ["--methods", "shear:16,opaque-blur", "--reference", &reference, "-o", "out", "--json"];
+    let output = run(folder.path(), &[common.as_slice(), &measured].concat());
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let entries = &json["entries"];
+    assert_eq!((&entries[0]["method"], &entries[0]["views"]), (&"shear".into(), &16.into()));
+    assert!(entries[1]["views"].is_null(), "opaque-blur does not sample the lens");
+    let db = |entry: usize| entries[entry]["model"]["psnr_db"].as_f64().unwrap();
+    assert!(db(0) > db(1) + 5.0 && entries[0]["on_front"] == true, "the fence hides what only peels know");
+    let files = [
+        "shear-16.png",
+        "shear-16-flip.png",
+        "opaque-blur.png",
+        "results.json",
+        "results.csv",
+        "report.html",
+    ];
+    for file in files {
+        assert!(folder.path().join("out").join(file).is_file(), "{file}");
+    }
+    let read = |file: &str| fs::read_to_string(folder.path().join("out").join(file)).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&read("results.json")).unwrap(), json);
+    assert_eq!(read("results.csv").lines().count(), 3);
+
+    let table = stdout(&run(folder.path(), &[common.as_slice(), &["--methods", "scatter"]].concat()));
+    assert!(table.contains("* scatter"), "alone it is on the front: {table}");
+    let small = folder.path().join("small.png");
+    image::GrayImage::new(3, 2).save(&small).unwrap();
+    let other_size = run(folder.path(), &[common.as_slice(), &["--reference", "small.png"]].concat());
+    assert!(stderr(&other_size).contains("the pictures differ in size"), "{}", stderr(&other_size));
+    let unknown = run(folder.path(), &[common.as_slice(), &["--methods", "sheer"]].concat());
+    assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
+}
+
+#[test]
+fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let preset = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/preset.toml");
+    let lens = ["--preset", preset, "--f-number", "4", "--blades", "5"];
+    let rest =
+        ["--methods", "scatter:saturation=0.5", "--repeats", "2", "--probes", "60", "-o", "my out", "--json"];
+    let switches = ["--force", "open-background", "--without", "fill,highlights"];
+    let output = run(folder.path(), &[["compare", STACK].as_slice(), &lens, &switches, &rest].concat());
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(json["command"].as_str().unwrap().ends_with("-o 'my out' --json"), "{}", json["command"]);
+    assert_eq!((&json["stack"]["peels"], &json["lens"]["f_number"]["value"]), (&4.into(), &4.0.into()));
+    assert!(json["machine"]["threads"].as_u64().unwrap() > 0);
+    let entry = &json["entries"][0];
+    assert_eq!(json["yardstick"]["name"], entry["name"], "the only entry is the best one");
+    assert_eq!((entry["runs"].as_array().unwrap().len(), &entry["map"]), (2, &serde_json::Value::Null));
+    let (blur, whole) = (&entry["cpu_seconds"], &entry["whole"]["cpu_seconds"]);
+    let shared = json["prepared"]["cpu_seconds"].as_f64().unwrap();
+    assert!((blur.as_f64().unwrap() + shared - whole.as_f64().unwrap()).abs() < 1e-9);
+
+    let command = entry["command"].as_str().unwrap();
+    assert!(command.ends_with("-o scatter-saturation-0.5.exr"), "{command}");
+    assert!(command.contains("--force open-background --without fill,highlights"), "{command}");
+    let words: Vec<&str> = command.split(' ').skip(1).collect();
+    let (_, words) = words.split_last().unwrap();
+    run(folder.path(), &[words, &["again.png"]].concat());
+    let picture = folder.path().join("my out").join(entry["picture"].as_str().unwrap());
+    assert_eq!(fs::read(folder.path().join("again.png")).unwrap(), fs::read(picture).unwrap());
+}

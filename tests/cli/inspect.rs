@@ -1,0 +1,55 @@
+//! What a stack shows before it is rendered.
+
+use super::program::{STACK, names, run, stderr};
+use super::stdout;
+
+#[test]
+fn inspect_shows_what_a_render_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&run(folder.path(), &["inspect", STACK, "--preset", "portrait", "--focus", "6"]));
+    for words in
+        ["peels                   4", "85 mm", "preset portrait", "6 depth units", "CoC radius", "method"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let json = stdout(&run(folder.path(), &["inspect", STACK, "--focus", "6", "--json"]));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["stack"]["peels"], 4);
+    assert_eq!(json["stack"]["convention"], "planar");
+}
+
+#[test]
+fn inspect_says_what_is_sharp_and_paints_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6", "--json"];
+        run(folder.path(), &[&lens, more].concat())
+    };
+    let output = inspect(&["--overlay", "focus.png"]);
+    assert!(stderr(&output).contains("wrote focus.png"), "{}", stderr(&output));
+    let picture = image::open(folder.path().join("focus.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (320, 180));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let [near, far] = ["near_limit", "far_limit"].map(|limit| json["sharpness"][limit].as_f64().unwrap());
+    assert!(near < 6.0 && 6.0 < far, "{near} … {far}");
+    let shares = ["in_front", "in_focus", "behind", "empty"].map(|zone| json["focus_shares"][zone].as_f64());
+    assert!((shares.into_iter().flatten().sum::<f64>() - 1.0).abs() < 1e-9, "{shares:?}");
+    let refused = inspect(&["--overlay", "focus.exr"]);
+    assert!(stderr(&refused).contains("PNG only"), "{}", stderr(&refused));
+    assert_eq!(names(folder.path()), ["focus.png"]);
+}
+
+#[test]
+fn inspect_says_how_many_peels_the_lens_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| {
+        let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6"];
+        stdout(&run(folder.path(), &[&lens, more].concat()))
+    };
+    let text = inspect(&[]);
+    assert!(text.contains("peels needed            3 of 4") && text.contains("export 3"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
+    let psnr_db: Vec<f64> = (0..2).filter_map(|k| json["peels_seen"]["psnr_db"][k].as_f64()).collect();
+    assert!(psnr_db[0] < psnr_db[1] && psnr_db[1] < 50.0, "{json}");
+    assert!(!inspect(&["--f-number", "inf"]).contains("peels needed"), "a pinhole sees the first alone");
+}

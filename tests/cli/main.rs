@@ -1,0 +1,22 @@
+//! The program as a user meets it.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
+mod compare;
+mod devices;
+mod inspect;
+mod lens;
+mod listings;
+mod plan;
+#[path = "../program/mod.rs"]
+mod program;
+mod render;
+
+use program::stderr;
+use std::process::Output;
+
+/// What a run that went well printed.
+fn stdout(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
