@@ -14,7 +14,7 @@
 //! | fill | [`Scene::filled`] | a guessed surface where the stack has none |
 //! | bins, keys, runs | [`bins`], [`keys`], [`runs`] | stretches of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
-//! | paint | [`mod@paint`] | the views |
+//! | paint | [`canvas`], [`mod@paint`] | the views |
 //! | draw | [`highlights`], [`bokeh`] | the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
@@ -25,6 +25,7 @@
 
 mod bins;
 mod bokeh;
+mod canvas;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod highlights;

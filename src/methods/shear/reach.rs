@@ -2,7 +2,7 @@
 //! in vain would be most of the work.
 
 use super::bins::Bins;
-use super::paint::Canvas;
+use super::canvas::Canvas;
 use super::runs::Runs;
 
 /// Rows of the picture that are looked at together.

@@ -2,8 +2,9 @@
 
 use super::bins::Bins;
 use super::bokeh::Bokeh;
+use super::canvas::{Canvas, Rim, Shear};
 use super::highlights::{self, Highlight, Occluders};
-use super::paint::{Canvas, Rim, RowSums, Shear};
+use super::paint::RowSums;
 use super::prefilter;
 use super::reach::Reach;
 use super::resolve;

@@ -4,8 +4,8 @@ use super::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE,
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Kernel, MOST_ROUNDS, Resource, Texels, Texture, tiles};
 use crate::methods::Progress;
+use crate::methods::shear::canvas::Shear;
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
-use crate::methods::shear::paint::Shear;
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
 use crate::scene::{Layer, OPAQUE_ALPHA};
 use std::ops::Range;
