@@ -202,15 +202,14 @@ fn fine_samples(channel: i32, index: vec4i) -> vec4f {
 
 @compute @workgroup_size(16, 16)
 fn unite_level(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x);
-    let row = i32(at.y) + (level.from_row + 1) / 2;
-    let four = fine_four(column, row);
+    let corner = fine_corner(at);
+    let four = fine_four(corner);
     if !any(four.makes) {
         return;
     }
     let places = level.fine_start + (four.y - level.fine_first) * level.fine_width + four.x;
     let index = select(vec4i(level.fine_start), places, four.makes);
-    let around = corners(column, row);
+    let around = corners(corner);
     let finer = select(vec4f(0.0), fine_samples(frame.channels + 1, index), weighing.sign > 0.0);
     let share = shares(fine_samples(frame.channels, index), finer, expanded(frame.channels, around));
     for (var channel = 0; channel <= frame.channels; channel++) {
@@ -244,15 +243,14 @@ fn gather(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn lay(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x) + (frame.origin_x + 1) / 2;
-    let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let four = frame_four(column, row);
+    let corner = frame_corner(at);
+    let four = frame_four(corner);
     if !any(four.makes) {
         return;
     }
     let index = select(vec4i(0), four.y * frame.width + four.x, four.makes);
     let source = index + (frame.made_first - frame.source_first) * frame.width;
-    let around = corners(column, row);
+    let around = corners(corner);
     let levels_there = weighing.has_levels == 1u;
     let coarser = select(vec4f(0.0), expanded(frame.channels, around), levels_there);
     let a = other_pixel(source.x);

@@ -58,14 +58,13 @@ fn with_glow(expanded_alpha: vec4f, analysed_alpha: vec4f) -> vec4f {
 
 @compute @workgroup_size(16, 16)
 fn glow(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x);
-    let row = i32(at.y) + (level.from_row + 1) / 2;
+    let corner = fine_corner(at);
     let channel = i32(at.z);
-    let four = fine_four(column, row);
+    let four = fine_four(corner);
     if !any(four.makes) {
         return;
     }
-    let values = expanded(channel, corners(column, row));
+    let values = expanded(channel, corners(corner));
     for (var k = 0; k < 4; k++) {
         if four.makes[k] {
             let index = fine_index(channel, four.x[k], four.y[k]);
@@ -80,16 +79,15 @@ fn glow(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn lay(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x) + (frame.origin_x + 1) / 2;
-    let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let four = frame_four(column, row);
+    let corner = frame_corner(at);
+    let four = frame_four(corner);
     if !any(four.makes) {
         return;
     }
     let index = four.y * frame.width + four.x;
     let source = select(vec4i(-1), index + (frame.made_first - frame.source_first) * frame.width, four.makes);
     let own = vec4f(weight_at(source.x), weight_at(source.y), weight_at(source.z), weight_at(source.w));
-    let around = corners(column, row);
+    let around = corners(corner);
     let blurred = expanded(frame.channels, around);
     let something = blurred > vec4f(NOTHING);
     let glowing = with_glow(expanded(frame.channels + 1, around), own);

@@ -153,14 +153,13 @@ fn fill(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn push(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x);
-    let row = i32(at.y) + (level.from_row + 1) / 2;
+    let corner = fine_corner(at);
     let channel = i32(at.z);
-    let four = fine_four(column, row);
+    let four = fine_four(corner);
     if !any(four.makes) {
         return;
     }
-    let values = expanded(channel, corners(column, row));
+    let values = expanded(channel, corners(corner));
     for (var k = 0; k < 4; k++) {
         if four.makes[k] {
             let unknown = 1.0 - levels[fine_index(frame.channels + 1, four.x[k], four.y[k])];
@@ -193,9 +192,9 @@ struct Samples {
     right_below: Sample,
 }
 
-// Those at columns `2 column - 1` and `2 column` of rows `2 row - 1` and `2 row`, which are at `source` in the picture.
-fn matted_four(column: i32, row: i32, source: vec4i) -> Samples {
-    let around = corners_of(filled, column, row);
+// Those around `corner`, which are at `source` in the picture.
+fn matted_four(corner: vec2i, source: vec4i) -> Samples {
+    let around = corners_of(filled, corner);
     var alpha = vec4f(0.0);
     if frame.channels > 3 {
         alpha = filled_four(3, around);
@@ -211,12 +210,12 @@ fn matted_four(column: i32, row: i32, source: vec4i) -> Samples {
     );
 }
 
-fn matted_at(column: i32, row: i32) -> Samples {
-    let x = 2 * column;
-    let y = 2 * row;
+fn matted_at(corner: vec2i) -> Samples {
+    let x = 2 * corner.x;
+    let y = 2 * corner.y;
     let above = vec2i(source_index(x - 1, y - 1), source_index(x, y - 1));
     let below = vec2i(source_index(x - 1, y), source_index(x, y));
-    return matted_four(column, row, vec4i(above, below));
+    return matted_four(corner, vec4i(above, below));
 }
 
 // Two coarse samples' parts of two rows.
@@ -226,9 +225,9 @@ struct TwoRows {
 }
 
 fn matted_rows(column: i32, row: i32) -> TwoRows {
-    let a = matted_at(column, row);
-    let b = matted_at(column + 1, row);
-    let c = matted_at(column + 2, row);
+    let a = matted_at(vec2i(column, row));
+    let b = matted_at(vec2i(column + 1, row));
+    let c = matted_at(vec2i(column + 2, row));
     return TwoRows(
         pair_of(a.left_above, a.right_above, b.left_above, b.right_above, c.left_above, c.right_above),
         pair_of(a.left_below, a.right_below, b.left_below, b.right_below, c.left_below, c.right_below),
@@ -254,14 +253,13 @@ fn matte(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn expand(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x);
-    let row = i32(at.y) + (level.from_row + 1) / 2;
+    let corner = fine_corner(at);
     let channel = i32(at.z);
-    let four = fine_four(column, row);
+    let four = fine_four(corner);
     if !any(four.makes) {
         return;
     }
-    let values = expanded(channel, corners(column, row));
+    let values = expanded(channel, corners(corner));
     for (var k = 0; k < 4; k++) {
         if four.makes[k] {
             levels[fine_index(channel, four.x[k], four.y[k])] = values[k];
@@ -271,13 +269,12 @@ fn expand(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn lay(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x) + (frame.origin_x + 1) / 2;
-    let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let four = frame_four(column, row);
+    let corner = frame_corner(at);
+    let four = frame_four(corner);
     if !any(four.makes) {
         return;
     }
-    let around = corners(column, row);
+    let around = corners(corner);
     let alpha = expanded(frame.channels, around);
     let front = expanded_content(around);
     for (var k = 0; k < 4; k++) {
@@ -289,14 +286,13 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
 
 @compute @workgroup_size(16, 16)
 fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
-    let column = i32(at.x) + (frame.origin_x + 1) / 2;
-    let row = i32(at.y) + (frame.made_first + frame.origin_y + 1) / 2;
-    let four = frame_four(column, row);
+    let corner = frame_corner(at);
+    let four = frame_four(corner);
     if !any(four.makes) {
         return;
     }
     let index = select(vec4i(0), four.y * frame.width + four.x, four.makes);
-    let samples = matted_four(column, row, index + (frame.made_first - frame.source_first) * frame.width);
+    let samples = matted_four(corner, index + (frame.made_first - frame.source_first) * frame.width);
     lay_sample(four.makes.x, index.x, samples.left_above);
     lay_sample(four.makes.y, index.y, samples.right_above);
     lay_sample(four.makes.z, index.z, samples.left_below);

@@ -84,15 +84,25 @@ struct Corners {
     there: vec4<bool>,
 }
 
-// The coarse samples at columns `column - 1` and `column` of row `row - 1`, then those of row `row`.
-fn corners(column: i32, row: i32) -> Corners {
-    return corners_of(level, column, row);
+// The corner, among fine samples, around which a thread makes four of them.
+fn fine_corner(at: vec3u) -> vec2i {
+    return vec2i(i32(at.x), i32(at.y) + (level.from_row + 1) / 2);
+}
+
+// The same among those of level 0, for the rows that a band makes.
+fn frame_corner(at: vec3u) -> vec2i {
+    return vec2i(at.xy) + (vec2i(frame.origin_x, frame.made_first + frame.origin_y) + 1) / 2;
+}
+
+// The coarse samples at columns `corner.x - 1` and `corner.x` of row `corner.y - 1`, then those of row `corner.y`.
+fn corners(corner: vec2i) -> Corners {
+    return corners_of(level, corner);
 }
 
 // The same of the coarser level of `step`.
-fn corners_of(step: Step, column: i32, row: i32) -> Corners {
-    let x = vec4i(column - 1, column, column - 1, column);
-    let y = vec4i(row - 1, row - 1, row, row);
+fn corners_of(step: Step, corner: vec2i) -> Corners {
+    let x = corner.x + vec4i(-1, 0, -1, 0);
+    let y = corner.y + vec4i(-1, -1, 0, 0);
     let width = vec4i(step.coarse_width);
     let height = vec4i(step.coarse_height);
     let inside = (x >= vec4i(0)) & (x < width) & (y >= vec4i(0)) & (y < height);
@@ -108,7 +118,7 @@ fn interpolated(coarse: vec4f) -> vec4f {
     return 0.75 * blend + 0.25 * blend.yxwz;
 }
 
-// The finer level's samples at columns `2 column - 1` and `2 column` of row `2 row - 1`, then those of row `2 row`.
+// The finer level's samples around a corner: at columns `2 x - 1` and `2 x` of row `2 y - 1`, then those of row `2 y`.
 fn expanded(channel: i32, at: Corners) -> vec4f {
     let index = at.index + channel * level.coarse_rows * level.coarse_width;
     let found = vec4f(levels[index.x], levels[index.y], levels[index.z], levels[index.w]);
@@ -123,17 +133,17 @@ struct Four {
 }
 
 // Those of the finer level.
-fn fine_four(column: i32, row: i32) -> Four {
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column);
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row);
+fn fine_four(corner: vec2i) -> Four {
+    let x = 2 * corner.x + vec4i(-1, 0, -1, 0);
+    let y = 2 * corner.y + vec4i(-1, -1, 0, 0);
     let makes = (x >= vec4i(0)) & (x < vec4i(level.fine_width)) & (y >= vec4i(level.from_row)) & (y < vec4i(level.to_row));
     return Four(x, y, makes);
 }
 
 // Those of level 0, as pixels of the rows that a band makes.
-fn frame_four(column: i32, row: i32) -> Four {
-    let x = vec4i(2 * column - 1, 2 * column, 2 * column - 1, 2 * column) - frame.origin_x;
-    let y = vec4i(2 * row - 1, 2 * row - 1, 2 * row, 2 * row) - frame.origin_y - frame.made_first;
+fn frame_four(corner: vec2i) -> Four {
+    let x = 2 * corner.x + vec4i(-1, 0, -1, 0) - frame.origin_x;
+    let y = 2 * corner.y + vec4i(-1, -1, 0, 0) - frame.origin_y - frame.made_first;
     let makes = (x >= vec4i(0)) & (x < vec4i(frame.width)) & (y >= vec4i(0)) & (y < vec4i(frame.made_rows));
     return Four(x, y, makes);
 }
