@@ -14,9 +14,10 @@ use std::hint::black_box;
 use std::process::Command;
 use thinlens::dial;
 use thinlens::methods;
+use thinlens::methods::{Plan, Target};
 use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
-use thinlens::scene::{Goal, Plan, Scene};
-use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Values};
+use thinlens::scene::Scene;
+use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";
@@ -55,10 +56,10 @@ fn main() {
 /// What it costs to look for the views that reach `target_db`, and to paint with them.
 fn print_search(scene: &Scene, target_db: f64) {
     let plan = plan(scene, Effort::TargetDb(target_db));
-    let Some(Goal::TargetDb { psnr_db, most_views }) = plan.goal else { return println!("nothing to blur") };
-    let outcome = dial::look(scene.clone(), &plan, (psnr_db, most_views)).expect("shear samples the lens");
+    let Some(Target::Error { psnr_db, max_views }) = plan.target else { return println!("nothing to blur") };
+    let outcome = dial::look(scene.clone(), &plan, (psnr_db, max_views)).expect("shear samples the lens");
     let found = timed(scene, |scene| {
-        dial::reach(scene, &plan, (psnr_db, most_views), &|_| {}).expect("the CPU does not fail");
+        dial::reach(scene, &plan, (psnr_db, max_views), &|_| {}).expect("the CPU does not fail");
     });
     let known = blur(scene, outcome.views).0;
     let tried: Vec<String> = outcome.tried.iter().map(|trial| trial.views.to_string()).collect();
@@ -104,8 +105,8 @@ fn look(scene: &Scene) -> f64 {
 
 fn plan(scene: &Scene, effort: Effort) -> Plan {
     let values = Values { effort: Some(effort), ..Values::default() };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    methods::plan(&scene.facts(), &settings).expect("defaults make a plan")
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    methods::Registry::default().plan(&scene.facts(), &settings).expect("defaults make a plan")
 }
 
 /// Runs this program again for memory alone, so that nothing measured before counts.

@@ -12,8 +12,9 @@ use scene::{median, wanted};
 use std::sync::Arc;
 use thinlens::finish::finish;
 use thinlens::methods;
+use thinlens::methods::Plan;
 use thinlens::output::usage::Stopwatch;
-use thinlens::scene::{EffectKind, Plan, Scene};
+use thinlens::scene::{EffectKind, Scene};
 use thinlens::settings::{Effort, Mask, Settings};
 
 const RUNS: usize = 7;
@@ -30,7 +31,7 @@ fn main() {
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
     println!("effect                    without     with   (CPU s)");
     for (kind, with) in lenses(&settings) {
-        let plan = methods::plan(&scene.facts(), &with).expect("the lens is one");
+        let plan = methods::Registry::default().plan(&scene.facts(), &with).expect("the lens is one");
         let [without, with] = [plan.clone().forced(kind, false), plan.forced(kind, true)];
         let [without, with] = compared(&scene, [&without, &with]);
         println!(

@@ -23,9 +23,9 @@ mod measure {
     use super::scene::{made, median, wanted};
     use std::time::Instant;
     use thinlens::gpu::{Gpu, GpuUsage};
-    use thinlens::methods::{plan, render, render_on};
+    use thinlens::methods::{Plan, Registry, render, render_on};
     use thinlens::output::usage::Stopwatch;
-    use thinlens::scene::{Plan, Scene};
+    use thinlens::scene::Scene;
     use thinlens::settings::{Effort, Settings};
 
     /// Views of the frames.
@@ -56,7 +56,8 @@ mod measure {
     fn compare(name: &str, gpu: &Gpu, scene: Scene, settings: &Settings) {
         let mut settings = settings.clone();
         settings.effort.value = Some(Effort::Views(VIEWS));
-        let plan = plan(&scene.facts(), &settings).unwrap_or_else(|error| panic!("{error}"));
+        let plan =
+            Registry::default().plan(&scene.facts(), &settings).unwrap_or_else(|error| panic!("{error}"));
         let runs: Vec<Run> = (0..=RUNS).map(|_| on_gpu(gpu, &scene, &plan)).skip(1).collect();
         let middle = |part: fn(&Run) -> f64| 1e3 * median(runs.iter().map(part).collect());
         let (width, height) = scene.picture_size();

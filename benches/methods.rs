@@ -8,7 +8,7 @@ mod scene;
 use divan::Bencher;
 use thinlens::methods::{self, METHODS};
 use thinlens::scene::Scene;
-use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Values};
+use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
 /// Lens samples of the reference, whose own thousand would take longer than all the rest.
 const REFERENCE_VIEWS: usize = 32;
@@ -25,14 +25,16 @@ fn scene() -> Scene {
 #[divan::bench(args = METHODS.map(|method| method.info().name), sample_count = 3, sample_size = 1)]
 fn blur(bencher: Bencher<'_, '_>, method: &str) {
     let scene = scene();
-    let is_reference = methods::by_name(method).is_ok_and(|method| method.info().role == "reference");
+    let is_reference = methods::Registry::default()
+        .by_name(method)
+        .is_ok_and(|method| method.info().role == methods::Role::Reference);
     let values = Values {
         method: Some(method.to_owned()),
         effort: is_reference.then_some(Effort::Views(REFERENCE_VIEWS)),
         ..Values::default()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    let plan = methods::plan(&scene.facts(), &settings).expect("defaults make a plan");
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    let plan = methods::Registry::default().plan(&scene.facts(), &settings).expect("defaults make a plan");
     bencher
         .with_inputs(|| scene.clone())
         .bench_values(|scene| methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail"));

@@ -16,14 +16,14 @@ mod scene;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use thinlens::compare::Contender;
-use thinlens::cost::{timed, work};
+use thinlens::compare::Candidate;
+use thinlens::cost::{terms, timed};
 use thinlens::error::Error;
-use thinlens::methods::{self, METHODS};
+use thinlens::methods::{self, METHODS, Plan, Registry};
 use thinlens::output::{atomic, usage::Stopwatch};
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::scene::{Plan, Scene};
-use thinlens::settings::{MethodParameters, Preset, Settings, Values};
+use thinlens::scene::{Facts, Scene};
+use thinlens::settings::{ParameterValues, Preset, Settings, Values};
 use thinlens::stack::Source;
 
 const INPUTS: [(&str, Option<usize>); 4] =
@@ -156,26 +156,26 @@ fn made(size: (usize, usize), coc_px: f32, lights: usize) -> Case {
         group: "made".to_owned(),
         name: format!("made/{} × {}/{coc_px}/{lights}", size.0, size.1),
         scene,
-        settings: Settings::resolve(&[], MethodParameters::default()),
+        settings: Settings::resolve(&[], ParameterValues::default()),
     }
 }
 
 /// Measures what of `case` is not in `measurements`.
 fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static str, Sample)>, Error> {
-    let facts = case.scene.facts();
+    let (facts, registry) = (case.scene.facts(), Registry::default());
     let mut plans = Vec::new();
     for text in CONTENDERS.split_whitespace() {
-        let contender: Contender = text.parse()?;
-        let plan = methods::plan(&facts, &contender.settings(&case.settings)?)?;
-        let terms = work(&facts, &plan);
-        if is_affordable(&terms, plan.method) {
-            plans.push((contender.method, format!("{}|{contender}", case.name), plan, terms));
+        let candidate = Candidate::parse(text, &registry)?;
+        let plan = registry.plan(&facts, &candidate.settings(&case.settings)?)?;
+        let terms = amounts(&facts, &plan);
+        if is_affordable(&terms, plan.method.name()) {
+            plans.push((candidate.method.name(), format!("{}|{candidate}", case.name), plan, terms));
         }
     }
-    let blurless = Settings::resolve(&[], MethodParameters::default());
-    let mut plan = methods::plan(&facts, &blurless)?.forced(thinlens::scene::EffectKind::Blur, false);
+    let blurless = Settings::resolve(&[], ParameterValues::default());
+    let mut plan = registry.plan(&facts, &blurless)?.forced(thinlens::scene::EffectKind::Blur, false);
     plan.views = None;
-    let terms = work(&facts, &plan);
+    let terms = amounts(&facts, &plan);
     plans.push(("pinhole", format!("{}|pinhole", case.name), plan, terms));
     let mut runs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for _ in 0..3 {
@@ -193,6 +193,12 @@ fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static
         (method, Sample { group: case.group.clone(), name, terms, seconds })
     };
     Ok(plans.into_iter().map(sample).collect())
+}
+
+/// The amounts of work of `plan`, term by term, with the terms' names.
+fn amounts(facts: &Facts, plan: &Plan) -> Vec<(&'static str, f64)> {
+    let cost = terms(facts, plan).expect("every built-in method says its cost");
+    cost.terms.iter().map(|term| (term.name, term.amount)).collect()
 }
 
 fn is_affordable(terms: &[(&'static str, f64)], method: &str) -> bool {
@@ -265,7 +271,7 @@ fn print_fit(method: &str, samples: &[Sample]) {
     let nanoseconds = fit(&samples.iter().collect::<Vec<_>>());
     let terms = samples.first().map_or(&[][..], |sample| &sample.terms);
     for ((name, _), nanoseconds) in terms.iter().zip(nanoseconds) {
-        println!("            term(\"{name}\", {nanoseconds:.3}),");
+        println!("            term(\"{name}\", {nanoseconds:.3}, …),");
     }
 }
 

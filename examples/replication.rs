@@ -14,7 +14,7 @@ use thinlens::error::Error;
 use thinlens::image::Image;
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::settings::{Effort, MethodParameters, Preset, Values};
+use thinlens::settings::{Effort, ParameterValues, Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
 /// Runs of a setting: the quickest counts, since everything else on the machine only adds.
@@ -25,23 +25,23 @@ struct Setting {
     name: &'static str,
     method: &'static str,
     views: Option<usize>,
-    change: fn(&mut MethodParameters),
+    change: fn(&mut ParameterValues),
 }
 
 const SETTINGS: [Setting; 14] = [
     setting("cascaded", "recursive-gaussian", None, |_| {}),
-    setting("not cascaded", "recursive-gaussian", None, |p| p.recursive_gaussian.cascaded = false),
+    setting("not cascaded", "recursive-gaussian", None, |p| p.set("recursive-gaussian", "cascaded", false)),
     setting("peel rays", "peel-rays", Some(32), |_| {}),
     setting("splat", "point-splat", None, |_| {}),
-    setting("splat without H", "point-splat", None, |p| p.point_splat.hidden = false),
-    setting("splat in full", "point-splat", None, |p| p.point_splat.accelerated = false),
+    setting("splat without H", "point-splat", None, |p| p.set("point-splat", "hidden", false)),
+    setting("splat in full", "point-splat", None, |p| p.set("point-splat", "accelerated", false)),
     setting("gather", "gather", None, |_| {}),
     setting("multilayer", "pyramid-disocclusion", None, |_| {}),
     setting("opaque blur", "opaque-blur", None, |_| {}),
     setting("layer rays", "layer-rays", Some(32), |_| {}),
     setting("plain", "layer-rays", Some(32), plain_rays),
-    setting("with cones", "layer-rays", Some(32), |p| p.layer_rays.jitter = false),
-    setting("with jitter", "layer-rays", Some(32), |p| p.layer_rays.cones = false),
+    setting("with cones", "layer-rays", Some(32), |p| p.set("layer-rays", "jitter", false)),
+    setting("with jitter", "layer-rays", Some(32), |p| p.set("layer-rays", "cones", false)),
     setting("plain, 1024", "layer-rays", Some(1024), plain_rays),
 ];
 
@@ -49,14 +49,14 @@ const fn setting(
     name: &'static str,
     method: &'static str,
     views: Option<usize>,
-    change: fn(&mut MethodParameters),
+    change: fn(&mut ParameterValues),
 ) -> Setting {
     Setting { name, method, views, change }
 }
 
-fn plain_rays(parameters: &mut MethodParameters) {
-    parameters.layer_rays.cones = false;
-    parameters.layer_rays.jitter = false;
+fn plain_rays(parameters: &mut ParameterValues) {
+    parameters.set("layer-rays", "cones", false);
+    parameters.set("layer-rays", "jitter", false);
 }
 
 /// A picture and what it cost.

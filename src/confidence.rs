@@ -13,15 +13,16 @@
 
 use crate::error::Error;
 use crate::image::Plane;
+use crate::methods::Plan;
 use crate::methods::{self, METHODS, Progress};
-use crate::scene::{EffectKind, Plan, Scene};
+use crate::scene::{EffectKind, Scene};
 
 /// Checks that the method of `plan` can say how much it knows.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] if it does not follow lens rays.
 pub fn check(plan: &Plan) -> Result<(), Error> {
-    if methods::by_name(plan.method)?.lens_sampling().is_some() {
+    if plan.method.lens_sampling().is_some() {
         return Ok(());
     }
     let able = METHODS.iter().filter(|method| method.lens_sampling().is_some());
@@ -76,7 +77,7 @@ fn known_as_white(scene: Scene, guesses: bool) -> Scene {
 mod tests {
     use super::*;
     use crate::scene::Layer;
-    use crate::settings::{Effort, MethodParameters, Origin, Settings, Values};
+    use crate::settings::{Effort, Origin, ParameterValues, Settings, Values};
     use crate::stack::StackKind;
     use std::f32::consts::PI;
 
@@ -99,8 +100,8 @@ mod tests {
     fn plan(scene: &Scene, method: &str) -> Plan {
         let effort = (method != "scatter").then_some(Effort::Views(512));
         let values = Values { method: Some(method.to_owned()), effort, ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-        methods::plan(&scene.facts(), &settings).unwrap()
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
     }
 
     fn found(layers: &[fn(usize) -> Option<f32>], method: &str) -> Plane {

@@ -15,9 +15,10 @@ use crate::cost::{self, Calibration};
 use crate::error::Error;
 use crate::image::Image;
 use crate::methods::{self, Progress, Sampler};
+use crate::methods::{Plan, Target};
 use crate::output::usage::Stopwatch;
 use crate::probes::{self, MANY_RAYS, Places, Probes, SEED, Verdict};
-use crate::scene::{Facts, Goal, Plan, Scene};
+use crate::scene::{Facts, Scene};
 use crate::stack::Finding;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -58,7 +59,8 @@ const SHARE_OF_BUDGET: f64 = 0.85;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// What was to be reached.
-    pub goal: Goal,
+    #[serde(rename = "goal")]
+    pub target: Target,
     /// Whether it was.
     pub met: bool,
     /// Lens samples a pixel of the picture.
@@ -106,10 +108,10 @@ impl Trial {
 pub fn reach(
     scene: Scene,
     plan: &Plan,
-    (psnr_db, most_views): (f64, usize),
+    (psnr_db, max_views): (f64, usize),
     progress: &Progress<'_>,
 ) -> Result<(Image, Outcome), Error> {
-    let (sampler, outcome) = seek(scene, plan, (psnr_db, most_views))?;
+    let (sampler, outcome) = seek(scene, plan, (psnr_db, max_views))?;
     Ok((sampler.picture(outcome.views, progress), outcome))
 }
 
@@ -117,16 +119,16 @@ pub fn reach(
 ///
 /// # Errors
 /// As [`reach`].
-pub fn look(scene: Scene, plan: &Plan, goal: (f64, usize)) -> Result<Outcome, Error> {
-    seek(scene, plan, goal).map(|(_, outcome)| outcome)
+pub fn look(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
+    seek(scene, plan, target).map(|(_, outcome)| outcome)
 }
 
 fn seek<'p>(
     scene: Scene,
     plan: &'p Plan,
-    (psnr_db, most_views): (f64, usize),
+    (psnr_db, max_views): (f64, usize),
 ) -> Result<(Box<dyn Sampler + 'p>, Outcome), Error> {
-    let sampling = methods::by_name(plan.method)?.lens_sampling().ok_or_else(|| {
+    let sampling = plan.method.lens_sampling().ok_or_else(|| {
         Error::settings(format!("{} cannot be asked for single pixels", plan.method))
             .help("ask for a number of lens samples with --views")
     })?;
@@ -134,7 +136,7 @@ fn seek<'p>(
     let mut sampler = sampling.begin(scene, plan);
     let pixels = probes.pixels();
     let mut tried = Vec::new();
-    let found = search(psnr_db + MARGIN_DB, first, most_views, |views| {
+    let found = search(psnr_db + MARGIN_DB, first, max_views, |views| {
         let trial = Trial { views, verdict: probes.judge(&sampler.pixels(views, &pixels)) };
         tried.push(trial);
         trial.psnr_db()
@@ -143,8 +145,8 @@ fn seek<'p>(
     let reached = tried.iter().any(|trial| trial.views == found.views && trial.psnr_db() >= psnr_db);
     let found = if reached { Found { end: End::Met, ..found } } else { found };
     let statement = statement(plan, psnr_db, &found, &tried, &probes);
-    let goal = Goal::TargetDb { psnr_db, most_views };
-    Ok((sampler, Outcome { goal, met: found.end == End::Met, views: found.views, tried, statement }))
+    let target = Target::Error { psnr_db, max_views };
+    Ok((sampler, Outcome { target, met: found.end == End::Met, views: found.views, tried, statement }))
 }
 
 /// The truth at some pixels of `scene`, and the step at which the search for `psnr_db` begins.
@@ -193,23 +195,36 @@ pub fn fit(
     calibration: &Calibration,
     progress: &Progress<'_>,
 ) -> Result<(Image, Outcome), Error> {
-    let views = views_for(facts, plan, seconds, calibration);
+    let views = views_for(facts, plan, seconds, calibration)?;
     let plan = Plan { views: Some(views), ..plan.clone() };
-    let predicted = cost::predict(facts, &plan, calibration).seconds;
+    let predicted = cost::predict(facts, &plan, calibration).map_or(0.0, |cost| cost.seconds);
     let watch = Stopwatch::start();
     let image = methods::render(scene, &plan, progress)?;
     let taken = watch.seconds();
     let few = if predicted > seconds { "; fewer are not worth a picture" } else { "" };
     let statement =
         format!("{views} views took {taken:.2} s of {seconds} s, predicted were {predicted:.2} s{few}");
-    let goal = Goal::TimeBudget { seconds };
-    Ok((image, Outcome { goal, met: taken <= seconds, views, tried: Vec::new(), statement }))
+    let target = Target::Time { seconds };
+    Ok((image, Outcome { target, met: taken <= seconds, views, tried: Vec::new(), statement }))
 }
 
 /// The lens samples that are expected to fit into `seconds`, with some room; the fewest of all where none do.
-pub fn views_for(facts: &Facts, plan: &Plan, seconds: f64, calibration: &Calibration) -> usize {
-    let affordable = cost::views_within(facts, plan, calibration, SHARE_OF_BUDGET * seconds).unwrap_or(0);
-    views_at(step_within(affordable))
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for a method that does not say its cost, or does not sample the lens.
+pub fn views_for(
+    facts: &Facts,
+    plan: &Plan,
+    seconds: f64,
+    calibration: &Calibration,
+) -> Result<usize, Error> {
+    let affordable =
+        cost::views_within(facts, plan, calibration, SHARE_OF_BUDGET * seconds).ok_or_else(|| {
+            Error::settings(format!("how long {} takes cannot be predicted", plan.method)).help(
+                "ask for a number of lens samples with --views, or for a sampling error with --target-db",
+            )
+        })?;
+    Ok(views_at(step_within(affordable)))
 }
 
 /// How a search ended.
@@ -339,7 +354,7 @@ fn statement(plan: &Plan, target_db: f64, found: &Found, tried: &[Trial], probes
         }
         End::Floor(floor_db) => {
             // Few rays meet a light: how many it takes does not show at a few hundred pixels.
-            let rays = if plan.highlight_threshold.is_finite() {
+            let rays = if plan.does(crate::scene::EffectKind::Highlights) {
                 "very many rays: the stack has lights, and few rays meet one".to_owned()
             } else {
                 format!("about {} rays", probes.rays_for(target_db, POWER_OF_RAYS))

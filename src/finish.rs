@@ -11,7 +11,8 @@
 
 use crate::image::{Image, Plane};
 use crate::lens::{Falloff, Field, Optics};
-use crate::scene::{EffectKind, Plan};
+use crate::methods::Plan;
+use crate::scene::EffectKind;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -27,7 +28,7 @@ pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
     }
     if plan.does(EffectKind::Vignetting) {
         // The rim takes light whether the shape that it leaves shows or not.
-        let rim = Optics { vignetting: optics.vignetting, ..plan.optics_asked_for.clone() };
+        let rim = Optics { vignetting: optics.vignetting, ..plan.optics_requested.clone() };
         darken(&mut image, &Falloff::new(&rim, field));
     }
     image
@@ -73,7 +74,7 @@ mod tests {
     use super::*;
     use crate::methods;
     use crate::scene::{Layer, Scene};
-    use crate::settings::{MethodParameters, Origin, Settings, Values};
+    use crate::settings::{Origin, ParameterValues, Settings, Values};
     use crate::stack::StackKind;
 
     #[test]
@@ -97,13 +98,13 @@ mod tests {
             let (cats_eye, vignetting) = (Some(1.0), Some(1.0));
             let values =
                 Values { method: Some(method.to_owned()), cats_eye, vignetting, ..Values::default() };
-            let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-            let plan = methods::plan(&scene.facts(), &settings).unwrap();
+            let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+            let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
             assert!(!plan.does(EffectKind::CatsEye), "{method}: nothing is blurred");
             let image = finish(scene.pinhole(), &plan, scene.field);
             // Nearly the corner, where the rim leaves 39 % and the cosine to the fourth power of 31° 54 %.
             let corner = image.pixel(0, 0)[1];
-            let expected = plan.optics_asked_for.brightness(&scene.field, Vec2::splat(0.5));
+            let expected = plan.optics_requested.brightness(&scene.field, Vec2::splat(0.5));
             assert!((corner - expected).abs() < 1e-5 && (0.2..0.23).contains(&corner), "{method}: {corner}");
             assert_eq!(image.pixel(0, 0)[3], 1.0, "{method}: alpha stays");
         }
@@ -117,8 +118,8 @@ mod tests {
         let scene = Scene::new(vec![layer], StackKind::Coverage, 1, 10.0);
         // 50 mm before 64 px: 2 mm are 2.56 px, in the corners.
         let values = Values { lateral_color_um: Some([2000.0, -2000.0]), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-        let plan = methods::plan(&scene.facts(), &settings).unwrap();
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
         let image = finish(scene.pinhole(), &plan, scene.field);
         // 24 of the 36.7 px to the corner: 1.67 px.
         let [red, green, blue, _] = image.pixel(55, 18);

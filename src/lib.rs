@@ -13,6 +13,8 @@
 //!
 //! [`render`](mod@render) runs the steps up to the picture for one job; [`cost`] says before how long the blur will take.
 
+extern crate self as thinlens;
+
 pub mod error;
 pub mod image;
 pub mod settings;
@@ -30,3 +32,4 @@ pub mod cost;
 pub mod dial;
 pub mod render;
 pub mod compare;
+pub mod cli;

@@ -1,7 +1,8 @@
-//! The `thinlens` program: parse, run, print the error chain, exit code.
+//! The `thinlens` program: the command line of [`thinlens::cli`] with the built-in methods.
 
-mod cli;
+use std::process::ExitCode;
+use thinlens::methods::Registry;
 
-fn main() -> std::process::ExitCode {
-    cli::run()
+fn main() -> ExitCode {
+    thinlens::cli::run(&Registry::default())
 }

@@ -4,10 +4,11 @@
 
 use std::f32::consts::PI;
 use thinlens::image::{Image, Plane};
+use thinlens::methods::Plan;
 use thinlens::methods::{self, METHODS, Method};
 use thinlens::probes::{self, Places, Probes, SEED};
-use thinlens::scene::{Layer, Plan, Scene};
-use thinlens::settings::{Border, Effort, MethodParameters, Origin, Settings, Values};
+use thinlens::scene::{Layer, Scene};
+use thinlens::settings::{Border, Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::stack::StackKind;
 
 const WIDTH: usize = 96;
@@ -33,14 +34,14 @@ fn world() -> Scene {
 }
 
 fn plan(method: &dyn Method, scene: &Scene, views: usize) -> Plan {
-    let samples_the_lens = method.lens_samples(&MethodParameters::default()).is_some();
+    let samples_the_lens = method.samples_lens();
     let values = Values {
         method: Some(method.info().name.to_owned()),
         effort: samples_the_lens.then_some(Effort::Views(views)),
         ..Values::default()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    methods::plan(&scene.facts(), &settings).unwrap()
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
 }
 
 /// The frame of `scene`, blurred.
@@ -151,7 +152,7 @@ fn a_mirrored_scene_is_one_that_goes_on_as_its_reflection() {
 #[test]
 fn probes_look_at_the_frame_alone() {
     let scene = padded(&world(), Border::Mirror);
-    let shear = methods::by_name("shear").unwrap();
+    let shear = methods::Registry::default().by_name("shear").unwrap();
     let plan = plan(shear, &scene, 256);
     let (width, [columns, rows]) = (scene.picture_size().0, scene.outside_px);
     let within = |pixel: usize| {

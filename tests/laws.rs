@@ -9,9 +9,10 @@
 use std::sync::Arc;
 use thinlens::image::{Image, Plane};
 use thinlens::lens::{Aperture, LensSpec, ThinLens};
+use thinlens::methods::Plan;
 use thinlens::methods::{self, Law, METHODS, Method};
-use thinlens::scene::{EffectKind, Layer, Plan, Scene};
-use thinlens::settings::{Effort, Mask, MethodParameters, Origin, SensorDistance, Settings, Values};
+use thinlens::scene::{EffectKind, Layer, Scene};
+use thinlens::settings::{Effort, Mask, Origin, ParameterValues, SensorDistance, Settings, Values};
 use thinlens::stack::StackKind;
 
 type Pixel = [f32; 4];
@@ -92,9 +93,9 @@ fn plan_for(method: &dyn Method, scene: &Scene, views: usize, lens: &Lens) -> Pl
         effort: samples_the_lens(method).then_some(Effort::Views(views)),
         ..lens.values.clone()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
     let settings = Settings { mask: lens.mask.clone(), ..settings };
-    methods::plan(&scene.facts(), &settings).unwrap().forced(EffectKind::Resolve, false)
+    methods::Registry::default().plan(&scene.facts(), &settings).unwrap().forced(EffectKind::Resolve, false)
 }
 
 /// What is set about a lens, and the picture of its aperture.
@@ -104,7 +105,7 @@ struct Lens {
 }
 
 fn samples_the_lens(method: &dyn Method) -> bool {
-    method.lens_samples(&MethodParameters::default()).is_some()
+    method.samples_lens()
 }
 
 fn blur_with(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Image {
@@ -364,7 +365,7 @@ fn faulty_lenses() -> Vec<(Vec<EffectKind>, Lens)> {
 #[test]
 fn a_faulty_lens_looks_to_every_method_that_has_its_faults_as_to_rays() {
     let world = world(56, 40);
-    let rays = methods::by_name("accumulate").unwrap();
+    let rays = methods::Registry::default().by_name("accumulate").unwrap();
     let picture = |method: &dyn Method, views, lens: &Lens| {
         let plan = plan_for(method, &world, views, lens).forced(EffectKind::Prefilter, false);
         methods::render(world.clone(), &plan, &|_| {}).unwrap()
@@ -468,7 +469,7 @@ fn samples_further_apart_than_the_rule_are_separate_and_let_some_of_the_wall_thr
     // What the model of the default and of the reference says, not what an artist wants: 0.6 px of CoC from sample to
     // sample is past half a pixel.
     for name in ["shear", "accumulate"] {
-        let (mean, _) = leak(methods::by_name(name).unwrap(), (0.6, 0.0));
+        let (mean, _) = leak(methods::Registry::default().by_name(name).unwrap(), (0.6, 0.0));
         assert!((0.05..0.15).contains(&mean), "{name}: {mean} shows through");
     }
 }
@@ -481,7 +482,7 @@ fn a_surface_that_something_nearer_pushes_one_peel_back_has_no_cracks_either() {
     let first = layer(48, 48, |_, y| (grey(0.5), if barred(y) { -12.0 } else { floor(y) }));
     let second = layer(48, 48, |_, y| if barred(y) { (grey(0.5), floor(y)) } else { (grey(0.9), 25.0) });
     let third = layer(48, 48, |_, y| if barred(y) { (grey(0.9), 25.0) } else { ([0.0; 4], 0.0) });
-    let shear = methods::by_name("shear").unwrap();
+    let shear = methods::Registry::default().by_name("shear").unwrap();
     let image = blur(shear, &scene(vec![first, second, third]), 256);
     for y in 14..34 {
         let leak = image.pixel(24, y)[0] - 0.5;
@@ -628,7 +629,7 @@ fn a_small_change_of_focus_makes_a_small_change_of_picture() {
 
 #[test]
 fn every_method_converges_to_the_reference() {
-    let reference = methods::by_name("accumulate").unwrap();
+    let reference = methods::Registry::default().by_name("accumulate").unwrap();
     let cases = [(world(56, 40), 0), (world(40, 56), 5)];
     let truths = cases.each_ref().map(|(world, blades)| blur_with(reference, world, 4096, *blades));
     for method in METHODS {
@@ -680,7 +681,7 @@ fn supersampled_layers_blur_as_the_coverage_they_stand_for() {
     let front = layer(96, 64, |x, y| if edge(x, y) { (grey(0.9), -5.0) } else { (grey(0.2), 6.0) });
     let back = layer(96, 64, |x, y| if edge(x, y) { (grey(0.2), 6.0) } else { ([0.0; 4], 0.0) });
     let scene = Scene { kind: StackKind::Supersampled, supersample: 2, ..scene(vec![front, back]) };
-    let reference = blur(methods::by_name("accumulate").unwrap(), &scene, 1024);
+    let reference = blur(methods::Registry::default().by_name("accumulate").unwrap(), &scene, 1024);
     for method in METHODS {
         let image = blur(method, &scene, 1024);
         assert_eq!((image.width(), image.height()), (48, 32), "{}: picture size", method.info().name);

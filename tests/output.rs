@@ -301,36 +301,18 @@ fn json_is_written_whole_with_a_newline_at_its_end() {
 
 mod the_report {
     use super::{Path, report, usage};
-    use thinlens::lens::{Aperture, Optics, ThinLens};
-    use thinlens::scene::{Effect, EffectKind, Extrapolation, Plan};
-    use thinlens::settings::{DepthConvention, MethodParameters, Origin, Settings, Values};
+    use thinlens::lens::ThinLens;
+    use thinlens::methods::Registry;
+    use thinlens::scene::{Effect, EffectKind, Scene};
+    use thinlens::settings::{DepthConvention, Origin, ParameterValues, Settings, Values};
     use thinlens::stack::{Finding, Precision, StackKind};
 
     fn example() -> report::Report {
         let flags = Values { f_number: Some(1.5), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &flags)], MethodParameters::default());
-        let plan = Plan {
-            method: "shear",
-            method_reason: "the default".to_owned(),
-            views: Some(64),
-            goal: None,
-            views_reason: String::new(),
-            jitter: 1.0,
-            fragment_px: 1.0,
-            optics: Optics::of(Aperture::DISC),
-            optics_asked_for: Optics::of(Aperture::DISC),
-            coc_range_px: [-3.0, 12.5],
-            highlight_threshold: f32::INFINITY,
-            extrapolation: Extrapolation::new(&settings.picture).unwrap(),
-            effects: vec![Effect {
-                name: EffectKind::Fill,
-                on: false,
-                reason: "nothing is missing".to_owned(),
-                change: "with it, nothing".to_owned(),
-                forced: false,
-            }],
-            parameters: MethodParameters::default(),
-        };
+        let settings = Settings::resolve(&[(Origin::Flag, &flags)], ParameterValues::default());
+        let nothing = Scene::new(Vec::new(), StackKind::PointSampled, 1, 12.5);
+        let mut plan = Registry::default().plan(&nothing.facts(), &settings).unwrap();
+        plan.effects = vec![Effect::new(EffectKind::Fill, false, "nothing is missing", "with it, no effect")];
         let findings =
             vec![Finding::note("depth", "planar"), Finding::warning("peels", "the last peel is empty")];
         report::Report {
@@ -338,7 +320,7 @@ mod the_report {
             dial: None,
             input: vec!["a.exr".to_owned()],
             output: "b.exr".to_owned(),
-            method: plan.method,
+            method: plan.method.name(),
             device: report::Device {
                 kind: "cpu",
                 name: "a processor".to_owned(),
@@ -418,7 +400,7 @@ mod the_report {
     fn gives_every_effect_with_its_reason_and_warnings_apart() {
         let json = serde_json::to_value(example()).unwrap();
         let effect = serde_json::json!({
-            "name": "fill", "on": false, "reason": "nothing is missing", "change": "with it, nothing", "forced": false
+            "name": "fill", "on": false, "reason": "nothing is missing", "change": "with it, no effect", "forced": false
         });
         assert_eq!(json["plan"]["effects"], serde_json::json!([effect]));
         assert_eq!(json["warnings"], serde_json::json!(["the last peel is empty"]));

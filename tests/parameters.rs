@@ -6,10 +6,11 @@ use serde_json::{Value, json};
 use thinlens::image::{Image, Plane};
 use thinlens::methods::{self, METHODS};
 use thinlens::scene::{Layer, Scene};
-use thinlens::settings::{MethodParameters, Origin, Settings, Values};
+use thinlens::settings::{Origin, ParameterKind, ParameterValues, Settings, Values};
 use thinlens::stack::StackKind;
 
-/// Another value for each parameter, with what else has to be set for it to matter.
+/// Another value for each parameter for which not every value matters in [`scene`], with what else has to be set. Of all other parameters
+/// [`another`] value must change the picture.
 fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
     let none = json!({});
     let with = |method, key, value: Value| (method, key, value, none.clone());
@@ -49,6 +50,19 @@ fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
     ]
 }
 
+/// Another value of a parameter than its default.
+fn another(kind: &ParameterKind, default: &Value) -> Value {
+    let differs = |value: &Value| value.as_f64() != default.as_f64();
+    match *kind {
+        ParameterKind::Flag => json!(default != &json!(true)),
+        ParameterKind::Count(from, to) | ParameterKind::CountOrAuto(from, to) => {
+            [json!(from), json!(to)].into_iter().find(differs).unwrap()
+        }
+        ParameterKind::Number(from, to) => [json!(from), json!(to)].into_iter().find(differs).unwrap(),
+        ParameterKind::Numbers(_, to) => json!([to, to / 2.0]),
+    }
+}
+
 /// Two peels with every difficulty that a parameter speaks of: near bars, a floor through focus, a far wall, highlights.
 fn scene() -> Scene {
     let (width, height) = (64, 48);
@@ -76,14 +90,14 @@ fn scene() -> Scene {
 }
 
 fn blur(method: &str, changes: &[&Value]) -> Image {
-    let mut parameters = serde_json::to_value(MethodParameters::default()).unwrap();
+    let mut parameters = ParameterValues::default();
     for (key, value) in changes.iter().flat_map(|change| change.as_object().unwrap()) {
-        parameters[method][key] = value.clone();
+        parameters.set(method, key, value.clone());
     }
     let values = Values { method: Some(method.to_owned()), ..Values::default() };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], serde_json::from_value(parameters).unwrap());
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], parameters);
     let scene = scene();
-    let plan = methods::plan(&scene.facts(), &settings).unwrap();
+    let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
     methods::render(scene, &plan, &|_| {}).unwrap()
 }
 
@@ -91,13 +105,17 @@ fn blur(method: &str, changes: &[&Value]) -> Image {
 fn every_parameter_changes_the_picture() {
     let others = other_values();
     for method in METHODS {
+        let table = method.parameters();
         let method = method.info().name;
-        for parameter in MethodParameters::of(method) {
-            let found = others.iter().find(|(of, key, ..)| (*of, *key) == (method, parameter.name));
-            let (_, key, value, with) =
-                found.unwrap_or_else(|| panic!("{method}: no other value for '{}'", parameter.name));
-            let changed = blur(method, &[with, &json!({ *key: value })]);
-            assert!(blur(method, &[with]) != changed, "{method}: {key} = {value} changes nothing");
+        for parameter in table.declarations() {
+            let declared = others.iter().find(|(of, key, ..)| (*of, *key) == (method, parameter.name));
+            let default = &table.defaults().table()[parameter.name];
+            let (key, value, with) = match declared {
+                Some((_, key, value, with)) => (*key, value.clone(), with.clone()),
+                None => (parameter.name, another(&parameter.kind, default), json!({})),
+            };
+            let changed = blur(method, &[&with, &json!({ key: value })]);
+            assert!(blur(method, &[&with]) != changed, "{method}: {key} = {value} changes nothing");
         }
     }
 }
@@ -105,9 +123,9 @@ fn every_parameter_changes_the_picture() {
 #[test]
 fn every_parameter_is_declared_with_its_range_and_its_meaning() {
     for method in METHODS {
-        let method = method.info().name;
-        let defaults = MethodParameters::default().table(method);
-        let declared = MethodParameters::of(method);
+        let (table, method) = (method.parameters(), method.info().name);
+        let defaults = table.defaults().table();
+        let declared = table.declarations();
         assert!(!declared.is_empty(), "{method} has no table of parameters");
         for parameter in declared {
             assert!(

@@ -10,10 +10,11 @@ use std::path::Path;
 use std::sync::OnceLock;
 use thinlens::gpu::{DeviceChoice, DeviceKind, Gpu};
 use thinlens::image::{Image, Plane};
+use thinlens::methods::Plan;
 use thinlens::methods::{self, METHODS, Method};
 use thinlens::render::{Job, NamedPreset, prepare, render};
-use thinlens::scene::{Layer, Plan, Scene};
-use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::scene::{Layer, Scene};
+use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
 use thinlens::stack::{Source, StackKind};
 
 /// How far a method's two pictures may be apart.
@@ -138,7 +139,7 @@ fn gpu() -> Option<&'static Gpu> {
 }
 
 fn methods_with_twin() -> impl Iterator<Item = &'static dyn Method> {
-    METHODS.into_iter().filter(|method| method.twin().is_some())
+    METHODS.into_iter().filter(|method| method.gpu().is_some())
 }
 
 /// A number from 0 to 1 that depends on its arguments alone.
@@ -251,14 +252,14 @@ fn cases() -> Vec<Case> {
 
 /// The plan of `method` for `scene`, and the scene as it is to be blurred.
 fn settle(method: &dyn Method, scene: Scene, values: &Values, views: usize) -> (Scene, Plan) {
-    let samples = method.lens_samples(&MethodParameters::default()).is_some();
+    let samples = method.samples_lens();
     let values = Values {
         method: Some(method.info().name.to_owned()),
         effort: samples.then_some(Effort::Views(views)),
         ..values.clone()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    let (scene, _, plan) = methods::settle(scene, &settings).unwrap();
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    let (scene, _, plan) = methods::Registry::default().prepare(scene, &settings).unwrap();
     (scene, plan)
 }
 
@@ -344,9 +345,8 @@ fn real_stacks_are_the_same_picture() {
         for method in methods_with_twin() {
             let mut settings = settings.clone();
             settings.method.value = method.info().name.to_owned();
-            settings.effort.value =
-                method.lens_samples(&MethodParameters::default()).is_some().then_some(Effort::Views(16));
-            let (scene, _, plan) = methods::settle(scene.clone(), &settings).unwrap();
+            settings.effort.value = method.samples_lens().then_some(Effort::Views(16));
+            let (scene, _, plan) = methods::Registry::default().prepare(scene.clone(), &settings).unwrap();
             tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a sample");
         }
     }
@@ -504,7 +504,11 @@ fn a_job_for_the_gpu_runs_there_and_reports_it() {
     assert!(rendered.gpu_usage.unwrap().passes > 0);
     let on_cpu = render(&job(DeviceChoice::Cpu), &|_| {}).unwrap();
     assert_eq!(on_cpu.device.kind, DeviceKind::Cpu);
-    tolerance(methods::by_name("auto").unwrap()).demand(&rendered.image, &on_cpu.image, "a job");
+    tolerance(methods::Registry::default().by_name("auto").unwrap()).demand(
+        &rendered.image,
+        &on_cpu.image,
+        "a job",
+    );
 }
 
 #[test]
@@ -547,5 +551,9 @@ fn a_goal_is_looked_for_on_the_cpu_and_painted_on_the_gpu() {
     let [found, expected] = [&on_gpu, &on_cpu].map(|rendered| rendered.outcome.as_ref().unwrap());
     assert_eq!((found.views, found.met), (expected.views, expected.met), "the same search");
     assert_eq!(on_gpu.plan.views, Some(found.views), "and what it found is what was painted");
-    tolerance(methods::by_name("auto").unwrap()).demand(&on_gpu.image, &on_cpu.image, "a goal");
+    tolerance(methods::Registry::default().by_name("auto").unwrap()).demand(
+        &on_gpu.image,
+        &on_cpu.image,
+        "a goal",
+    );
 }

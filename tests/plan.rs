@@ -17,9 +17,10 @@ use fastrand::Rng;
 use std::sync::Arc;
 use thinlens::finish;
 use thinlens::image::{Image, Plane};
+use thinlens::methods::Plan;
 use thinlens::methods::{self, METHODS};
-use thinlens::scene::{EffectKind, Layer, Plan, Scene};
-use thinlens::settings::{Effort, Mask, MethodParameters, Origin, Settings, Switches, Values};
+use thinlens::scene::{EffectKind, Layer, Scene};
+use thinlens::settings::{Effort, Mask, Origin, ParameterValues, Settings, Switches, Values};
 use thinlens::stack::{ColorRange, StackKind};
 
 const KINDS: [StackKind; 5] = [
@@ -158,7 +159,7 @@ impl Case {
             lateral_color_um: Some([[0.0; 2], [0.0; 2], [900.0, -400.0]][self.seed as usize / 5 % 3]),
             ..Values::default()
         };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         let mask = (self.seed % 6 == 5).then(|| Arc::new(half_open()));
         Settings { switches, mask, ..settings }
     }
@@ -172,11 +173,11 @@ impl Case {
     fn plan(&self, effects: &[EffectKind]) -> Plan {
         let force = effects.iter().map(|kind| kind.name().to_owned()).collect();
         let switches = Switches { force, ..Switches::default() };
-        methods::settle(self.scene.clone(), &self.settings(switches)).unwrap().2
+        methods::Registry::default().prepare(self.scene.clone(), &self.settings(switches)).unwrap().2
     }
 
     fn picture(&self, plan: &Plan) -> Image {
-        methods::render(self.scene.clone().extrapolated(plan), plan, &|_| {}).unwrap()
+        methods::render(self.extrapolated(plan), plan, &|_| {}).unwrap()
     }
 
     /// Smallest and largest CoC radius of its fragments, sign aside.
@@ -191,11 +192,18 @@ impl Case {
 
     /// Whether anything leaves its pixel, by its CoC radius or by what aberrations add to it.
     fn is_blurred(&self) -> bool {
-        let aberrations = self.plan(&[]).optics_asked_for.longest_shift_px();
+        let aberrations = self.plan(&[]).optics_requested.longest_shift_px();
         self.sizes_px()[1] + aberrations > 0.5
     }
 
     /// Whether some sample has no fragment at all.
+    /// The scene as methods see it by `plan`.
+    fn extrapolated(&self, plan: &Plan) -> Scene {
+        let scene = self.scene.clone();
+        let extrapolates = plan.does(EffectKind::HighlightExtrapolation);
+        if extrapolates { scene.extrapolated(&plan.extrapolation) } else { scene }
+    }
+
     fn shows_nothing_somewhere(&self) -> bool {
         let layers = &self.scene.layers;
         let samples = layers[0].alpha.values().len();
@@ -222,6 +230,7 @@ impl Case {
             | EffectKind::AxialColor
             | EffectKind::LateralColor
             | EffectKind::Vignetting => false,
+            other => panic!("say whether {other:?} changes the picture by design"),
         }
     }
 
@@ -339,8 +348,11 @@ fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than
                 effort: Some(Effort::Views(1024)),
                 ..Values::default()
             };
-            let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-            let plan = methods::plan(&case.scene.facts(), &settings).unwrap().forced(EffectKind::Blur, true);
+            let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+            let plan = methods::Registry::default()
+                .plan(&case.scene.facts(), &settings)
+                .unwrap()
+                .forced(EffectKind::Blur, true);
             // A thousandth for the choice of rays.
             let most = excess(&case.picture(&plan), &pinhole, share + 0.001);
             assert!(most <= 0.0, "{most} over the share of {share}: {}", case.name());
@@ -406,8 +418,9 @@ fn every_method_carries_out_what_it_can_be_asked_for() {
                     Switches { without: names, ..Switches::default() }
                 };
                 let values = Values { method: Some(info.name.to_owned()), ..Values::default() };
-                let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-                let plan = match methods::plan(&facts, &Settings { switches, ..settings }) {
+                let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+                let plan = match methods::Registry::default().plan(&facts, &Settings { switches, ..settings })
+                {
                     Ok(plan) => Plan { views: plan.views.map(|_| 8), ..plan },
                     Err(error) => {
                         let text = error.to_string();
@@ -431,9 +444,11 @@ mod what_is_asked_for {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let switches = Switches { force: owned(force), without: owned(without) };
         let values = Values { method: Some(method.to_owned()), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         let facts = Case::new(10).scene.facts();
-        methods::plan(&facts, &Settings { switches, ..settings }).map_err(|error| error.to_string())
+        methods::Registry::default()
+            .plan(&facts, &Settings { switches, ..settings })
+            .map_err(|error| error.to_string())
     }
 
     #[test]
@@ -474,7 +489,7 @@ mod what_is_asked_for {
     #[test]
     fn of_a_method_without_the_step_is_refused() {
         let error = plan("gather", &["fill"], &[]).unwrap_err();
-        assert!(error.contains("'fill' cannot be forced: gather has no such step"), "{error}");
+        assert!(error.contains("'fill' cannot be forced: gather has no such pass"), "{error}");
         assert!(plan("gather", &[], &["fill"]).is_ok(), "it is left out already");
     }
 
@@ -486,15 +501,15 @@ mod what_is_asked_for {
 
     #[test]
     fn of_a_step_that_parameters_switched_off_gets_the_strength_that_it_has_by_itself() {
-        let mut settings = Settings::resolve(&[], MethodParameters::default());
-        let own = settings.parameters.shear.clone();
-        let shear = &mut settings.parameters.shear;
-        (shear.prefilter, shear.resolve, shear.highlight_threshold) = (0.0, 0.0, 0.0);
+        let mut settings = Settings::resolve(&[], ParameterValues::default());
+        for key in ["prefilter", "resolve", "highlight_threshold"] {
+            settings.parameters.set("shear", key, 0.0);
+        }
         let force = ["prefilter", "resolve", "highlights"].map(str::to_owned).to_vec();
         settings.switches = Switches { force, ..Switches::default() };
-        let plan = methods::plan(&Case::new(10).scene.facts(), &settings).unwrap();
-        let given = &plan.parameters.shear;
-        assert_eq!((given.prefilter, given.resolve), (own.prefilter, own.resolve));
-        assert_eq!(plan.highlight_threshold, own.highlight_threshold);
+        let plan = methods::Registry::default().plan(&Case::new(10).scene.facts(), &settings).unwrap();
+        let strengths = [EffectKind::Prefilter, EffectKind::Resolve, EffectKind::Highlights]
+            .map(|kind| plan.strength(kind).unwrap());
+        assert_eq!(strengths, [1.4, 0.08, 1.0], "the defaults of shear's parameters");
     }
 }

@@ -5,10 +5,11 @@
 use std::path::PathBuf;
 use thinlens::image::{Image, Plane};
 use thinlens::methods;
+use thinlens::methods::Plan;
 use thinlens::probes::{Verdict, verify};
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::scene::{Layer, Plan, Scene};
-use thinlens::settings::{Effort, MethodParameters, Origin, Preset, Settings, Values};
+use thinlens::scene::{Layer, Scene};
+use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
 use thinlens::stack::Source;
 
 const WIDTH: usize = 64;
@@ -37,8 +38,8 @@ fn part(sample: &str, [x0, y0]: [usize; 2]) -> Scene {
 fn picture(scene: &Scene, method: &str, views: Option<usize>) -> (Image, Plan) {
     let values =
         Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-    let plan = methods::plan(&scene.facts(), &settings).unwrap();
+    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
     (methods::render(scene.clone(), &plan, &|_| {}).unwrap(), plan)
 }
 

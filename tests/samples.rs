@@ -7,7 +7,7 @@ use thinlens::methods::{self, METHODS};
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::EffectKind;
-use thinlens::settings::{Effort, MethodParameters, Preset, Values};
+use thinlens::settings::{Effort, Preset, Values};
 use thinlens::stack::{Source, StackKind, read_picture};
 
 fn folder(scene: &str) -> PathBuf {
@@ -74,7 +74,9 @@ fn the_default_method_is_nearer_the_true_lens_than_any_paper_s() {
     for scene in ["fence", "table"] {
         let (default, _) = psnr_db(scene, "stack.exr", 64);
         let reference = read_picture(&folder(scene).join("reference.exr")).unwrap();
-        for info in METHODS.iter().map(|method| method.info()).filter(|info| info.role == "paper") {
+        for info in
+            METHODS.iter().map(|method| method.info()).filter(|info| info.role == methods::Role::Paper)
+        {
             let mut job = job(scene, "stack.exr", info.name, 64);
             job.flags.effort = None;
             let image = render(&job, &|_| {}).unwrap().image;
@@ -110,7 +112,7 @@ fn an_infinite_f_number_gives_the_stack_as_the_camera_saw_it_with_every_method()
     for method in METHODS {
         let mut job = job("fence", "stack.exr", method.info().name, 64);
         job.flags.f_number = Some(f32::INFINITY);
-        if method.lens_samples(&MethodParameters::default()).is_none() {
+        if !method.samples_lens() {
             job.flags.effort = None;
         }
         let prepared = prepare(&job).unwrap();

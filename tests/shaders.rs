@@ -12,7 +12,7 @@ use thinlens::methods::METHODS;
 /// The shaders of all methods, which must be some.
 fn shaders() -> Vec<&'static Shader> {
     let shaders: Vec<_> =
-        METHODS.iter().filter_map(|method| method.twin()).map(|twin| twin.shader()).collect();
+        METHODS.iter().filter_map(|method| method.gpu()).map(|backend| backend.shader()).collect();
     assert!(!shaders.is_empty(), "no method has a twin");
     shaders
 }

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 use thinlens::image::Plane;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Layer, Scene};
-use thinlens::settings::{MethodParameters, Preset, Settings};
+use thinlens::settings::{ParameterValues, Preset, Settings};
 use thinlens::stack::{Source, StackKind};
 
 /// The scene to measure with, its settings, and the wall seconds of reading it if it was read.
 pub(crate) fn wanted() -> (Scene, Settings, Option<f64>) {
     let Ok(stack) = std::env::var("THINLENS_STACK") else {
-        return (made(1920, 1080), Settings::resolve(&[], MethodParameters::default()), None);
+        return (made(1920, 1080), Settings::resolve(&[], ParameterValues::default()), None);
     };
     let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
         preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)

@@ -6,7 +6,6 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
-use thinlens::methods::METHODS;
 use thinlens::render::{Job, NamedPreset};
 use thinlens::settings::{
     Border, DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Switches, Values,
@@ -167,7 +166,7 @@ pub(super) struct LensArgs {
 #[command(next_help_heading = "Method")]
 struct MethodArgs {
     /// The method (see `thinlens methods`)
-    #[arg(long, value_name = "METHOD", value_parser = method_names())]
+    #[arg(long, value_name = "METHOD")]
     method: Option<String>,
     #[command(flatten)]
     effort: EffortArgs,
@@ -542,11 +541,6 @@ fn parse_target_db(text: &str) -> Result<f64, String> {
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
     number.ok_or_else(|| "a time is a positive number of seconds".to_owned())
-}
-
-fn method_names() -> PossibleValuesParser {
-    let names = METHODS.iter().map(|method| method.info().name);
-    PossibleValuesParser::new(std::iter::once("auto").chain(names))
 }
 
 fn parse_point(text: &str) -> Result<[f32; 2], String> {

@@ -5,13 +5,14 @@ use super::console::{Console, print, print_json};
 use super::{Failure, checks};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use thinlens::compare::{Comparison, Contender, Gallery, Results, folder, shell, table};
+use thinlens::compare::{Candidate, Comparison, Gallery, Results, folder, shell, table};
 use thinlens::error::Error;
 use thinlens::image::Image;
+use thinlens::methods::Registry;
 use thinlens::metrics::check_size;
 use thinlens::output::png;
 use thinlens::probes::{FEWEST_PROBES, MANY_RAYS, Places, Probes, SEED};
-use thinlens::render::{Prepared, prepare};
+use thinlens::render::{Job, Prepared, prepare};
 use thinlens::stack::{Carry, read_picture};
 
 const EXAMPLES: &str = "\
@@ -57,13 +58,14 @@ pub(super) struct CompareArgs {
     json: bool,
 }
 
-pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> {
-    let contenders = args.contenders()?;
+pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
+    let candidates = args.candidates(methods)?;
     if let Some(folder) = &args.output {
-        args.check_files(folder, &contenders)?;
+        args.check_files(folder, &candidates)?;
     }
     let reference = args.reference.as_deref().map(read_picture).transpose()?;
-    let prepared = prepare(&stack_job(&args.input, &args.lens, &args.effects, Carry::None)?)?;
+    let job = stack_job(&args.input, &args.lens, &args.effects, Carry::None)?;
+    let prepared = prepare(&Job { methods: methods.clone(), ..job })?;
     console.findings(&prepared.stack.findings);
     if let Some(reference) = &reference {
         check_size(prepared.scene.frame_size(), reference)?;
@@ -81,8 +83,8 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
         words: &[args.input.words(), args.lens.words(), args.effects.words()].concat(),
     };
     // Before the first one runs: what one of them cannot do would end the comparison halfway.
-    contenders.iter().try_for_each(|contender| comparison.plan(contender).map(drop))?;
-    let results = args.compare(&comparison, &contenders, console)?;
+    candidates.iter().try_for_each(|candidate| comparison.plan(candidate).map(drop))?;
+    let results = args.compare(&comparison, &candidates, console)?;
     if args.json {
         print_json(&results)?;
     } else {
@@ -92,19 +94,19 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), Failure> 
 }
 
 impl CompareArgs {
-    /// Who takes part.
-    fn contenders(&self) -> Result<Vec<Contender>, Error> {
+    /// What is compared.
+    fn candidates(&self, methods: &Registry) -> Result<Vec<Candidate>, Error> {
         match self.methods.as_slice() {
-            [] => Ok(Contender::all()),
-            [all_of_them] if all_of_them == "all" => Ok(Contender::all()),
-            named => named.iter().map(|text| text.parse()).collect(),
+            [] => Candidate::all(methods),
+            [all_of_them] if all_of_them == "all" => Candidate::all(methods),
+            named => named.iter().map(|text| Candidate::parse(text, methods)).collect(),
         }
     }
 
     /// Checks every file that will be written, making the folder if need be.
-    fn check_files(&self, folder: &Path, contenders: &[Contender]) -> Result<(), Error> {
+    fn check_files(&self, folder: &Path, candidates: &[Candidate]) -> Result<(), Error> {
         checks::folder(folder)?;
-        let pictures = contenders.iter().flat_map(folder::files);
+        let pictures = candidates.iter().flat_map(folder::files);
         let files = pictures.chain(folder::FILES.map(str::to_owned));
         for file in files {
             checks::output(&folder.join(file), self.input.files().chain(&self.reference))?;
@@ -112,11 +114,11 @@ impl CompareArgs {
         Ok(())
     }
 
-    /// Runs every contender, and writes what is asked for.
+    /// Runs every candidate, and writes what is asked for.
     fn compare(
         &self,
         comparison: &Comparison<'_>,
-        contenders: &[Contender],
+        candidates: &[Candidate],
         console: &Console,
     ) -> Result<Results, Error> {
         let path = |path: &PathBuf| path.display().to_string();
@@ -128,11 +130,11 @@ impl CompareArgs {
         let scene = &comparison.prepared.scene;
         let pinhole = scene.pinhole().trimmed(scene.outside_px);
         let mut gallery = Gallery::new(&pinhole, comparison.reference);
-        for (i, contender) in contenders.iter().enumerate() {
-            console.note(format_args!("{contender} ({} of {})", i + 1, contenders.len()));
-            let (mut entry, image) = comparison.run(contender)?;
+        for (i, candidate) in candidates.iter().enumerate() {
+            console.note(format_args!("{candidate} ({} of {})", i + 1, candidates.len()));
+            let (mut entry, image) = comparison.run(candidate)?;
             if let Some(folder) = &self.output {
-                let [picture, map] = keep(folder, contender, &image)?;
+                let [picture, map] = keep(folder, candidate, &image)?;
                 (entry.picture, entry.map) = (Some(picture), Some(map));
                 gallery.add(&image);
             }
@@ -147,9 +149,9 @@ impl CompareArgs {
     }
 }
 
-/// Writes the picture of `contender` into `folder`; the names of its files.
-fn keep(folder: &Path, contender: &Contender, image: &Image) -> Result<[String; 2], Error> {
-    let files = folder::files(contender);
+/// Writes the picture of `candidate` into `folder`; the names of its files.
+fn keep(folder: &Path, candidate: &Candidate, image: &Image) -> Result<[String; 2], Error> {
+    let files = folder::files(candidate);
     png::write(&folder.join(&files[0]), image, 0.0)?;
     Ok(files)
 }

@@ -1,9 +1,10 @@
 //! `thinlens completions`.
 
 use super::console::print;
-use super::{Cli, Failure};
-use clap::{Args, CommandFactory};
+use super::{Failure, command};
+use clap::Args;
 use clap_complete::{Shell, generate};
+use thinlens::methods::Registry;
 
 /// Print a shell's completion script
 #[derive(Debug, Args)]
@@ -12,9 +13,9 @@ pub(super) struct CompletionsArgs {
     shell: Shell,
 }
 
-pub(super) fn run(args: &CompletionsArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &CompletionsArgs, methods: &Registry) -> Result<(), Failure> {
     let mut script = Vec::new();
-    generate(args.shell, &mut Cli::command(), "thinlens", &mut script);
+    generate(args.shell, &mut command(methods), "thinlens", &mut script);
     print(&String::from_utf8_lossy(&script))?;
     Ok(())
 }

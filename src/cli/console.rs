@@ -9,8 +9,9 @@ use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::error::Error;
 use thinlens::gpu::Device;
+use thinlens::methods::{Plan, Target};
 use thinlens::probes::Verdict;
-use thinlens::scene::{EffectKind, Goal, Plan};
+use thinlens::scene::EffectKind;
 use thinlens::stack::Finding;
 
 /// Standard error, as talkative as asked for.
@@ -146,11 +147,11 @@ fn line(text: impl Display) {
 /// How a plan samples the lens, in words.
 pub(super) fn sampling(plan: &Plan) -> String {
     let reason = &plan.views_reason;
-    match (plan.goal, plan.views) {
-        (Some(Goal::TargetDb { psnr_db, most_views }), _) => {
-            format!("as many as reach {psnr_db} dB, at most {most_views}: {reason}")
+    match (plan.target, plan.views) {
+        (Some(Target::Error { psnr_db, max_views }), _) => {
+            format!("as many as reach {psnr_db} dB, at most {max_views}: {reason}")
         }
-        (Some(Goal::TimeBudget { seconds }), _) => format!("as many as fit into {seconds} s: {reason}"),
+        (Some(Target::Time { seconds }), _) => format!("as many as fit into {seconds} s: {reason}"),
         (None, Some(views)) => format!("{views}: {reason}"),
         (None, None) => format!("none: {reason}"),
     }

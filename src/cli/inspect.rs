@@ -9,11 +9,12 @@ use std::fmt::{self, Display, Write};
 use std::path::PathBuf;
 use thinlens::gpu::Device;
 use thinlens::lens::{Sharpness, ThinLens};
+use thinlens::methods::{Plan, Registry};
 use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
-use thinlens::render::{Prepared, prepare};
-use thinlens::scene::{Facts, FocusShares, PeelFacts, Plan};
+use thinlens::render::{Job, Prepared, prepare};
+use thinlens::scene::{Facts, FocusShares, PeelFacts};
 use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
@@ -52,12 +53,12 @@ struct Inspected {
     objects: Vec<Objects>,
 }
 
-pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), Failure> {
+pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
     if let Some(path) = &args.overlay {
         checks::png(path)?;
         checks::output(path, args.job.input.files())?;
     }
-    let mut job = args.job.job(Carry::Unused)?;
+    let mut job = Job { methods: methods.clone(), ..args.job.job(Carry::Unused)? };
     job.read_options.objects = true;
     let prepared = prepare(&job)?;
     let coc_px = prepared.scene.seen_coc_px();

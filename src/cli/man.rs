@@ -1,10 +1,11 @@
 //! `thinlens man`.
 
 use super::console::print;
-use super::{Cli, Failure, usage_error};
+use super::{Failure, command, usage_error};
+use clap::Args;
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory};
 use clap_mangen::Man;
+use thinlens::methods::Registry;
 
 /// Print a manual page
 #[derive(Debug, Args)]
@@ -13,17 +14,17 @@ pub(super) struct ManArgs {
     command: Option<String>,
 }
 
-pub(super) fn run(args: &ManArgs) -> Result<(), Failure> {
-    let mut cli = Cli::command();
+pub(super) fn run(args: &ManArgs, methods: &Registry) -> Result<(), Failure> {
+    let mut cli = command(methods);
     cli.build();
-    let command = match &args.command {
+    let page_of = match &args.command {
         None => cli,
         Some(name) => cli.find_subcommand(name).cloned().ok_or_else(|| {
             usage_error("man", ErrorKind::InvalidSubcommand, &format!("there is no subcommand '{name}'"))
         })?,
     };
     let mut page = Vec::new();
-    Man::new(command).render(&mut page)?;
+    Man::new(page_of).render(&mut page)?;
     print(&String::from_utf8_lossy(&page))?;
     Ok(())
 }

@@ -4,8 +4,8 @@ use super::Failure;
 use super::console::{print, print_json};
 use clap::Args;
 use std::fmt::Write;
-use thinlens::methods::{Deviation, METHODS, MethodInfo, by_name};
-use thinlens::settings::{MethodParameters, Parameter};
+use thinlens::methods::{Deviation, Method, MethodInfo, Registry};
+use thinlens::settings::Parameter;
 
 /// List the methods, or describe one
 #[derive(Debug, Args)]
@@ -29,12 +29,11 @@ struct Description {
     parameters: Vec<Parameter>,
 }
 
-pub(super) fn run(args: &MethodsArgs) -> Result<(), Failure> {
-    let known: Vec<&str> = match &args.name {
-        Some(name) => vec![by_name(name)?.info().name],
-        None => METHODS.iter().map(|method| method.info().name).collect(),
+pub(super) fn run(args: &MethodsArgs, methods: &Registry) -> Result<(), Failure> {
+    let described: Vec<Description> = match &args.name {
+        Some(name) => vec![describe(methods.by_name(name)?)],
+        None => methods.iter().map(describe).collect(),
     };
-    let described = known.iter().map(|name| describe(name)).collect::<Result<Vec<_>, _>>()?;
     match (args.json, &args.name) {
         (true, _) => print_json(&described)?,
         (false, Some(_)) => print(&described.iter().map(in_full).collect::<String>())?,
@@ -43,14 +42,13 @@ pub(super) fn run(args: &MethodsArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn describe(name: &str) -> Result<Description, Failure> {
-    let method = by_name(name)?;
-    Ok(Description {
+fn describe(method: &'static dyn Method) -> Description {
+    Description {
         info: method.info(),
-        samples_the_lens: method.lens_samples(&MethodParameters::default()).is_some(),
-        runs_on: if method.twin().is_some() { &["cpu", "gpu"] } else { &["cpu"] },
-        parameters: MethodParameters::of(name),
-    })
+        samples_the_lens: method.samples_lens(),
+        runs_on: if method.gpu().is_some() { &["cpu", "gpu"] } else { &["cpu"] },
+        parameters: method.parameters().declarations(),
+    }
 }
 
 fn table(methods: &[Description]) -> String {
@@ -58,7 +56,7 @@ fn table(methods: &[Description]) -> String {
         methods.iter().map(|method| column(&method.info).chars().count()).max().unwrap_or(0)
     };
     let name_width = width(|info| info.name);
-    let role_width = width(|info| info.role);
+    let role_width = width(|info| info.role.name());
     let rows = methods.iter().map(|method| {
         let MethodInfo { name, role, summary, source, .. } = method.info;
         let devices = method.runs_on.join(", ");

@@ -17,11 +17,14 @@ mod presets;
 mod render;
 mod score;
 
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::builder::PossibleValuesParser;
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
+use std::ffi::OsString;
 use std::io;
 use std::process::ExitCode;
 use thinlens::error::Error;
+use thinlens::methods::Registry;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -96,11 +99,18 @@ impl From<io::Error> for Failure {
     }
 }
 
-/// Parses the command line, runs the command and says how it went.
-pub(crate) fn run() -> ExitCode {
-    let outcome = Cli::try_parse().map_err(Failure::Usage).and_then(|cli| {
+/// Runs the program with the command line of this process and the methods of `methods`, and says how it went.
+pub fn run(methods: &Registry) -> ExitCode {
+    run_with(std::env::args_os(), methods)
+}
+
+/// Runs the program with `arguments`, of which the first is its own name, and the methods of `methods`, and says how it went.
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registry) -> ExitCode {
+    let parsed = command(methods).try_get_matches_from(arguments);
+    let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches)).map_err(Failure::Usage);
+    let outcome = parsed.and_then(|cli| {
         let console = Console::new(cli.global.quiet);
-        with_threads(cli.global.threads, || cli.command.run(&console))
+        with_threads(cli.global.threads, || cli.command.run(&console, methods))
     });
     match outcome {
         Ok(()) | Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
@@ -130,21 +140,33 @@ fn with_threads(
 }
 
 impl Command {
-    fn run(self, console: &Console) -> Result<(), Failure> {
+    fn run(self, console: &Console, methods: &Registry) -> Result<(), Failure> {
         match self {
-            Self::Render(args) => render::run(&args, console),
-            Self::Inspect(args) => inspect::run(&args, console),
-            Self::Plan(args) => plan::run(&args, console),
-            Self::Compare(args) => compare::run(&args, console),
+            Self::Render(args) => render::run(&args, console, methods),
+            Self::Inspect(args) => inspect::run(&args, console, methods),
+            Self::Plan(args) => plan::run(&args, console, methods),
+            Self::Compare(args) => compare::run(&args, console, methods),
             Self::Score(args) => score::run(&args),
-            Self::Methods(args) => methods::run(&args),
+            Self::Methods(args) => methods::run(&args, methods),
             Self::Presets(args) => presets::run(&args),
             Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
-            Self::Completions(args) => completions::run(&args),
-            Self::Man(args) => man::run(&args),
+            Self::Completions(args) => completions::run(&args, methods),
+            Self::Man(args) => man::run(&args, methods),
         }
     }
+}
+
+/// The command line, with the names of `methods` where a method is named.
+fn command(methods: &Registry) -> clap::Command {
+    let names: Vec<&str> = std::iter::once("auto").chain(methods.names_where(|_| true)).collect();
+    Cli::command().mut_subcommands(|command| {
+        if command.get_arguments().any(|argument| argument.get_id() == "method") {
+            command.mut_arg("method", |method| method.value_parser(PossibleValuesParser::new(&names)))
+        } else {
+            command
+        }
+    })
 }
 
 /// A usage error about the subcommand called `command`.

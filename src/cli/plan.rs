@@ -9,14 +9,14 @@ use serde::Serialize;
 use serde_json::json;
 use std::fmt::{self, Write};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use thinlens::compare::Contender;
+use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::dial;
 use thinlens::error::Error;
-use thinlens::methods::{self, METHODS};
+use thinlens::methods::{Method, Plan, Registry, Target};
 use thinlens::probes::{MANY_RAYS, Places, Probes, SEED, Verdict, with_guesses};
-use thinlens::render::{Prepared, prepare};
-use thinlens::scene::{EffectKind, Facts, Goal, Plan};
+use thinlens::render::{Job, Prepared, prepare};
+use thinlens::scene::EffectKind;
 use thinlens::settings::{Origin, Settings, Sourced};
 use thinlens::stack::Carry;
 
@@ -63,14 +63,15 @@ struct Row {
     views: Option<usize>,
     /// Whether it is what a render with these flags would do.
     chosen: bool,
+    /// None for a method that does not say its cost.
     #[serde(flatten)]
-    cost: Prediction,
+    cost: Option<Prediction>,
     /// How far it is from the stack's truth; none for a method that cannot be asked for single pixels.
     sampling_error: Option<Verdict>,
 }
 
-pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
-    let mut prepared = prepare(&args.job.job(Carry::None)?)?;
+pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
+    let mut prepared = prepare(&Job { methods: methods.clone(), ..args.job.job(Carry::None)? })?;
     console.findings(&prepared.stack.findings);
     let calibration = match args.uncalibrated {
         true => Calibration::assumed(),
@@ -96,32 +97,31 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
 /// Finds the number of lens samples where the plan has a goal instead, as a render would.
 fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<(), Error> {
     let Prepared { scene, facts, plan, .. } = prepared;
-    let (views, reason) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
+    let (views, reason) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
         None => return Ok(()),
-        Some(Goal::TargetDb { psnr_db, most_views }) => {
-            let outcome = dial::look(scene.clone(), plan, (psnr_db, most_views))?;
+        Some(Target::Error { psnr_db, max_views }) => {
+            let outcome = dial::look(scene.clone(), plan, (psnr_db, max_views))?;
             (outcome.views, outcome.statement)
         }
-        Some(Goal::TimeBudget { seconds }) => {
-            let views = dial::views_for(facts, plan, seconds, calibration);
+        Some(Target::Time { seconds }) => {
+            let views = dial::views_for(facts, plan, seconds, calibration)?;
             (views, format!("as many as are expected to fit into {seconds} s"))
         }
     };
-    *plan = Plan { views: Some(views), goal: None, views_reason: reason, ..plan.clone() };
+    *plan = Plan { views_reason: reason, ..plan.with_views(views) };
     Ok(())
 }
 
 /// The settings asked for, and the steps of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
-    let Prepared { settings, scene, facts, plan, .. } = prepared;
+    let Prepared { scene, facts, plan, .. } = prepared;
     let filled = with_guesses(scene, plan);
     let probes =
         plan.does(EffectKind::Blur).then(|| Probes::new(Places::new(&filled, plan, PROBES, SEED), MANY_RAYS));
-    let of_every = METHODS.iter().map(|method| method.info().name);
-    let methods = of_every.filter(|name| all_methods || *name == plan.method);
+    let chosen = prepared.methods.iter().filter(|method| all_methods || *method == plan.method);
     let mut rows = Vec::new();
-    for method in methods {
-        let mut of_method = steps(method, settings, facts)?;
+    for method in chosen {
+        let mut of_method = steps(method, prepared)?;
         if method == plan.method && !of_method.iter().any(|(_, step)| is_same(step, plan)) {
             of_method.insert(0, (asked_for(plan), plan.clone()));
         }
@@ -129,7 +129,7 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
             let foreseen = probes.as_ref().map(|probes| probes.foresee(scene, &step)).transpose()?;
             rows.push(Row {
                 name,
-                method: step.method,
+                method: step.method.name(),
                 views: step.views,
                 chosen: is_same(&step, plan),
                 cost: predict(facts, &step, calibration),
@@ -141,24 +141,25 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
 }
 
 /// The steps of `method`, each with its plan.
-fn steps(method: &str, settings: &Settings, facts: &Facts) -> Result<Vec<(String, Plan)>, Error> {
-    // A step says its own number of views; the one asked for is another method's, or no step.
+fn steps(method: &'static dyn Method, prepared: &Prepared) -> Result<Vec<(String, Plan)>, Error> {
+    let Prepared { settings, facts, methods, .. } = prepared;
+    // A step says its own number of views; the requested one is another method's, or no step.
     let effort = Sourced { value: None, origin: Origin::Default };
     let settings = Settings { effort, ..settings.clone() };
-    let plan = |step: &Contender| methods::plan(facts, &step.settings(&settings)?);
-    Contender::steps_of(method)?.iter().map(|step| Ok((step.to_string(), plan(step)?))).collect()
+    let plan = |step: &Candidate| methods.plan(facts, &step.settings(&settings)?);
+    Candidate::steps_of(method)?.iter().map(|step| Ok((step.to_string(), plan(step)?))).collect()
 }
 
 /// Whether two plans have the same work done.
 fn is_same(a: &Plan, b: &Plan) -> bool {
-    a.method == b.method && a.views == b.views && a.parameters.table(a.method) == b.parameters.table(b.method)
+    a.method == b.method && a.views == b.views && a.parameters == b.parameters
 }
 
 /// The name of settings that are no step.
 fn asked_for(plan: &Plan) -> String {
     match plan.views {
         Some(views) => format!("{}:{views}", plan.method),
-        None => plan.method.to_owned(),
+        None => plan.method.to_string(),
     }
 }
 
@@ -172,7 +173,11 @@ fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Resu
     for Row { name, chosen, cost, sampling_error, .. } in rows {
         let star = if *chosen { '*' } else { ' ' };
         let error = sampling_error.map_or_else(|| "-".to_owned(), |error| error.in_short());
-        writeln!(text, "{star} {name:<42}{:>9.3}{:>9.3}  {error}", cost.cpu_seconds, cost.seconds)?;
+        let [cpu, wall] = match cost {
+            Some(cost) => [cost.cpu_seconds, cost.seconds].map(|seconds| format!("{seconds:.3}")),
+            None => ["?", "?"].map(str::to_owned),
+        };
+        writeln!(text, "{star} {name:<42}{cpu:>9}{wall:>9}  {error}")?;
     }
     writeln!(text, "* as asked for")?;
     if rows.iter().any(|row| row.sampling_error.is_none()) {

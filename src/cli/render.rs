@@ -9,6 +9,7 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::image::{Image, Plane};
+use thinlens::methods::Registry;
 use thinlens::output::exr::{Codec, ExrOptions};
 use thinlens::output::report::{Confidence, Report};
 use thinlens::output::usage::Stage;
@@ -108,11 +109,12 @@ enum Target {
     Stdout,
 }
 
-pub(super) fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
+pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
     let target = args.output.check(args.job.input.files())?;
     let verify = args.verify.map(|pixels| pixels as usize);
     let confidence = args.output.confidence.is_some();
-    let job = Job { verify, confidence, ..args.job.job(args.output.carry())? };
+    let methods = methods.clone();
+    let job = Job { verify, confidence, methods, ..args.job.job(args.output.carry())? };
 
     let prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);

@@ -2,7 +2,7 @@
 
 use super::gallery::Gallery;
 use super::html::{Assets, page};
-use super::{Contender, Results, csv};
+use super::{Candidate, Results, csv};
 use crate::error::Error;
 use crate::output::{atomic, png, report};
 use std::path::Path;
@@ -13,9 +13,9 @@ pub const FILES: [&str; 3] = ["results.json", "results.csv", REPORT];
 /// The page that shows everything.
 pub const REPORT: &str = "report.html";
 
-/// Names of the picture and of the error map of `contender`.
-pub fn files(contender: &Contender) -> [String; 2] {
-    let name = contender.file_stem();
+/// Names of the picture and of the error map of `candidate`.
+pub fn files(candidate: &Candidate) -> [String; 2] {
+    let name = candidate.file_stem();
     [format!("{name}.png"), format!("{name}-flip.png")]
 }
 

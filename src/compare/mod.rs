@@ -3,10 +3,10 @@
 //! Two errors, never mixed: the *sampling error*, against what the stack itself says ([`crate::probes`]), which is always
 //! known, and the *model error*, against a true render, where there is one.
 //!
-//! [`Comparison::run`] measures one contender; [`Results`] is all that was found, with a file for each format that it is
+//! [`Comparison::run`] measures one candidate; [`Results`] is all that was found, with a file for each format that it is
 //! written in. The pictures stay in a [`Gallery`] until [`folder::write`] has looked at them.
 
-mod contender;
+mod candidate;
 mod crops;
 mod csv;
 pub mod folder;
@@ -16,7 +16,7 @@ mod picture;
 pub mod shell;
 mod table;
 
-pub use contender::Contender;
+pub use candidate::Candidate;
 pub use csv::csv;
 pub use gallery::Gallery;
 pub use picture::Picture;
@@ -27,13 +27,13 @@ use crate::error::Error;
 use crate::finish::finish;
 use crate::image::Image;
 use crate::methods;
+use crate::methods::Plan;
 use crate::metrics::{Pair, Score};
 use crate::output::machine::Machine;
 use crate::output::report::{LensReport, Report, StackReport};
 use crate::output::usage::Stopwatch;
 use crate::probes::{Probes, Verdict};
 use crate::render::Prepared;
-use crate::scene::Plan;
 use serde::{Deserialize, Serialize};
 
 /// A whole comparison: what `results.json` holds. Other people's scripts read it, so keys are only ever added.
@@ -55,13 +55,13 @@ pub struct Results {
     pub warnings: Vec<String>,
     /// What it ran on.
     pub machine: Machine,
-    /// How often each contender ran.
+    /// How often each candidate ran.
     pub repeats: usize,
     /// Pixels at which the sampling error was to be measured.
     pub probes: usize,
     /// Reading and planning, which all entries share.
     pub prepared: Cost,
-    /// What became of each contender.
+    /// What became of each candidate.
     pub entries: Vec<Entry>,
     /// What error maps and crops were measured against; `null` where no pictures were kept.
     pub yardstick: Option<Yardstick>,
@@ -78,10 +78,10 @@ pub struct Cost {
     pub seconds: f64,
 }
 
-/// What became of one contender.
+/// What became of one candidate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// The contender as the command line writes it.
+    /// The candidate as the command line writes it.
     pub name: String,
     /// Name of the method.
     pub method: String,
@@ -150,7 +150,7 @@ pub struct Comparison<'a> {
     pub prepared: &'a Prepared,
     /// The true render, if there is one.
     pub reference: Option<&'a Image>,
-    /// How often each contender runs, at least once.
+    /// How often each candidate runs, at least once.
     pub repeats: usize,
     /// The stack's truth at some pixels.
     pub probes: &'a Probes,
@@ -161,22 +161,22 @@ pub struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// What `contender` is to do.
+    /// What `candidate` is to do.
     ///
     /// # Errors
     /// Those of its settings and of the plan, such as an effect asked for that it has no step for.
-    pub fn plan(&self, contender: &Contender) -> Result<Plan, Error> {
-        let Prepared { facts, settings, .. } = self.prepared;
-        methods::plan(facts, &contender.settings(settings)?)
+    pub fn plan(&self, candidate: &Candidate) -> Result<Plan, Error> {
+        let Prepared { facts, settings, methods, .. } = self.prepared;
+        methods.plan(facts, &candidate.settings(settings)?)
     }
 
-    /// Runs `contender` and measures it; gives its picture too.
+    /// Runs `candidate` and measures it; gives its picture too.
     ///
     /// # Errors
     /// Those of the plan and of the method, and a reference of another size.
-    pub fn run(&self, contender: &Contender) -> Result<(Entry, Image), Error> {
+    pub fn run(&self, candidate: &Candidate) -> Result<(Entry, Image), Error> {
         let Prepared { scene, facts, .. } = self.prepared;
-        let plan = self.plan(contender)?;
+        let plan = self.plan(candidate)?;
         let mut runs = Vec::with_capacity(self.repeats);
         let mut picture = None;
         for _ in 0..self.repeats.max(1) {
@@ -194,25 +194,25 @@ impl Comparison<'_> {
             seconds: median(runs.iter().map(|run| run.seconds)),
         };
         let entry = Entry {
-            name: contender.to_string(),
-            method: plan.method.to_owned(),
+            name: candidate.to_string(),
+            method: plan.method.name().to_owned(),
             views: plan.views,
             cpu_seconds: blur.cpu_seconds,
             seconds: blur.seconds,
             runs,
             whole: blur.and(self.prepared_cost()),
-            predicted: self.calibration.map(|calibration| cost::predict(facts, &plan, calibration)),
+            predicted: self.calibration.and_then(|calibration| cost::predict(facts, &plan, calibration)),
             sampling,
             model: model.map(|pair| pair.score()),
             on_front: false,
-            command: self.command(contender),
+            command: self.command(candidate),
             picture: None,
             map: None,
         };
         Ok((entry, image))
     }
 
-    /// Results without any entry: what is known before the first contender runs. `command` is the command line of the
+    /// Results without any entry: what is known before the first candidate runs. `command` is the command line of the
     /// comparison, `input` and `reference` the files read.
     pub fn results(&self, command: String, input: Vec<String>, reference: Option<String>) -> Results {
         let Prepared { summary, settings, lens, stack, .. } = self.prepared;
@@ -240,11 +240,11 @@ impl Comparison<'_> {
         Cost { cpu_seconds: cpu.read + cpu.plan, seconds: wall.read + wall.plan }
     }
 
-    /// The command line that renders the picture of `contender`.
-    fn command(&self, contender: &Contender) -> String {
-        let output = format!("{}.exr", contender.file_stem());
+    /// The command line that renders the picture of `candidate`.
+    fn command(&self, candidate: &Candidate) -> String {
+        let output = format!("{}.exr", candidate.file_stem());
         let words = ["thinlens", "render"].map(str::to_owned).into_iter().chain(self.words.iter().cloned());
-        shell::line(words.chain(contender.flags()).chain(["-o".to_owned(), output]))
+        shell::line(words.chain(candidate.flags()).chain(["-o".to_owned(), output]))
     }
 }
 
@@ -278,7 +278,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
     use crate::lens::{LensSpec, ThinLens};
-    use crate::settings::{DepthConvention, MethodParameters, SensorDistance, Settings};
+    use crate::settings::{DepthConvention, ParameterValues, SensorDistance, Settings};
     use crate::stack::{Precision, StackKind};
 
     /// An entry of `shear` that took `cpu_seconds` and came this near to the truth.
@@ -332,7 +332,7 @@ mod tests {
                 convention: DepthConvention::Planar,
                 precision: Precision::Half,
             },
-            lens: LensReport::new(&Settings::resolve(&[], MethodParameters::default()), &lens),
+            lens: LensReport::new(&Settings::resolve(&[], ParameterValues::default()), &lens),
             warnings: Vec::new(),
             machine: Machine::this(),
             repeats: 1,

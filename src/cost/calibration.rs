@@ -5,20 +5,24 @@
 //! machine's name. A file that cannot be read, is of another machine, version or table of costs, or cannot be written, costs a calibration, not
 //! the command.
 
-use super::table;
-use super::table::{KINDS, Kind, MADE_SECONDS};
 use crate::error::Error;
 use crate::image::Plane;
-use crate::methods;
+use crate::methods::{self, Registry, WorkKind};
 use crate::output::machine::Machine;
 use crate::output::usage::Stopwatch;
 use crate::scene::{Layer, Scene};
-use crate::settings::{Effort, MethodParameters, Origin, Settings, Values};
+use crate::settings::{Effort, Origin, ParameterValues, Settings, Values};
 use crate::stack::StackKind;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
+
+/// How many kinds of work there are.
+const KIND_COUNT: usize = WorkKind::ALL.len();
+
+/// Processor seconds of a calibration's runs on the machine that the terms of costs were measured on.
+const MADE_SECONDS: [f64; KIND_COUNT] = [0.0318, 0.0190, 0.0140];
 
 /// The environment variable that names the folder of calibrations.
 pub const CACHE_VARIABLE: &str = "THINLENS_CACHE_DIR";
@@ -52,9 +56,9 @@ pub struct Calibration {
     /// When it was measured, in seconds since 1970; `None`: not at all.
     pub measured_at: Option<u64>,
     /// In the order of [`Kind`].
-    pub factors: [Factor; KINDS.len()],
+    pub factors: [Factor; KIND_COUNT],
     /// Processor seconds of the table's machine that the factors are over: another table's factors tell nothing.
-    pub over_seconds: [f64; KINDS.len()],
+    pub over_seconds: [f64; KIND_COUNT],
 }
 
 /// What became of the calibration's file; for the user.
@@ -66,7 +70,7 @@ impl Calibration {
     pub fn assumed() -> Self {
         let machine = Machine::this();
         let factor = Factor { cpu: 1.0, speed_up: machine.threads as f64 };
-        Self { machine, measured_at: None, factors: [factor; KINDS.len()], over_seconds: MADE_SECONDS }
+        Self { machine, measured_at: None, factors: [factor; KIND_COUNT], over_seconds: MADE_SECONDS }
     }
 
     /// Measures this machine, in less than a second.
@@ -115,7 +119,7 @@ impl Calibration {
     }
 
     /// How the machine does work of `kind`.
-    pub fn of(&self, kind: Kind) -> Factor {
+    pub fn of(&self, kind: WorkKind) -> Factor {
         self.factors[kind as usize]
     }
 
@@ -181,17 +185,17 @@ fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Opt
 ///
 /// # Errors
 /// Those of the methods, which on the CPU have none.
-pub fn timed() -> Result<[(Kind, f64, f64); KINDS.len()], Error> {
+pub fn timed() -> Result<[(WorkKind, f64, f64); KIND_COUNT], Error> {
     let scene = made(SIZE);
     let facts = scene.facts();
     let threads = rayon::current_num_threads() as f64;
-    let mut best = KINDS.map(|kind| (kind, f64::INFINITY, 1.0_f64));
+    let mut best = WorkKind::ALL.map(|kind| (kind, f64::INFINITY, 1.0_f64));
     let whole = Stopwatch::start();
     let mut runs = 0;
     while runs < FEWEST_RUNS || whole.seconds() < ENOUGH_SECONDS {
         runs += 1;
         for (kind, seconds, speed_up) in &mut best {
-            let plan = methods::plan(&facts, &settings(*kind))?;
+            let plan = Registry::default().plan(&facts, &settings(*kind))?;
             let scene = scene.clone();
             let watch = Stopwatch::start();
             methods::render(scene, &plan, &|_| {})?;
@@ -208,12 +212,21 @@ pub fn timed() -> Result<[(Kind, f64, f64); KINDS.len()], Error> {
     Ok(best)
 }
 
+/// The method that stands for a kind of work in a calibration, and its views.
+fn calibrated_by(kind: WorkKind) -> (&'static str, Option<usize>) {
+    match kind {
+        WorkKind::Rows => ("shear", Some(16)),
+        WorkKind::Rays => ("accumulate", Some(2)),
+        WorkKind::Planes => ("opaque-blur", None),
+    }
+}
+
 /// What a calibration of `kind` runs.
-fn settings(kind: Kind) -> Settings {
-    let (method, views) = table::calibrated_by(kind);
+fn settings(kind: WorkKind) -> Settings {
+    let (method, views) = calibrated_by(kind);
     let values =
         Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
-    Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default())
+    Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default())
 }
 
 /// Two layers: upright bars before focus over a floor that slants from behind focus to before it, and the floor again.
@@ -245,7 +258,7 @@ mod tests {
         let factor = Factor { cpu: 1.5, speed_up: 1.25 };
         Calibration {
             measured_at: Some(1_700_000_000),
-            factors: [factor; KINDS.len()],
+            factors: [factor; KIND_COUNT],
             ..Calibration::assumed()
         }
     }
@@ -267,8 +280,8 @@ mod tests {
         let elsewhere =
             Calibration { machine: Machine { cpu: "another".to_owned(), ..Machine::this() }, ..invented() };
         let still = Factor { cpu: 0.0, speed_up: 1.0 };
-        let cannot_be = Calibration { factors: [still; KINDS.len()], ..invented() };
-        let other_table = Calibration { over_seconds: [1.0; KINDS.len()], ..invented() };
+        let cannot_be = Calibration { factors: [still; KIND_COUNT], ..invented() };
+        let other_table = Calibration { over_seconds: [1.0; KIND_COUNT], ..invented() };
         let json = |value: &Calibration| serde_json::to_string(value).unwrap();
         for (text, why) in [
             ("{ not JSON".to_owned(), "is no calibration"),

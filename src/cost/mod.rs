@@ -1,27 +1,22 @@
 //! COST: how long a blur will take, before it is done.
 //!
-//! A method's processor time is a sum of a few terms, `Σ_k a_k · work_k`: an amount of work that follows from the scene's
-//! [`Facts`] and the [`Plan`] alone ([`work()`]), times what one unit of it takes on the machine where the table was made
-//! ([`mod@table`]; not negative, fitted by `examples/cost_model.rs`, which also says how well the fit does on scenes that it has not
-//! seen). This machine is faster or slower by a factor for each kind of work, and shares the work among its threads:
-//! [`Calibration`], from a self-timing of less than a second, kept in a file.
+//! A method's processor time is a sum of a few terms, `Σ_k a_k · work_k` ([`Method::cost`](crate::methods::Method::cost), in the method's own folder): an amount of
+//! work that follows from the scene's statistics and the plan alone, times what one unit of it takes on the machine where the terms were
+//! measured (fitted by `examples/cost_model.rs`, which also says how well the fit does on scenes that it has not seen). Another machine
+//! is faster or slower by a factor for each kind of work, and shares the work among its threads: [`Calibration`], from a self-timing of
+//! less than a second, kept in a file.
 //!
 //! Prediction costs about a millisecond: what lies within reach of what is judged in blocks of the picture.
 //!
-//! Limits: the blur alone, without reading, looking and writing; an idle machine; memory that does not run out. What the facts do
-//! not tell (how often things hide one another, how the hidden layers hang together) is taken to be as in the scenes of the
-//! fit.
+//! Limits: the blur alone, without reading, analysis and writing; an idle machine; memory that does not run out. What the statistics do
+//! not tell (how often things hide one another, how the hidden layers hang together) is taken to be as in the scenes of the fit.
 
 mod calibration;
-mod shape;
-mod table;
-mod work;
 
 pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
-pub use table::Kind;
-pub use work::work;
 
-use crate::scene::{Facts, Plan};
+use crate::methods::{Cost, Plan, WorkKind, term};
+use crate::scene::{EffectKind, Facts, Workload};
 
 /// What a blur is expected to take.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -32,24 +27,35 @@ pub struct Prediction {
     pub seconds: f64,
 }
 
-/// What carrying out `plan` on a scene that shows `facts` will take on the machine of `calibration`: the blur alone,
-/// [`crate::methods::render`].
-pub fn predict(facts: &Facts, plan: &Plan, calibration: &Calibration) -> Prediction {
-    let cost = table::cost_of(plan);
-    let amounts = work(facts, plan);
-    let terms = cost.terms.iter().zip(&amounts).map(|(term, (_, amount))| term.nanoseconds * amount);
+/// The terms of carrying out `plan` on a scene with the statistics `facts`; `None` for a method that does not say its cost.
+pub fn terms(facts: &Facts, plan: &Plan) -> Option<Cost> {
+    let workload = Workload { facts, rays: plan.views.unwrap_or(0) * plan.optics.ray_sets() };
+    if plan.does(EffectKind::Blur) { plan.method.cost(plan, &workload) } else { Some(pinhole(&workload)) }
+}
+
+/// What a picture without a lens costs.
+fn pinhole(workload: &Workload<'_>) -> Cost {
+    let samples = workload.pixels() * workload.supersample().powi(2);
+    Cost::new(WorkKind::Planes, [term("samples of the picture", 20.795, samples)])
+}
+
+/// What carrying out `plan` on a scene with the statistics `facts` will take on the machine of `calibration`: the blur alone,
+/// [`crate::methods::render`]. `None` for a method that does not say its cost.
+pub fn predict(facts: &Facts, plan: &Plan, calibration: &Calibration) -> Option<Prediction> {
+    let cost = terms(facts, plan)?;
     let Factor { cpu, speed_up } = calibration.of(cost.kind);
-    let cpu_seconds = terms.sum::<f64>() * 1e-9 * cpu;
-    Prediction { cpu_seconds, seconds: cpu_seconds / speed_up }
+    let cpu_seconds = cost.cpu_seconds() * cpu;
+    Some(Prediction { cpu_seconds, seconds: cpu_seconds / speed_up })
 }
 
 /// The most lens samples a pixel with which `plan` is expected to take no more than `seconds` on the wall, 0 where not even
-/// one fits; `None` for a method that does not sample the lens.
+/// one fits; `None` for a method that does not sample the lens, or does not say its cost.
 pub fn views_within(facts: &Facts, plan: &Plan, calibration: &Calibration, seconds: f64) -> Option<usize> {
     plan.views?;
+    predict(facts, plan, calibration)?;
     let fits = |views: usize| {
         let plan = Plan { views: Some(views), ..plan.clone() };
-        predict(facts, &plan, calibration).seconds <= seconds
+        predict(facts, &plan, calibration).is_some_and(|cost| cost.seconds <= seconds)
     };
     // Time grows with the views, so the largest that fits is found by halving.
     let (mut least, mut too_many) = (0, Plan::MAX_VIEWS + 1);
@@ -64,15 +70,15 @@ pub fn views_within(facts: &Facts, plan: &Plan, calibration: &Calibration, secon
 mod tests {
     use super::*;
     use crate::image::Plane;
-    use crate::methods::{self, METHODS};
-    use crate::scene::{EffectKind, Layer, Scene};
-    use crate::settings::{Effort, MethodParameters, Origin, Settings, Values};
+    use crate::methods::{METHODS, Registry};
+    use crate::scene::{Layer, Scene};
+    use crate::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
     fn plan(facts: &Facts, method: &str, views: Option<usize>) -> Plan {
         let values =
             Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-        methods::plan(facts, &settings).unwrap()
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        Registry::default().plan(facts, &settings).unwrap()
     }
 
     /// A plan of every method, blur or not.
@@ -81,7 +87,7 @@ mod tests {
     }
 
     fn cpu_seconds(facts: &Facts, plan: &Plan) -> f64 {
-        predict(facts, plan, &Calibration::assumed()).cpu_seconds
+        predict(facts, plan, &Calibration::assumed()).unwrap().cpu_seconds
     }
 
     /// `scene` twice, one above the other.
@@ -97,16 +103,19 @@ mod tests {
     }
 
     #[test]
-    fn every_method_has_its_costs_and_an_amount_for_each_term() {
-        let facts = calibration::made((96, 64)).facts();
-        for plan in plans(&facts) {
-            let cost = table::cost_of(&plan);
-            assert_eq!(cost.method, plan.method);
-            let shape = shape::Shape { facts: &facts, plan: &plan };
-            assert_eq!((cost.work)(&shape).len(), cost.terms.len(), "{}", plan.method);
-            assert!(cost.terms.iter().all(|term| term.nanoseconds >= 0.0), "{}", plan.method);
+    fn every_method_says_its_cost_in_the_same_terms_for_every_scene() {
+        let names = |facts: &Facts, plan: &Plan| -> Vec<&str> {
+            terms(facts, plan).unwrap().terms.iter().map(|term| term.name).collect()
+        };
+        let [facts, other] = [(96, 64), (64, 48)].map(|size| calibration::made(size).facts());
+        for (plan, elsewhere) in plans(&facts).zip(plans(&other)) {
+            assert!(
+                terms(&facts, &plan).unwrap().terms.iter().all(|term| term.nanoseconds >= 0.0),
+                "{}",
+                plan.method
+            );
+            assert_eq!(names(&facts, &plan), names(&other, &elsewhere), "{}", plan.method);
         }
-        assert_eq!(table::COSTS.len(), METHODS.len() + 1, "the methods, and the pinhole");
     }
 
     #[test]
@@ -117,7 +126,8 @@ mod tests {
         for facts in [scene.facts(), nothing.facts()] {
             let pinhole = plan(&facts, "auto", None).forced(EffectKind::Blur, false);
             for plan in plans(&facts).chain([pinhole]) {
-                let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &Calibration::assumed());
+                let Prediction { cpu_seconds, seconds } =
+                    predict(&facts, &plan, &Calibration::assumed()).unwrap();
                 let can_be = |value: f64| value.is_finite() && value > 0.0;
                 assert!(can_be(cpu_seconds) && can_be(seconds), "{}: {cpu_seconds}", plan.method);
             }
@@ -175,9 +185,9 @@ mod tests {
         let facts = calibration::made((64, 48)).facts();
         let plan = plan(&facts, "shear", None);
         let mut calibration = Calibration::assumed();
-        let as_made = predict(&facts, &plan, &calibration).cpu_seconds;
-        calibration.factors[Kind::Rows as usize] = Factor { cpu: 3.0, speed_up: 1.5 };
-        let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &calibration);
+        let as_made = predict(&facts, &plan, &calibration).unwrap().cpu_seconds;
+        calibration.factors[WorkKind::Rows as usize] = Factor { cpu: 3.0, speed_up: 1.5 };
+        let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &calibration).unwrap();
         assert!((cpu_seconds / as_made - 3.0).abs() < 1e-9, "{cpu_seconds}");
         assert!((seconds / cpu_seconds - 1.0 / 1.5).abs() < 1e-9, "{seconds}");
     }
@@ -188,8 +198,7 @@ mod tests {
         let calibration = Calibration::assumed();
         for method in ["shear", "accumulate", "layer-rays", "peel-rays"] {
             let plan = plan(&facts, method, None);
-            let seconds =
-                |views| predict(&facts, &Plan { views: Some(views), ..plan.clone() }, &calibration).seconds;
+            let seconds = |views| predict(&facts, &plan.with_views(views), &calibration).unwrap().seconds;
             for budget in [0.3, 2.0] {
                 let views = views_within(&facts, &plan, &calibration, budget).unwrap();
                 assert!(views > 0 && seconds(views) <= budget, "{method}: {views}");

@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn micrometres_at_the_sensor_are_pixels_of_the_picture() {
-        use crate::settings::{MethodParameters, Origin, Values};
+        use crate::settings::{Origin, ParameterValues, Values};
         let values = Values {
             focal_length_mm: Some(50.0),
             f_number: Some(2.0),
@@ -282,7 +282,7 @@ mod tests {
             lateral_color_um: Some([30.0, -10.0]),
             ..Values::default()
         };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         // 100 px a millimetre.
         let field = Field { focal_length_px: 5000.0, ..Field::of_picture(3600, 2400) };
         let optics = Optics::new(&settings, &field).unwrap();

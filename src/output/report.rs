@@ -6,7 +6,8 @@ use super::usage::Seconds;
 use crate::error::Error;
 use crate::image::Plane;
 use crate::lens::ThinLens;
-use crate::scene::{Effect, Plan};
+use crate::methods::Plan;
+use crate::scene::Effect;
 use crate::settings::{DepthConvention, LensSettings, PictureSettings, Settings};
 use crate::stack::{Finding, Precision, Stack, StackKind};
 use serde::Serialize;
@@ -146,7 +147,7 @@ impl From<&Plan> for PlanReport {
         Self {
             method_reason: plan.method_reason.clone(),
             effects: plan.effects.clone(),
-            parameters: plan.parameters.table(plan.method),
+            parameters: plan.parameters.table(),
         }
     }
 }

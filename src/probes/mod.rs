@@ -33,9 +33,10 @@ pub use peels::{LOST_RAYS_SHARE, PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::Rays;
-use crate::methods::{self, Volume};
+use crate::methods::Plan;
+use crate::methods::Volume;
 use crate::metrics::displayed;
-use crate::scene::{EffectKind, Layer, Plan, Scene};
+use crate::scene::{EffectKind, Layer, Scene};
 use fastrand::Rng;
 use glam::Vec2;
 use rayon::prelude::*;
@@ -191,7 +192,9 @@ impl Probes {
     /// # Errors
     /// An unknown method.
     pub fn foresee(&self, scene: &Scene, plan: &Plan) -> Result<Option<Verdict>, Error> {
-        let Some(sampling) = methods::by_name(plan.method)?.lens_sampling() else { return Ok(None) };
+        let Some(sampling) = plan.method.lens_sampling() else {
+            return Ok(None);
+        };
         let values = sampling.begin(scene.clone(), plan).pixels(plan.lens_samples(), &self.pixels());
         Ok(Some(self.judge(&values)))
     }

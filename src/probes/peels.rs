@@ -12,8 +12,9 @@
 
 use super::{Look, Places, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
+use crate::methods::Plan;
 use crate::methods::Volume;
-use crate::scene::{EffectKind, Plan, Scene};
+use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;
 
@@ -124,7 +125,7 @@ mod tests {
     use crate::methods;
     use crate::metrics::displayed;
     use crate::scene::Layer;
-    use crate::settings::{MethodParameters, Settings};
+    use crate::settings::{ParameterValues, Settings};
     use crate::stack::StackKind;
 
     const WIDTH: usize = 96;
@@ -145,8 +146,8 @@ mod tests {
             }
         };
         let scene = Scene::new(layers.iter().map(layer).collect(), StackKind::PointSampled, 1, 20.0);
-        let settings = Settings::resolve(&[], MethodParameters::default());
-        let plan = methods::plan(&scene.facts(), &settings).unwrap();
+        let settings = Settings::resolve(&[], ParameterValues::default());
+        let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
         super::peels_seen(&scene, &plan)
     }
 

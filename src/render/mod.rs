@@ -13,12 +13,13 @@ use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
-use crate::methods::{self, Progress};
+use crate::methods::{self, Progress, Registry};
+use crate::methods::{Plan, Target};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
-use crate::scene::{self, Facts, Focused, FrameNumber, Goal, Plan, Scene};
+use crate::scene::{self, Facts, Focused, FrameNumber, Scene};
 use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
@@ -44,6 +45,8 @@ pub struct Job {
     pub frame: Option<i64>,
     /// How to read them; what the preset or the flags say about depth is added to it.
     pub read_options: ReadOptions,
+    /// The methods to choose from.
+    pub methods: Registry,
     /// The preset, if any.
     pub preset: Option<NamedPreset>,
     /// Values that outrank the preset.
@@ -69,6 +72,8 @@ pub struct Prepared {
     pub summary: StackReport,
     /// Every value with its origin.
     pub settings: Settings,
+    /// The methods that the job chose from.
+    pub methods: Registry,
     /// The lens in picture pixels.
     pub lens: ThinLens,
     /// Between which depths it is sharp.
@@ -130,7 +135,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
     check_methods(job)?;
     let demanded = gpu::demanded(job.device)?;
-    scene::asked_for(&job.switches)?;
+    methods::requested(&job.switches)?;
     let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
@@ -139,7 +144,8 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
         // What was kept to find the focus by has served.
         stack.mattes = Vec::new();
     }
-    let (scene, facts, plan) = clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens))?;
+    let (scene, facts, plan) =
+        clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens, &job.methods))?;
     if job.confidence {
         confidence::check(&plan)?;
     }
@@ -149,6 +155,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
         stack,
         summary,
         settings,
+        methods: job.methods.clone(),
         lens,
         sharpness,
         scene,
@@ -238,7 +245,7 @@ impl Rendered {
             version: env!("CARGO_PKG_VERSION"),
             input,
             output,
-            method: self.plan.method,
+            method: self.plan.method.name(),
             device: output::report::Device {
                 kind: self.device.kind.name(),
                 name: self.device.name.clone(),
@@ -281,7 +288,12 @@ fn lens(
 }
 
 /// From stack to plan; the stack's peels move into the scene.
-fn decide(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<(Scene, Facts, Plan), Error> {
+fn decide(
+    stack: &mut Stack,
+    settings: &Settings,
+    lens: &ThinLens,
+    methods: &Registry,
+) -> Result<(Scene, Facts, Plan), Error> {
     let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
     if scene.limited_fragments > 0 {
         let (width, height) = scene.picture_size();
@@ -296,7 +308,7 @@ fn decide(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<(Sc
     }
     let astray_px = Optics::new(settings, &scene.field)?.astray_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
-    methods::settle(scene, settings)
+    methods.prepare(scene, settings)
 }
 
 /// `scene` with what `border` says around it, and a finding of that.
@@ -326,7 +338,7 @@ fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Fin
 
 /// How fast this machine is, if `plan` needs to know: measured at the first time, outside of any stage.
 fn calibration(plan: &Plan, stack: &mut Stack) -> Result<Calibration, Error> {
-    if !matches!(plan.goal, Some(Goal::TimeBudget { .. })) {
+    if !matches!(plan.target, Some(Target::Time { .. })) {
         return Ok(Calibration::assumed());
     }
     let (calibration, remarks) = Calibration::of_this_machine(cost::cache_folder().as_deref(), false)?;
@@ -344,8 +356,10 @@ fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
     let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
     let mut settings = Settings { switches: job.switches.clone(), ..Settings::resolve(&layers, parameters) };
-    let method = methods::chosen(&settings)?.info().name;
-    job.parameters.iter().try_for_each(|setting| settings.parameters.set(method, setting))?;
+    let method = job.methods.chosen(&settings)?;
+    for setting in &job.parameters {
+        settings.parameters.push(method.parameters().parse(method.name(), setting)?);
+    }
     settings.mask = settings.lens.aperture_image.value.as_deref().map(mask).transpose()?.map(Arc::new);
     Ok(settings)
 }
@@ -384,7 +398,8 @@ fn frame_number(job: &Job) -> Option<FrameNumber> {
 fn check_methods(job: &Job) -> Result<(), Error> {
     user_layers(job)
         .filter_map(|(_, values)| values.method.as_deref())
-        .try_for_each(|name| methods::by_name(name).map(drop))
+        .try_for_each(|name| job.methods.by_name(name).map(drop))?;
+    job.preset.iter().try_for_each(|named| job.methods.check(&named.preset.parameters))
 }
 
 /// Everything that turns the stack's depth into planar depth.

@@ -6,7 +6,8 @@ use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice, Gpu};
 use crate::image::Image;
 use crate::methods::{self, METHODS, Progress};
-use crate::scene::{EffectKind, Facts, Goal, Plan, Scene};
+use crate::methods::{Plan, Target};
+use crate::scene::{EffectKind, Facts, Scene};
 
 /// A picture by a plan.
 #[derive(Debug)]
@@ -25,9 +26,9 @@ pub(super) fn on_gpu(
     plan: &Plan,
     progress: &Progress<'_>,
 ) -> Result<Painted, Error> {
-    let outcome = match plan.goal {
-        Some(Goal::TargetDb { psnr_db, most_views }) => {
-            Some(dial::look(scene.clone(), plan, (psnr_db, most_views))?)
+    let outcome = match plan.target {
+        Some(Target::Error { psnr_db, max_views }) => {
+            Some(dial::look(scene.clone(), plan, (psnr_db, max_views))?)
         }
         _ => None,
     };
@@ -43,13 +44,11 @@ pub(super) fn on_cpu(
     calibration: &Calibration,
     progress: &Progress<'_>,
 ) -> Result<Painted, Error> {
-    let (image, outcome) = match plan.goal.filter(|_| plan.does(EffectKind::Blur)) {
-        Some(Goal::TargetDb { psnr_db, most_views }) => {
-            dial::reach(scene, plan, (psnr_db, most_views), progress)?
+    let (image, outcome) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
+        Some(Target::Error { psnr_db, max_views }) => {
+            dial::reach(scene, plan, (psnr_db, max_views), progress)?
         }
-        Some(Goal::TimeBudget { seconds }) => {
-            dial::fit(scene, (facts, plan), seconds, calibration, progress)?
-        }
+        Some(Target::Time { seconds }) => dial::fit(scene, (facts, plan), seconds, calibration, progress)?,
         None => {
             let image = methods::render(scene, plan, progress)?;
             return Ok(Painted { image, outcome: None, fault: None });
@@ -67,9 +66,9 @@ pub(super) fn device(
     if !plan.does(EffectKind::Blur) {
         return Ok((Device::cpu("there is nothing to blur"), None));
     }
-    let hindrance = methods::bound_to_cpu(plan);
+    let hindrance = methods::cpu_only_reason(plan);
     if let (DeviceChoice::Gpu, Some(hindrance)) = (choice, &hindrance) {
-        let able = METHODS.iter().filter(|method| method.twin().is_some());
+        let able = METHODS.iter().filter(|method| method.gpu().is_some());
         let able: Vec<&str> = able.map(|method| method.info().name).collect();
         return Err(Error::unsupported(hindrance.clone())
             .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));

@@ -15,7 +15,7 @@
 //! white wall gains as a lamp does.
 
 use super::facts::{LightStep, light_step_ends};
-use super::{EffectKind, Layer, Plan, Scene};
+use super::{Layer, Scene};
 use crate::error::Error;
 use crate::image::{srgb_decode, srgb_encode};
 use crate::settings::{
@@ -121,19 +121,16 @@ impl Extrapolation {
 }
 
 impl Scene {
-    /// The scene with its highlights extrapolated, if `plan` says so.
+    /// The scene with its highlights extrapolated.
     #[must_use]
-    pub fn extrapolated(mut self, plan: &Plan) -> Self {
-        if plan.does(EffectKind::HighlightExtrapolation) {
-            let width = self.width().max(1);
-            for Layer { color, alpha, coc_px } in &mut self.layers {
-                let [red, green, blue] =
-                    color.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
-                let given = alpha.values().par_chunks(width).zip(coc_px.values().par_chunks(width));
-                red.zip(green).zip(blue).zip(given).for_each(|(((red, green), blue), (alpha, coc_px))| {
-                    plan.extrapolation.apply([red, green, blue], alpha, coc_px);
-                });
-            }
+    pub fn extrapolated(mut self, extrapolation: &Extrapolation) -> Self {
+        let width = self.width().max(1);
+        for Layer { color, alpha, coc_px } in &mut self.layers {
+            let [red, green, blue] = color.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
+            let given = alpha.values().par_chunks(width).zip(coc_px.values().par_chunks(width));
+            red.zip(green).zip(blue).zip(given).for_each(|(((red, green), blue), (alpha, coc_px))| {
+                extrapolation.apply([red, green, blue], alpha, coc_px);
+            });
         }
         self
     }
@@ -144,8 +141,8 @@ mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::methods;
-    use crate::scene::{Effect, Facts};
-    use crate::settings::{MethodParameters, Origin, Settings, Switches, Values};
+    use crate::scene::{Effect, EffectKind, Facts};
+    use crate::settings::{Origin, ParameterValues, Settings, Switches, Values};
     use crate::stack::{ColorRange, StackKind};
 
     const PAPER: Extrapolation = Extrapolation { threshold: 0.8, falloff: 3.0, gain: 2.0 };
@@ -213,9 +210,9 @@ mod tests {
     /// The scene as a method sees it, what it shows, and the decision.
     fn settled(scene: Scene, force: &[&str]) -> (Scene, Facts, Effect) {
         let force = force.iter().map(|name| (*name).to_owned()).collect();
-        let settings = Settings::resolve(&[], MethodParameters::default());
+        let settings = Settings::resolve(&[], ParameterValues::default());
         let settings = Settings { switches: Switches { force, ..Switches::default() }, ..settings };
-        let (scene, facts, plan) = methods::settle(scene, &settings).unwrap();
+        let (scene, facts, plan) = methods::Registry::default().prepare(scene, &settings).unwrap();
         let mut effects = plan.effects.into_iter();
         (scene, facts, effects.find(|effect| effect.name == EffectKind::HighlightExtrapolation).unwrap())
     }
@@ -251,7 +248,7 @@ mod tests {
     #[test]
     fn values_out_of_their_range_are_refused_by_name() {
         let values = Values { extrapolation_gain: Some(0.5), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         let error = Extrapolation::new(&settings.picture).unwrap_err().to_string();
         assert!(error.contains("gain") && error.contains("from 1 to 1000"), "{error}");
     }

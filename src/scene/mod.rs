@@ -4,7 +4,7 @@
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
 mod border;
-mod effects;
+pub mod effects;
 mod extrapolation;
 mod facts;
 mod fill;
@@ -12,21 +12,17 @@ mod focus;
 mod focus_distance;
 mod merge;
 mod peel_facts;
-mod plan;
-mod sampling;
 mod spread;
-mod switches;
+mod workload;
 
-pub use effects::PREFILTER_LEAST_VARIANCE;
+pub use effects::{Effect, EffectKind, Inputs, percent};
 pub use extrapolation::Extrapolation;
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, LightStep, bright_step_floor};
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use peel_facts::{JUMP_PX, PeelFacts};
-pub use plan::{Abilities, Effect, EffectKind, Plan};
-pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
-pub use switches::asked_for;
+pub use workload::{Depths, Discs, Workload};
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};

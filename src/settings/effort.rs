@@ -72,20 +72,12 @@ impl Quality {
     }
 
     /// Lens samples past which the target is given up.
-    pub fn most_views(self) -> usize {
+    pub fn max_views(self) -> usize {
         match self {
             Self::Draft => 64,
             Self::Preview => 128,
             Self::Final => 256,
             Self::Reference => 4096,
-        }
-    }
-
-    /// The method that `auto` is at this quality.
-    pub fn method(self) -> &'static str {
-        match self {
-            Self::Draft | Self::Preview | Self::Final => "shear",
-            Self::Reference => "accumulate",
         }
     }
 }

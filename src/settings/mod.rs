@@ -10,12 +10,13 @@ mod preset;
 
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
+pub(crate) use parameters::at;
 pub use parameters::{
-    AccumulateParameters, BBufferParameters, GatherParameters, LayerRaysParameters, MethodParameters,
-    OpaqueBlurParameters, Parameter, ParameterKind, PeelRaysParameters, PointSplatParameters,
-    PyramidDisocclusionParameters, RecursiveGaussianParameters, ScatterParameters, ShearParameters,
+    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters, Place,
 };
 pub use preset::{BUILT_IN, BuiltIn, Preset};
+#[doc(hidden)]
+pub use serde;
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -258,8 +259,8 @@ pub struct Settings {
     pub method: Sourced<String>,
     /// See [`Values::effort`]; `None` leaves it to the method.
     pub effort: Sourced<Option<Effort>>,
-    /// The methods' own parameters.
-    pub parameters: MethodParameters,
+    /// Values for the methods' own parameters, which the method checks.
+    pub parameters: ParameterValues,
     /// Effects that are to be on or off whatever the scene calls for.
     pub switches: Switches,
     /// What the aperture image shows, once it is read.
@@ -291,7 +292,7 @@ pub fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a 
 
 impl Settings {
     /// Lays `layers` over the built-in defaults, later ones on top.
-    pub fn resolve(layers: &[(Origin, &Values)], parameters: MethodParameters) -> Self {
+    pub fn resolve(layers: &[(Origin, &Values)], parameters: ParameterValues) -> Self {
         fn pick<T: Clone>(
             layers: &[(Origin, &Values)],
             default: T,

@@ -1,27 +1,35 @@
-//! The methods' own parameters: the `[method.NAME]` tables of a preset.
+//! Parameters of methods: how a method declares them, and how values for them travel from presets and flags to the method.
 //!
-//! A parameter is declared once, with its default, its range and its meaning; the type that methods read, the preset's
-//! schema, every error message and `thinlens methods NAME` follow from that.
+//! A parameter is declared once, in the folder of its method, by [`declare_parameters!`](crate::declare_parameters): name, type,
+//! default, range and meaning. The type that the method reads, the preset's schema, every error message and `thinlens methods NAME`
+//! follow from that. This module knows no method.
+//!
+//! [`ParameterValues`] are what a user wrote, by method and not yet checked; [`ParameterTable::read`] checks them against the
+//! declaration and gives the method's own type, wrapped as [`Parameters`].
 
 use super::nearest;
 use crate::error::Error;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
+use std::any::Any;
+use std::fmt::Debug;
+use std::sync::Arc;
 
-/// What is known of a parameter beside its value.
+/// The declaration of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
     /// Its key in `[method.NAME]`.
     pub name: &'static str,
-    /// The value that it has unless a preset sets it, as a preset would have it.
+    /// The default, as a preset writes it.
     pub default: String,
-    /// What it may be.
+    /// What values it accepts.
     pub kind: ParameterKind,
     /// What it does, with the equation that it enters.
     pub description: &'static str,
 }
 
-/// What a parameter may be.
+/// The values that a parameter accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ParameterKind {
@@ -70,230 +78,285 @@ impl ParameterKind {
 
 impl Parameter {
     /// What the parameter must be, and its default: as in "must be …".
-    pub fn wanted(&self) -> String {
+    pub fn expected(&self) -> String {
         format!("{} (the default is {})", self.kind.in_words(), self.default)
     }
 }
 
-/// Declares the parameters of every method: for each a type with its defaults, and the table of [`Parameter`]s.
-macro_rules! methods {
-    ($(
+/// A type that holds the parameters of one method; [`declare_parameters!`](crate::declare_parameters) implements it.
+pub trait Declared:
+    Any + Debug + Clone + Default + PartialEq + Send + Sync + Serialize + DeserializeOwned
+{
+    /// The parameters in the order of their declaration.
+    fn declarations() -> Vec<Parameter>;
+}
+
+/// Declares the parameters of a method: a type with one field each, its defaults, and its [`Declared`] implementation.
+///
+/// ```
+/// thinlens::declare_parameters! {
+///     /// Parameters of `box-blur`.
+///     pub BoxBlurParameters {
+///         /// Largest radius of the box in pixels.
+///         max_radius_px: f32 = 32.0, Number(1.0, 256.0);
+///         /// Whether the frame's border is repeated.
+///         clamp: bool = true, Flag;
+///     }
+/// }
+/// assert_eq!(BoxBlurParameters::default().max_radius_px, 32.0);
+/// ```
+///
+/// A type is `bool` (`Flag`), `usize` (`Count(min, max)`), `Option<usize>` (`CountOrAuto(min, max)`, `None` is "auto"), `f32`
+/// (`Number(min, max)`) or `Vec<f32>` (`Numbers(min, max)`).
+#[macro_export]
+macro_rules! declare_parameters {
+    (
         $(#[doc = $about:literal])+
-        $method:ident $title:literal $type:ident {
+        $visibility:vis $type:ident {
             $( $(#[doc = $doc:literal])+ $key:ident: $value:ty = $default:expr, $kind:ident $(($from:literal, $to:literal))?; )*
         }
-    )+) => {
-        /// Parameters of every method that has any, each in its own table.
-        #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-        #[serde(default, deny_unknown_fields)]
-        pub struct MethodParameters {
-            $( $(#[doc = $about])+ #[serde(rename = $title)] pub $method: $type, )+
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Debug, Clone, PartialEq, $crate::settings::serde::Serialize, $crate::settings::serde::Deserialize)]
+        #[serde(crate = "thinlens::settings::serde", default, deny_unknown_fields)]
+        $visibility struct $type {
+            $( $(#[doc = $doc])+ pub $key: $value, )*
         }
 
-        $(
-            $(#[doc = $about])+
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            #[serde(default, deny_unknown_fields)]
-            pub struct $type {
-                $( $(#[doc = $doc])+ pub $key: $value, )*
+        impl Default for $type {
+            fn default() -> Self {
+                Self { $( $key: $default, )* }
             }
+        }
 
-            impl Default for $type {
-                fn default() -> Self {
-                    Self { $( $key: $default, )* }
-                }
-            }
-        )+
-
-        impl MethodParameters {
-            /// The parameters of the method called `method`; none for a name that has no table.
-            pub fn of(method: &str) -> Vec<Parameter> {
-                match method {
-                    $( $title => vec![ $( Parameter {
-                        name: stringify!($key),
-                        default: format!("{:?}", $type::default().$key).replace("None", "\"auto\""),
-                        kind: ParameterKind::$kind $(($from, $to))?,
-                        description: concat!($($doc),+).trim_ascii(),
-                    }, )* ], )+
-                    _ => Vec::new(),
-                }
+        impl $crate::settings::Declared for $type {
+            fn declarations() -> Vec<$crate::settings::Parameter> {
+                let defaults = Self::default();
+                vec![ $( $crate::settings::Parameter {
+                    name: stringify!($key),
+                    default: format!("{:?}", defaults.$key).replace("None", "\"auto\""),
+                    kind: $crate::settings::ParameterKind::$kind $(($from, $to))?,
+                    description: concat!($($doc),+).trim_ascii(),
+                }, )* ]
             }
         }
     };
 }
 
-methods! {
-    /// Parameters of `shear`.
-    shear "shear" ShearParameters {
-        /// Lens samples a pixel when `--views` does not say.
-        views: usize = 64, Count(1, 65536);
-        /// Radius of the prefilter as a share of the gap between lens samples; 0 switches it off.
-        prefilter: f32 = 1.4, Number(0.0, 16.0);
-        /// Weight of the resolve filter's four neighbours on point-sampled, in-focus pixels; 0 switches it off.
-        resolve: f32 = 0.08, Number(0.0, 0.2);
-        /// Brightness, 1 or more, above which a fragment is drawn as an exact disc; 0 switches highlights off.
-        highlight_threshold: f32 = 1.0, Number(0.0, 65504.0);
-        /// Whether surfaces that the stack lacks may be guessed.
-        fill: bool = true, Flag;
+/// One value for a parameter, as a preset or a flag gives it: not yet checked.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterValue {
+    /// Name of the method.
+    pub method: String,
+    /// The parameter's key.
+    pub key: String,
+    /// The value; `null` is "auto", and what no parameter can be is a text.
+    pub value: Json,
+    /// Where it is written, for errors.
+    #[serde(skip)]
+    pub place: Option<Place>,
+}
+
+/// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// The place of the method's name, `[method.NAME]`.
+    pub method: String,
+    /// The place of the key.
+    pub key: String,
+    /// The place of the value.
+    pub value: String,
+}
+
+/// Values for the parameters of any methods, in the order in which they were set: the last one of a key counts.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct ParameterValues(Vec<ParameterValue>);
+
+impl ParameterValues {
+    /// Sets parameter `key` of the method called `method`.
+    pub fn set(&mut self, method: impl Into<String>, key: impl Into<String>, value: impl Into<Json>) {
+        self.push(ParameterValue {
+            method: method.into(),
+            key: key.into(),
+            value: value.into(),
+            place: None,
+        });
     }
 
-    /// Parameters of `accumulate`.
-    accumulate "accumulate" AccumulateParameters {
-        /// Lens rays a pixel when `--views` does not say.
-        rays: usize = 1024, Count(1, 65536);
+    /// Adds a value, which outranks those before it.
+    pub fn push(&mut self, value: ParameterValue) {
+        self.0.push(value);
     }
 
-    /// Parameters of `recursive-gaussian`.
-    recursive_gaussian "recursive-gaussian" RecursiveGaussianParameters {
-        /// Whether layers are blurred in one cascade (eq. 13) or each on its own (eq. 11).
-        cascaded: bool = true, Flag;
-        /// Number of depth layers K; "auto" makes as many as the stack's range of CoC asks for.
-        layers: Option<usize> = None, CountOrAuto(1, 512);
-        /// CoC diameter of a layer over the standard deviation of its Gaussian (eq. 10).
-        coc_per_sigma: f32 = 4.0, Number(1.0, 16.0);
-        /// Where two layers meet, on the way from the nearer one's CoC radius, 0, to the farther one's, 1 (eq. 9).
-        anchor: f32 = 0.5, Number(0.0, 1.0);
-    }
-
-    /// Parameters of `b-buffer`.
-    b_buffer "b-buffer" BBufferParameters {
-        /// Contributions within this of the winner's CoC radius, in pixels, or within half of it, are culled as parts of the same surface.
-        same_surface_px: f32 = 0.5, Number(0.0, 64.0);
-        /// Largest CoC radius, in pixels, that still counts as in focus.
-        in_focus_px: f32 = 0.5, Number(0.1, 8.0);
-    }
-
-    /// Parameters of `point-splat`.
-    point_splat "point-splat" PointSplatParameters {
-        /// Whether what the visible image hides is splatted too (section 3.2).
-        hidden: bool = true, Flag;
-        /// Least distance behind the visible pixel, as a share of the depth buffer's range, of a hidden fragment (section 3.2).
-        epsilon: f32 = 0.05, Number(0.0, 1.0);
-        /// Least depth change around a pixel that has a hidden fragment, on the same scale (eq. 4).
-        edge: f32 = 0.01, Number(0.0, 1.0);
-        /// Share of a pixel's CoC within which another belongs to the same layer (eq. 6).
-        delta: f32 = 0.4, Number(0.01, 10.0);
-        /// Intensity of a sprite from its centre to its rim, at even distances (section 3.3).
-        intensity: Vec<f32> = vec![1.0], Numbers(0.0, 1000.0);
-        /// Whether what is blurred and not near an edge is splatted at a quarter of the resolution (section 5).
-        accelerated: bool = true, Flag;
-    }
-
-    /// Parameters of `layer-rays`.
-    layer_rays "layer-rays" LayerRaysParameters {
-        /// Lens rays a pixel when `--views` does not say.
-        rays: usize = 32, Count(1, 65536);
-        /// Growth of the CoC radius from layer to layer, δ, in pixels (eq. 4).
-        delta_px: f32 = 3.0, Number(0.1, 1000.0);
-        /// Share of its depth by which a layer reaches into its neighbours (section 4.2).
-        overlap: f32 = 0.1, Number(0.0, 0.5);
-        /// Steps of the false-position search in a layer (section 4.3).
-        iterations: usize = 3, Count(1, 64);
-        /// Whether rays are thickened to cones (section 4.4).
-        cones: bool = true, Flag;
-        /// Whether lens samples differ from pixel to pixel (section 4.5).
-        jitter: bool = true, Flag;
-        /// Whether rays that are stopped outside the frame are discarded (section 4.3); else the border's samples go on for ever.
-        discard: bool = true, Flag;
-    }
-
-    /// Parameters of `opaque-blur`.
-    opaque_blur "opaque-blur" OpaqueBlurParameters {
-        /// Blur radius of the first sub-image in pixels; each further one's is twice the one before (eq. 1).
-        first_radius_px: f32 = 1.7, Number(0.5, 16.0);
-    }
-
-    /// Parameters of `peel-rays`.
-    peel_rays "peel-rays" PeelRaysParameters {
-        /// Lens rays a pixel when `--views` does not say.
-        rays: usize = 256, Count(1, 65536);
-        /// Steps of the linear search along a ray.
-        linear_steps: usize = 100, Count(1, 4096);
-        /// Steps of the binary search that follows.
-        binary_steps: usize = 5, Count(0, 32);
-    }
-
-    /// Parameters of `pyramid-disocclusion`.
-    pyramid_disocclusion "pyramid-disocclusion" PyramidDisocclusionParameters {
-        /// Blur radius of the first sub-image in pixels; each further one's is twice the one before.
-        first_radius_px: f32 = 1.7, Number(0.5, 16.0);
-    }
-
-    /// Parameters of `gather`.
-    gather "gather" GatherParameters {
-        /// Samples a pixel when `--views` does not say.
-        samples: usize = 1024, Count(1, 65536);
-    }
-
-    /// Parameters of `scatter`.
-    scatter "scatter" ScatterParameters {
-        /// Sprites whose coverage adds up to this hide what is behind them.
-        saturation: f32 = 1.0, Number(0.1, 10.0);
+    /// Every value, first set first.
+    pub fn iter(&self) -> impl Iterator<Item = &ParameterValue> {
+        self.0.iter()
     }
 }
 
-impl MethodParameters {
-    /// The table of the method called `method`; `null` for a name that has none.
-    ///
-    /// # Panics
-    /// Never: JSON holds every kind of parameter.
-    pub fn table(&self, method: &str) -> Json {
-        let mut tables = serde_json::to_value(self).expect("parameters are numbers, flags and lists");
-        tables[method].take()
+/// What a [`Parameters`] holds: any type that a method declares.
+trait ParameterSet: Any + Debug + Send + Sync {
+    fn as_any(&self) -> &dyn Any;
+    fn table(&self) -> Json;
+}
+
+impl<T: Declared> ParameterSet for T {
+    fn as_any(&self) -> &dyn Any {
+        self
     }
 
-    /// Sets one parameter of the method called `method`, as `KEY=VALUE` with the value as a preset would have it; quotes around
-    /// `auto` may be left out.
+    fn table(&self) -> Json {
+        serde_json::to_value(self).expect("parameters are numbers, flags and lists")
+    }
+}
+
+/// The parameters of one method, checked. The method knows their type: [`Parameters::get`].
+#[derive(Debug, Clone)]
+pub struct Parameters(Arc<dyn ParameterSet>);
+
+impl Parameters {
+    /// Wraps the parameters of one method.
+    pub fn new(parameters: impl Declared) -> Self {
+        Self(Arc::new(parameters))
+    }
+
+    /// The parameters as the type that the method declared.
+    ///
+    /// # Panics
+    /// If they are another method's.
+    pub fn get<T: Declared>(&self) -> &T {
+        self.0.as_any().downcast_ref().expect("a plan has the parameters of its own method")
+    }
+
+    /// The parameters by key, as JSON; "auto" is `null`.
+    pub fn table(&self) -> Json {
+        self.0.table()
+    }
+}
+
+impl PartialEq for Parameters {
+    fn eq(&self, other: &Self) -> bool {
+        self.table() == other.table()
+    }
+}
+
+impl Serialize for Parameters {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.table().serialize(serializer)
+    }
+}
+
+/// The parameters of a method, by their declaration.
+#[derive(Debug, Clone, Copy)]
+pub struct ParameterTable {
+    declarations: fn() -> Vec<Parameter>,
+    defaults: fn() -> Parameters,
+    read: fn(Json) -> serde_json::Result<Parameters>,
+}
+
+/// The parameters of a method that has none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+struct NoParameters {}
+
+impl Declared for NoParameters {
+    fn declarations() -> Vec<Parameter> {
+        Vec::new()
+    }
+}
+
+impl ParameterTable {
+    /// The table of a method without parameters.
+    pub fn none() -> Self {
+        Self::of::<NoParameters>()
+    }
+
+    /// The table that `T` declares.
+    pub fn of<T: Declared>() -> Self {
+        Self {
+            declarations: T::declarations,
+            defaults: || Parameters::new(T::default()),
+            read: |table| serde_json::from_value::<T>(table).map(Parameters::new),
+        }
+    }
+
+    /// The declarations, in order.
+    pub fn declarations(&self) -> Vec<Parameter> {
+        (self.declarations)()
+    }
+
+    /// Every parameter at its default.
+    pub fn defaults(&self) -> Parameters {
+        (self.defaults)()
+    }
+
+    /// The defaults with what `values` set of the method called `method`.
     ///
     /// # Errors
-    /// What is no such pair, an unknown key (with the nearest known one) and a value that the parameter cannot have.
+    /// An unknown key, with the nearest known one, and a value that the parameter does not accept.
     ///
     /// # Panics
     /// Never: what a parameter's kind allows, its type holds.
-    pub fn set(&mut self, method: &str, setting: &str) -> Result<(), Error> {
-        let known = Self::of(method);
-        let keys: Vec<&str> = known.iter().map(|parameter| parameter.name).collect();
+    pub fn read(&self, method: &str, values: &ParameterValues) -> Result<Parameters, Error> {
+        let mut table = self.defaults().table();
+        for value in values.iter().filter(|value| value.method == method) {
+            self.check(value)?;
+            table[&value.key] = value.value.clone();
+        }
+        Ok((self.read)(table).expect("what a parameter's kind allows, its type holds"))
+    }
+
+    /// The value that `setting`, a `KEY=VALUE` with the value as a preset writes it, gives a parameter of the method called
+    /// `method`; quotes around `auto` may be left out.
+    ///
+    /// # Errors
+    /// A text of another form, an unknown key, and a value that the parameter does not accept.
+    pub fn parse(&self, method: &str, setting: &str) -> Result<ParameterValue, Error> {
         let Some((key, text)) = setting.split_once('=') else {
             return Err(Error::settings("a parameter is set by KEY=VALUE").with("found", setting).help(
                 format!("`thinlens methods {method}` shows the parameters of {method}, each with its range"),
             ));
         };
-        let Some(parameter) = known.iter().find(|parameter| parameter.name == key) else {
-            let help = match nearest(key, &keys) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => format!("the parameters of {method} are {}", keys.join(", ")),
-            };
-            return Err(Error::settings(format!("{method} has no parameter '{key}'")).help(help));
-        };
         let value = match text.trim_matches('"') {
-            "auto" => Some(Json::Null),
-            text => serde_json::from_str(text).ok(),
+            "auto" => Json::Null,
+            other => serde_json::from_str(other).unwrap_or_else(|_| Json::from(text)),
         };
-        let Some(value) = value.filter(|value| parameter.kind.allows(value)) else {
-            let what = format!("'{key}' of {method} must be {}", parameter.wanted());
-            return Err(Error::settings(what).with("found", text));
-        };
-        let mut tables = serde_json::to_value(&*self).expect("parameters are numbers, flags and lists");
-        tables[method][key] = value;
-        *self = serde_json::from_value(tables).expect("what a parameter's kind allows, its type holds");
-        Ok(())
+        let value = ParameterValue { method: method.to_owned(), key: key.to_owned(), value, place: None };
+        self.check(&value)?;
+        Ok(value)
     }
 
-    /// Checks every parameter of the method called `method`.
-    ///
-    /// # Errors
-    /// The first that is not what it must be, with its table, value, range and default.
-    pub fn check(&self, method: &str) -> Result<(), Error> {
-        let values = self.table(method);
-        for parameter in Self::of(method) {
-            let value = &values[parameter.name];
-            if !parameter.kind.allows(value) {
-                let what =
-                    format!("'{}' of [method.{method}] must be {}", parameter.name, parameter.wanted());
-                return Err(Error::settings(what).with("found", value.to_string()));
-            }
+    /// Checks key and value against the declarations.
+    fn check(&self, value: &ParameterValue) -> Result<(), Error> {
+        let ParameterValue { method, key, value, place } = value;
+        let known = self.declarations();
+        let Some(parameter) = known.iter().find(|parameter| parameter.name == key) else {
+            let keys: Vec<&str> = known.iter().map(|parameter| parameter.name).collect();
+            let help = match nearest(key, &keys) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None if keys.is_empty() => format!("{method} has no parameters"),
+                None => format!("the parameters of {method} are {}", keys.join(", ")),
+            };
+            let error = Error::settings(format!("{method} has no parameter '{key}'"));
+            return Err(at(error, place.as_ref().map(|place| &place.key)).help(help));
+        };
+        if parameter.kind.allows(value) {
+            return Ok(());
         }
-        Ok(())
+        let error = Error::settings(format!("'{key}' of {method} must be {}", parameter.expected()));
+        let found = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let found = if value.is_null() { "auto".to_owned() } else { found };
+        Err(match place {
+            Some(place) => at(error, Some(&place.value)),
+            None => error.with("found", found),
+        })
+    }
+}
+
+/// `error` with the place in a preset that it is about.
+pub(crate) fn at(error: Error, place: Option<&String>) -> Error {
+    match place {
+        Some(place) => error.with("in", place.clone()),
+        None => error,
     }
 }
 
@@ -301,30 +364,65 @@ impl MethodParameters {
 mod tests {
     use super::*;
 
+    crate::declare_parameters! {
+        /// Parameters of a method that is made for these tests.
+        MadeParameters {
+            /// A share.
+            share: f32 = 0.5, Number(0.1, 10.0);
+            /// Layers; "auto" makes as many as it takes.
+            layers: Option<usize> = None, CountOrAuto(1, 512);
+            /// A profile.
+            profile: Vec<f32> = vec![1.0], Numbers(0.0, 1000.0);
+            /// Whether cones are traced.
+            cones: bool = true, Flag;
+        }
+    }
+
+    fn table() -> ParameterTable {
+        ParameterTable::of::<MadeParameters>()
+    }
+
+    fn parsed(settings: &[&str]) -> MadeParameters {
+        let mut values = ParameterValues::default();
+        settings.iter().for_each(|setting| values.push(table().parse("made", setting).unwrap()));
+        table().read("made", &values).unwrap().get::<MadeParameters>().clone()
+    }
+
     #[test]
     fn a_parameter_is_set_by_its_key_and_a_value_as_in_a_preset() {
-        let mut parameters = MethodParameters::default();
-        parameters.set("layer-rays", "cones=false").unwrap();
-        parameters.set("recursive-gaussian", "layers=16").unwrap();
-        parameters.set("scatter", "saturation=0.5").unwrap();
-        parameters.set("point-splat", "intensity=[0.5,1]").unwrap();
-        assert!(!parameters.layer_rays.cones);
-        assert_eq!(parameters.recursive_gaussian.layers, Some(16));
-        assert_eq!(parameters.scatter.saturation, 0.5);
-        assert_eq!(parameters.point_splat.intensity, [0.5, 1.0]);
+        let set = parsed(&["cones=false", "layers=16", "share=0.25", "profile=[0.5,1]"]);
+        let expected =
+            MadeParameters { cones: false, layers: Some(16), share: 0.25, profile: vec![0.5, 1.0] };
+        assert_eq!(set, expected);
         for auto in ["layers=auto", "layers=\"auto\""] {
-            parameters.set("recursive-gaussian", auto).unwrap();
-            assert_eq!(parameters.recursive_gaussian.layers, None, "{auto}");
+            assert_eq!(parsed(&["layers=16", auto]).layers, None, "the last one counts: {auto}");
         }
     }
 
     #[test]
     fn a_parameter_that_cannot_be_set_says_why() {
-        let message = |setting| MethodParameters::default().set("scatter", setting).unwrap_err().to_string();
-        assert!(message("saturation").contains("KEY=VALUE"));
-        assert!(message("saturatoin=1").contains("did you mean 'saturation'?"));
-        assert!(message("saturation=0").contains("must be a number from 0.1 to 10"));
-        assert!(message("saturation=auto").contains("must be a number"), "auto is not for every parameter");
-        assert!(message("saturation=much").contains("must be a number"));
+        let message = |setting| table().parse("made", setting).unwrap_err().to_string();
+        assert!(message("share").contains("KEY=VALUE"));
+        assert!(message("shrae=1").contains("did you mean 'share'?"));
+        assert!(message("share=0").contains("must be a number from 0.1 to 10 (the default is 0.5)"));
+        assert!(message("share=auto").contains("must be a number"), "auto is not for every parameter");
+        assert!(message("share=much").contains("found: much"));
+        assert!(message("profile=[0,0]").contains("not all 0"));
+    }
+
+    #[test]
+    fn values_of_other_methods_are_left_alone() {
+        let mut values = ParameterValues::default();
+        values.set("another", "share", 9000.0);
+        assert_eq!(table().read("made", &values).unwrap(), table().defaults());
+        values.set("made", "share", 9000.0);
+        assert!(table().read("made", &values).is_err());
+    }
+
+    #[test]
+    fn a_method_without_parameters_accepts_none() {
+        let none = ParameterTable::none();
+        assert_eq!(none.declarations(), []);
+        assert!(none.parse("made", "share=1").unwrap_err().to_string().contains("has no parameters"));
     }
 }

@@ -4,7 +4,7 @@ use super::program::{STACK, run, stderr, thinlens};
 use super::stdout;
 use std::fs;
 use thinlens::methods::METHODS;
-use thinlens::settings::{BUILT_IN, MethodParameters, Parameter, Preset};
+use thinlens::settings::{BUILT_IN, Parameter, Preset};
 
 #[test]
 fn help_lists_every_subcommand() {
@@ -83,8 +83,10 @@ fn methods_describes_one_method_as_a_preset_of_its_defaults() {
         assert!(text.contains(info.source), "{text}");
         let preset = Preset::parse(&text, info.name).unwrap();
         assert_eq!(preset.values.method.as_deref(), Some(info.name));
-        assert_eq!(preset.parameters, MethodParameters::default(), "{}", info.name);
-        for Parameter { name, description, .. } in MethodParameters::of(info.name) {
+        let parameters = method.parameters();
+        let read = parameters.read(info.name, &preset.parameters).unwrap();
+        assert_eq!(read, parameters.defaults(), "{}", info.name);
+        for Parameter { name, description, .. } in parameters.declarations() {
             assert!(text.contains(&format!("\n# {description}")), "{name}: {text}");
             assert!(text.contains(&format!("\n{name} = ")), "{name}: {text}");
         }

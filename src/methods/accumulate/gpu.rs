@@ -11,9 +11,10 @@ use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
+use crate::methods::contract::Plan;
+use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
-use crate::methods::{Progress, Twin};
-use crate::scene::{Layer, OPAQUE_ALPHA, Plan, Scene};
+use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
 use std::ops::Range;
 
@@ -241,7 +242,7 @@ fn most_rows(gpu: &Gpu, scene: &Scene) -> usize {
     Goes::most_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
 }
 
-impl Twin for Accumulate {
+impl GpuBackend for Accumulate {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let volume = Volume::new(scene, plan);
         let lens = Lens::new(gpu, &volume, &plan.optics.rays(plan.lens_samples()))?;

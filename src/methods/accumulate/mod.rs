@@ -14,32 +14,37 @@
 //! GPU twin: `shaders/methods/accumulate.wgsl`.
 
 #[cfg(feature = "gpu")]
+mod cost;
+mod parameters;
 mod gpu;
 mod tiles;
 mod volume;
 
 pub use volume::Volume;
 
-#[cfg(feature = "gpu")]
-use super::Twin;
-use super::shared::{RaySampler, Tracer};
-use super::{LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::Rays;
-use crate::scene::{EffectKind, Layer, Plan, Scene};
-use crate::settings::MethodParameters;
+use crate::methods::contract::GpuBackend;
+use crate::methods::contract::Plan;
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::cost::Cost;
+use crate::methods::shared::{RaySampler, Tracer};
+use crate::scene::{EffectKind, Layer, Scene, Workload};
+use crate::settings::ParameterTable;
+#[cfg(feature = "gpu")]
+use parameters::AccumulateParameters;
 
 /// The reference.
 #[derive(Debug)]
-pub(super) struct Accumulate;
+pub(in crate::methods) struct Accumulate;
 
 impl Method for Accumulate {
     fn info(&self) -> MethodInfo {
         MethodInfo {
             name: "accumulate",
             source: "Haeberli & Akeley 1990; Cook, Porter & Carpenter 1984",
-            role: "reference",
+            role: Role::Reference,
             summary: "lens rays against the stack, one by one, no shortcut",
             effects: &[
                 EffectKind::BladeCurvature,
@@ -49,13 +54,18 @@ impl Method for Accumulate {
                 EffectKind::SphericalAberration,
                 EffectKind::AxialColor,
             ],
+            lens_samples: Some("rays"),
             steps: &["16", "64", "256"],
             deviations: &[],
         }
     }
 
-    fn lens_samples(&self, parameters: &MethodParameters) -> Option<usize> {
-        Some(parameters.accumulate.rays)
+    fn parameters(&self) -> ParameterTable {
+        ParameterTable::of::<AccumulateParameters>()
+    }
+
+    fn cost(&self, plan: &Plan, workload: &Workload<'_>) -> Option<Cost> {
+        Some(cost::cost(plan, workload))
     }
 
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {
@@ -67,7 +77,7 @@ impl Method for Accumulate {
     }
 
     #[cfg(feature = "gpu")]
-    fn twin(&self) -> Option<&dyn Twin> {
+    fn gpu(&self) -> Option<&dyn GpuBackend> {
         Some(self)
     }
 }

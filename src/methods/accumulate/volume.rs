@@ -2,8 +2,9 @@
 
 use super::tiles::{Passage, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
-use crate::methods::RaySum;
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
+use crate::methods::contract::Plan;
+use crate::methods::shared::RaySum;
+use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
 

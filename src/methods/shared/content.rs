@@ -6,7 +6,8 @@
 //! everything a backdrop of full coverage and empty content.
 
 use crate::image::{Image, Plane};
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use crate::methods::contract::Plan;
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
 use rayon::prelude::*;
 
 /// A picture of which some is known.
@@ -177,7 +178,7 @@ pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
 mod tests {
     use super::*;
     use crate::scene::Layer;
-    use crate::settings::{MethodParameters, Origin, Settings, Values};
+    use crate::settings::{Origin, ParameterValues, Settings, Values};
     use crate::stack::StackKind;
 
     /// A scene one pixel high: for each layer the colour, alpha and CoC radius of its pixels.
@@ -195,8 +196,8 @@ mod tests {
 
     fn plan(scene: &Scene) -> Plan {
         let values = Values { method: Some("scatter".to_owned()), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], MethodParameters::default());
-        crate::methods::plan(&scene.facts(), &settings).unwrap()
+        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        crate::methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
     }
 
     #[test]

@@ -12,7 +12,10 @@ mod pyramid;
 mod ray_goes;
 #[cfg(feature = "gpu")]
 mod ray_stack;
+mod ray_sum;
 mod rays;
+mod rows;
+mod sub_image_work;
 mod sub_images;
 
 pub(super) use content::{Peel, Sheet, Visible, coc_range_px, peels, picture, visible};
@@ -36,7 +39,10 @@ pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
     nbuffer_words,
 };
+pub(super) use ray_sum::{LEAST_HIT, RaySum};
 pub(super) use rays::{RaySampler, Tracer};
+pub(super) use rows::planes_from_rows;
+pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]
 pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};

@@ -8,7 +8,8 @@
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MOST_ROUNDS, Shader, Work, bands, mirrored};
 use crate::image::Image;
-use crate::methods::{LEAST_HIT, Progress};
+use crate::methods::contract::Progress;
+use crate::methods::shared::LEAST_HIT;
 use std::ops::Range;
 
 /// What [`RAY_SUMS`] reads of the program.

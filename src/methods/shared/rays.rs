@@ -1,8 +1,10 @@
 //! Methods that look at each pixel on its own: the picture is one call after another.
 
-use super::super::{Progress, Sampler, planes_from_rows};
 use crate::image::Image;
-use crate::scene::{Plan, Scene};
+use crate::methods::contract::Plan;
+use crate::methods::contract::{Progress, Sampler};
+use crate::methods::shared::planes_from_rows;
+use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Everything that the rays of a pixel are followed through.

@@ -6,6 +6,17 @@
 /// Growth of a bin's width with its radius, `ρ`.
 const GROWTH: f32 = 1.0 / 32.0;
 
+/// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
+const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
+
+/// From this number of views on, bins are narrow.
+const MANY_VIEWS: usize = 128;
+
+/// Width of the bins near focus for `views` views, in picture pixels.
+pub(super) fn bin_width_px(views: usize) -> f32 {
+    BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)]
+}
+
 /// The index of a sample without a fragment.
 pub(super) const EMPTY: u16 = u16::MAX;
 

@@ -8,7 +8,8 @@ use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
 use super::runs::{Run, Runs};
 use crate::image::Image;
-use crate::scene::{Layer, Plan};
+use crate::methods::contract::Plan;
+use crate::scene::{EffectKind, Layer};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -39,7 +40,7 @@ pub(super) fn extract(layers: &mut [Layer], plan: &Plan, supersample: usize) -> 
 }
 
 fn extract_from(layer: &mut Layer, plan: &Plan, supersample: usize) -> Vec<Highlight> {
-    let threshold = plan.highlight_threshold;
+    let threshold = plan.strength(EffectKind::Highlights).unwrap_or(f32::INFINITY);
     let view = &*layer;
     let found: Vec<(usize, usize, [f32; 3])> = (0..view.height())
         .into_par_iter()

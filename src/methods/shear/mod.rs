@@ -23,6 +23,9 @@
 //! Cost: rows × views × (bins + pixels). Memory: the scene, in which it works, the runs, and the picture. Limits: knows only what the
 //! peels know; content past the frame is its border repeated.
 
+mod cost;
+mod parameters;
+mod passes;
 mod bins;
 mod bokeh;
 mod canvas;
@@ -38,26 +41,30 @@ mod runs;
 mod sampler;
 mod saved;
 
-#[cfg(feature = "gpu")]
-use super::Twin;
-use super::{Deviation, Law, LensSampling, Method, MethodInfo, Progress, Sampler};
 use crate::error::Error;
 use crate::image::Image;
-use crate::scene::{EffectKind, Layer, Plan, Scene};
-use crate::settings::MethodParameters;
+use crate::methods::contract::GpuBackend;
+use crate::methods::contract::Plan;
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::cost::Cost;
+use crate::methods::laws::{Deviation, Law};
+use crate::scene::{Effect, EffectKind, Inputs, Layer, Scene, Workload};
+use crate::settings::{ParameterTable, Parameters};
 use highlights::Highlight;
+#[cfg(feature = "gpu")]
+use parameters::ShearParameters;
 use sampler::ShearSampler;
 
 /// Ours.
 #[derive(Debug)]
-pub(super) struct Shear;
+pub(in crate::methods) struct Shear;
 
 impl Method for Shear {
     fn info(&self) -> MethodInfo {
         MethodInfo {
             name: "shear",
             source: "this project",
-            role: "default",
+            role: Role::Default,
             summary: "slices of equal blur, sheared for each lens sample and painted front to back",
             effects: &[
                 EffectKind::Merge,
@@ -72,6 +79,7 @@ impl Method for Shear {
                 EffectKind::SphericalAberration,
                 EffectKind::AxialColor,
             ],
+            lens_samples: Some("views"),
             steps: &["16", "64", "256"],
             deviations: &[Deviation {
                 law: Law::NoCracksAcrossCorners,
@@ -81,8 +89,16 @@ impl Method for Shear {
         }
     }
 
-    fn lens_samples(&self, parameters: &MethodParameters) -> Option<usize> {
-        Some(parameters.shear.views)
+    fn parameters(&self) -> ParameterTable {
+        ParameterTable::of::<ShearParameters>()
+    }
+
+    fn decide(&self, inputs: &Inputs<'_>, parameters: &Parameters) -> Result<Vec<Effect>, Error> {
+        passes::decide(inputs, parameters.get())
+    }
+
+    fn cost(&self, plan: &Plan, workload: &Workload<'_>) -> Option<Cost> {
+        Some(cost::cost(plan, workload))
     }
 
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {
@@ -94,7 +110,7 @@ impl Method for Shear {
     }
 
     #[cfg(feature = "gpu")]
-    fn twin(&self) -> Option<&dyn Twin> {
+    fn gpu(&self) -> Option<&dyn GpuBackend> {
         Some(&gpu::ShearTwin)
     }
 }

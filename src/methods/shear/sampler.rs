@@ -1,6 +1,6 @@
 //! At work on a scene: what each number of views needs, once, then pixels or the picture.
 
-use super::bins::Bins;
+use super::bins::{Bins, bin_width_px};
 use super::bokeh::Bokeh;
 use super::canvas::{Canvas, Rim, Shear};
 use super::highlights::{self, Highlight, Occluders};
@@ -12,25 +12,21 @@ use super::runs::{self, Runs};
 use super::saved::SavedColors;
 use crate::image::{Image, Plane};
 use crate::lens::{Field, View};
-use crate::methods::{Progress, Sampler, planes_from_rows};
-use crate::scene::{EffectKind, Layer, Plan};
+use crate::methods::contract::Plan;
+use crate::methods::contract::{Progress, Sampler};
+use crate::methods::shared::planes_from_rows;
+use crate::scene::{EffectKind, Layer};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::f32::consts::PI;
-
-/// Width of the bins near focus, in picture pixels, for few views and for many: narrower shows only when noise is low.
-const BIN_WIDTH_PX: [f32; 2] = [0.5, 0.25];
-
-/// From this number of views on, bins are narrow.
-const MANY_VIEWS: usize = 128;
 
 /// Views fade in at the rim over this share of the gap between them.
 const RIM_SOFTNESS: f32 = 0.5;
 
 /// The bins in which `views` views are painted.
 pub(super) fn bins(plan: &Plan, views: usize) -> Bins {
-    Bins::new(plan.coc_range_px, BIN_WIDTH_PX[usize::from(views >= MANY_VIEWS)])
+    Bins::new(plan.coc_range_px, bin_width_px(views))
 }
 
 /// Over how many aperture radii each of `views` views fades in at the rim.
@@ -96,7 +92,7 @@ impl Ready {
         }
         let Self { views: before, mut layers, bins, runs, .. } = self;
         saved.restore(&mut layers);
-        if (before >= MANY_VIEWS) == (views >= MANY_VIEWS) {
+        if bin_width_px(before) == bin_width_px(views) {
             Self::with_runs(layers, (bins, runs), plan, views)
         } else {
             Self::new(layers, plan, views)
@@ -105,7 +101,7 @@ impl Ready {
 
     fn with_runs(mut layers: Vec<Layer>, (bins, runs): (Bins, Runs), plan: &Plan, count: usize) -> Self {
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, count, plan.parameters.shear.prefilter);
+            prefilter::smooth(&mut layers, count, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
         }
         let shears = shears(plan, &bins, count);
         Self { views: count, bins, runs, shears, layers }
@@ -236,7 +232,7 @@ impl Sampler for ShearSampler<'_> {
         };
         let (width, height) = self.size;
         let open = self.plan.does(EffectKind::OpenBackground);
-        let weight = self.plan.parameters.shear.resolve;
+        let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
         let reach = Reach::of(&ready.runs, &ready.bins, self.size);
         let canvas = ready.canvas(self.plan, self.field);
         let own = ready.paint_pixels(&canvas, (&reach, width), open, pixels.iter().copied());
@@ -278,7 +274,7 @@ impl Sampler for ShearSampler<'_> {
         let (mut image, focused_share) = ready.paint(&ready.canvas(plan, field), size, open, progress);
         ready.draw(&mut image, &highlights, plan, field);
         if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
+            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
         }
         image
     }

@@ -1,8 +1,8 @@
 //! DECIDE, for the lens: its aperture's shape, what cuts it off, and its faults.
 
-use super::{Given, largest_coc_px, new};
+use super::inputs::Inputs;
+use super::words::{Effect, EffectKind};
 use crate::lens::Optics;
-use crate::scene::{Abilities, Effect, EffectKind};
 use glam::Vec2;
 
 /// A change of the aperture's outline by less than this shows nowhere: in pixels, at the largest CoC radius.
@@ -11,10 +11,10 @@ const LEAST_OUTLINE_PX: f32 = 0.01;
 /// A place that keeps more of its light than this is as bright as ever.
 const MOST_LIGHT: f32 = 0.999;
 
-pub(super) fn blade_curvature(given: &Given<'_>) -> Effect {
-    let aperture = given.optics.aperture;
+pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
+    let aperture = inputs.optics.aperture;
     let (curved, straight) = (aperture, aperture.simplified(false, true));
-    let bulge_px = (curved.apothem() - straight.apothem()) * largest_coc_px(given.facts);
+    let bulge_px = (curved.apothem() - straight.apothem()) * inputs.max_coc_px();
     let (on, reason) = if curved == straight {
         (false, "the aperture is a disc or has straight sides".to_owned())
     } else {
@@ -29,12 +29,12 @@ pub(super) fn blade_curvature(given: &Given<'_>) -> Effect {
         (false, true) => format!("without it, every blurred point would have lost {larger:.1} % of its area"),
         (false, false) => format!("with it, every blurred point would be {larger:.1} % larger"),
     };
-    new(EffectKind::BladeCurvature, on, reason, change)
+    Effect::new(EffectKind::BladeCurvature, on, reason, change)
 }
 
-pub(super) fn squeeze(given: &Given<'_>) -> Effect {
-    let ratio = given.optics.aperture.squeeze();
-    let narrower_px = (1.0 - 1.0 / ratio) * largest_coc_px(given.facts);
+pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
+    let ratio = inputs.optics.aperture.squeeze();
+    let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_coc_px();
     let on = narrower_px > LEAST_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
         ("the aperture is as wide as high".to_owned(), "with it, nothing".to_owned())
@@ -44,12 +44,12 @@ pub(super) fn squeeze(given: &Given<'_>) -> Effect {
         let without = if on { "without it" } else { "as it is" };
         (reason, format!("{without}, every blurred point is {ratio} times too wide"))
     };
-    new(EffectKind::Squeeze, on, reason, change)
+    Effect::new(EffectKind::Squeeze, on, reason, change)
 }
 
-pub(super) fn aperture_image(given: &Given<'_>) -> Effect {
-    let Some(image) = &given.optics.image else {
-        return new(
+pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
+    let Some(image) = &inputs.optics.image else {
+        return Effect::new(
             EffectKind::ApertureImage,
             false,
             "no picture of the aperture is given",
@@ -59,26 +59,26 @@ pub(super) fn aperture_image(given: &Given<'_>) -> Effect {
     let light = 100.0 * image.mean();
     let reason = format!("its picture lets {light:.0} % of the light of a full disc through");
     let change = "without it, every blurred point would have the outline of the blades, or of a disc";
-    new(EffectKind::ApertureImage, largest_coc_px(given.facts) > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(EffectKind::ApertureImage, inputs.max_coc_px() > LEAST_OUTLINE_PX, reason, change)
 }
 
-pub(super) fn cats_eye(given: &Given<'_>) -> Effect {
-    let rim = given.optics.cats_eye;
+pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
+    let rim = inputs.optics.cats_eye;
     if rim == 0.0 {
-        return new(
+        return Effect::new(
             EffectKind::CatsEye,
             false,
             "the rim cuts nothing off: cats_eye is 0",
             "with it, nothing",
         );
     }
-    let cut_px = rim * largest_coc_px(given.facts);
-    let left = 100.0 * given.optics.rim_share(Vec2::X);
+    let cut_px = rim * inputs.max_coc_px();
+    let left = 100.0 * inputs.optics.rim_share(Vec2::X);
     let reason = format!(
         "the rim leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
     );
     let change = "without it, blurred points would be as round in the corners as in the middle";
-    new(EffectKind::CatsEye, cut_px > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(EffectKind::CatsEye, cut_px > LEAST_OUTLINE_PX, reason, change)
 }
 
 /// How far a lens with spherical aberration alone moves a ray.
@@ -86,53 +86,53 @@ fn spherical_shift_px(optics: &Optics) -> f32 {
     Optics { axial_px: [0.0; 3], ..optics.clone() }.longest_shift_px()
 }
 
-pub(super) fn spherical_aberration(given: &Given<'_>) -> Effect {
+pub(super) fn spherical_aberration(inputs: &Inputs<'_>) -> Effect {
     let kind = EffectKind::SphericalAberration;
-    let size = given.optics.spherical_px;
+    let size = inputs.optics.spherical_px;
     if size == 0.0 {
-        return new(kind, false, "the whole aperture focuses in one place", "with it, nothing");
+        return Effect::new(kind, false, "the whole aperture focuses in one place", "with it, nothing");
     }
-    let shift = spherical_shift_px(given.optics);
+    let shift = spherical_shift_px(inputs.optics);
     let [soft, hard] = if size > 0.0 { ["behind", "in front of"] } else { ["in front of", "behind"] };
     let reason = format!("rays land up to {shift:.2} px astray: soft discs {soft} focus, rings {hard} it");
     let change = format!(
         "without it, discs would be even, and what is in focus sharper by {:.2} px",
         size.abs() / 6.0
     );
-    new(kind, shift > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(kind, shift > LEAST_OUTLINE_PX, reason, change)
 }
 
-pub(super) fn axial_color(given: &Given<'_>) -> Effect {
+pub(super) fn axial_color(inputs: &Inputs<'_>) -> Effect {
     let kind = EffectKind::AxialColor;
-    if !given.optics.has_axial_color() {
-        return new(kind, false, "all colours focus in one place", "with it, nothing");
+    if !inputs.optics.has_axial_color() {
+        return Effect::new(kind, false, "all colours focus in one place", "with it, nothing");
     }
-    let [red, _, blue] = given.optics.axial_px;
+    let [red, _, blue] = inputs.optics.axial_px;
     let reason = format!(
         "where green is in focus, the CoC radius of red is {red:.2} px and that of blue {blue:.2} px"
     );
     let change = "without it, no colour fringes, and one set of lens samples in place of three";
-    new(kind, red.abs().max(blue.abs()) > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(kind, red.abs().max(blue.abs()) > LEAST_OUTLINE_PX, reason, change)
 }
 
-pub(super) fn lateral_color(given: &Given<'_>) -> Effect {
-    let [red, _, blue] = given.optics.lateral_px;
+pub(super) fn lateral_color(inputs: &Inputs<'_>) -> Effect {
+    let [red, _, blue] = inputs.optics.lateral_px;
     if red == 0.0 && blue == 0.0 {
-        return new(EffectKind::LateralColor, false, "all colours are one size", "with it, nothing");
+        return Effect::new(EffectKind::LateralColor, false, "all colours are one size", "with it, nothing");
     }
     let reason = format!("in the corners red lies {red:.2} px and blue {blue:.2} px farther out than green");
     let change = "without it, no colour fringes towards the corners";
     // However small, it shows beside a light.
-    new(EffectKind::LateralColor, true, reason, change)
+    Effect::new(EffectKind::LateralColor, true, reason, change)
 }
 
-pub(super) fn vignetting(given: &Given<'_>) -> Effect {
-    let (optics, field) = (given.optics, given.facts.field);
+pub(super) fn vignetting(inputs: &Inputs<'_>) -> Effect {
+    let (optics, field) = (inputs.optics, inputs.facts.field);
     if optics.vignetting == 0.0 {
         let full = Optics { vignetting: 1.0, ..optics.clone() };
         let left = 100.0 * full.brightness(&field, field.far_out());
         let change = format!("at its full strength, the corners would keep {left:.0} % of their light");
-        return new(
+        return Effect::new(
             EffectKind::Vignetting,
             false,
             "brightness is that of a corrected lens: vignetting is 0",
@@ -142,13 +142,5 @@ pub(super) fn vignetting(given: &Given<'_>) -> Effect {
     let left = optics.brightness(&field, field.far_out());
     let reason = format!("the corners keep {:.1} % of their light", 100.0 * left);
     let change = "without it, they would be as bright as the middle";
-    new(EffectKind::Vignetting, left < MOST_LIGHT, reason, change)
-}
-
-/// How far the aberrations that a method with these `abilities` follows move a ray.
-pub(super) fn longest_shift_px(given: &Given<'_>, abilities: &Abilities) -> f32 {
-    let able = |kind| abilities.effects.contains(&kind);
-    let spherical_px = if able(EffectKind::SphericalAberration) { given.optics.spherical_px } else { 0.0 };
-    let axial_px = if able(EffectKind::AxialColor) { given.optics.axial_px } else { [0.0; 3] };
-    Optics { spherical_px, axial_px, ..given.optics.clone() }.longest_shift_px()
+    Effect::new(EffectKind::Vignetting, left < MOST_LIGHT, reason, change)
 }

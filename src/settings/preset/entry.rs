@@ -1,6 +1,6 @@
 //! The entries of a preset, each with its place in the text, so that an error shows the line.
 
-use super::super::{Effort, Focus, FocusKey, MethodParameters, Values, nearest};
+use super::super::{Effort, Focus, FocusKey, ParameterValue, ParameterValues, Place, Values, nearest};
 use super::schema::{FOCUS_KEY_PARTS, FocusKeyDraft, SCHEMA, known_keys, table_names};
 use crate::error::Error;
 use serde_json::Value as Json;
@@ -49,8 +49,13 @@ impl<'a> Document<'a> {
         Ok(FocusKey { frame, focus, easing })
     }
 
-    /// An error about the bytes `span`: file, line and column, the line itself, and carets under the place.
+    /// An error about the bytes `span`.
     pub(super) fn error(self, what: impl Into<String>, span: Range<usize>) -> Error {
+        Error::settings(what).with("in", self.place(span))
+    }
+
+    /// Where the bytes `span` are: file, line and column, the line itself, and carets under them.
+    fn place(self, span: Range<usize>) -> String {
         let start = char_boundary(self.text, span.start);
         let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
         let line_end = self.text[start..].find('\n').map_or(self.text.len(), |newline| start + newline);
@@ -62,14 +67,11 @@ impl<'a> Document<'a> {
         let carets = "^".repeat(self.text[start..end].chars().count().max(1));
         let number = line.to_string();
         let margin = " ".repeat(number.len());
-        Error::settings(what).with(
-            "in",
-            format!(
-                "{}:{line}:{}\n  {number} | {}\n  {margin} | {padding}{carets}",
-                self.source,
-                before.chars().count() + 1,
-                self.text[line_start..line_end].trim_end(),
-            ),
+        format!(
+            "{}:{line}:{}\n  {number} | {}\n  {margin} | {padding}{carets}",
+            self.source,
+            before.chars().count() + 1,
+            self.text[line_start..line_end].trim_end(),
         )
     }
 }
@@ -90,29 +92,33 @@ pub(super) struct Entry<'a> {
 
 impl<'a> Entry<'a> {
     /// Checks the entry and keeps its value where it belongs.
-    pub(super) fn read(&self, values: &mut Values, parameters: &mut Json) -> Result<(), Error> {
+    pub(super) fn read(&self, values: &mut Values, parameters: &mut ParameterValues) -> Result<(), Error> {
         if let Some(key) = SCHEMA.iter().find(|key| key.table == self.table && key.name == self.key) {
             return (key.set)(values, self);
         }
-        match parameters.get_mut(self.key) {
-            Some(method) if self.table == "method" => {
-                let path = format!("method.{}", self.key);
-                self.document
-                    .entries(&path, self.table()?)
-                    .iter()
-                    .try_for_each(|entry| entry.read_parameter(self.key, method))
-            }
-            _ => Err(self.unknown()),
+        if self.table != "method" || self.value.get_ref().as_table().is_none() {
+            return Err(self.unknown());
         }
+        let path = format!("method.{}", self.key);
+        for entry in self.document.entries(&path, self.table()?) {
+            parameters.push(entry.parameter(self));
+        }
+        Ok(())
     }
 
-    /// Checks one parameter of `method`, and keeps its value among that method's `parameters`.
-    fn read_parameter(&self, method: &str, parameters: &mut Json) -> Result<(), Error> {
-        let known = MethodParameters::of(method);
-        let parameter = known.iter().find(|known| known.name == self.key).ok_or_else(|| self.unknown())?;
-        let value = json(self.value.get_ref()).filter(|value| parameter.kind.allows(value));
-        parameters[self.key] = value.ok_or_else(|| self.unsuitable(&parameter.wanted()))?;
-        Ok(())
+    /// The entry as a parameter of `method`, not yet checked.
+    fn parameter(&self, method: &Entry<'_>) -> ParameterValue {
+        let place = |span: Range<usize>| self.document.place(span);
+        ParameterValue {
+            method: method.key.to_owned(),
+            key: self.key.to_owned(),
+            value: json(self.value.get_ref()),
+            place: Some(Place {
+                method: place(method.key_span.clone()),
+                key: place(self.key_span.clone()),
+                value: place(self.value.span()),
+            }),
+        }
     }
 
     pub(super) fn unknown(&self) -> Error {
@@ -304,16 +310,17 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// A parameter's value: a flag, a number, a list of numbers; `null` for the text "auto".
-fn json(value: &DeValue<'_>) -> Option<Json> {
-    match value {
+/// A parameter's value: a flag, a number, a list of numbers, `null` for the text "auto"; a text for what no parameter can be.
+fn json(value: &DeValue<'_>) -> Json {
+    let known = match value {
         DeValue::Boolean(flag) => Some(Json::from(*flag)),
         DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix()).ok().map(Json::from),
         DeValue::Float(digits) => digits.as_str().parse::<f64>().ok().map(Json::from),
-        DeValue::String(text) => (text == "auto").then_some(Json::Null),
-        DeValue::Array(items) => items.iter().map(|item| json(item.get_ref())).collect(),
-        DeValue::Table(_) | DeValue::Datetime(_) => None,
-    }
+        DeValue::String(text) if text == "auto" => Some(Json::Null),
+        DeValue::Array(items) => Some(items.iter().map(|item| json(item.get_ref())).collect()),
+        DeValue::String(_) | DeValue::Table(_) | DeValue::Datetime(_) => None,
+    };
+    known.unwrap_or_else(|| Json::from("another kind of value"))
 }
 
 fn number(value: &DeValue<'_>) -> Option<f32> {

@@ -5,7 +5,7 @@
 mod entry;
 mod schema;
 
-use super::{MethodParameters, Values, nearest};
+use super::{ParameterValues, Values, nearest};
 use crate::error::Error;
 use entry::Document;
 use std::path::{Path, PathBuf};
@@ -16,8 +16,8 @@ use toml::de::DeTable;
 pub struct Preset {
     /// What it sets.
     pub values: Values,
-    /// The `[method.NAME]` tables.
-    pub parameters: MethodParameters,
+    /// The `[method.NAME]` tables, which the methods check.
+    pub parameters: ParameterValues,
 }
 
 /// A preset that ships inside the program.
@@ -106,7 +106,7 @@ impl Preset {
             document.error(format!("not valid TOML: {}", error.message()), error.span().unwrap_or(0..0))
         })?;
         let mut values = Values::default();
-        let mut parameters = schema::default_parameters();
+        let mut parameters = ParameterValues::default();
         for table in document.entries("", root.get_ref()) {
             if !schema::table_names().contains(&table.key) {
                 return Err(table.unknown());
@@ -115,9 +115,6 @@ impl Preset {
                 entry.read(&mut values, &mut parameters)?;
             }
         }
-        let parameters = serde_json::from_value(parameters).map_err(|cause| {
-            Error::settings("a method's parameters cannot be read").with("in", source).caused_by(cause)
-        })?;
         Ok(Self { values, parameters })
     }
 }
@@ -220,16 +217,15 @@ mod tests {
     }
 
     #[test]
-    fn the_parameters_of_a_method_keep_their_defaults_where_the_preset_is_silent() {
-        let text = "[method.shear]\nviews = 32\nfill = false
-            [method.recursive-gaussian]\nlayers = 9\n[method.point-splat]\nintensity = [1, 0.5]";
-        let parameters = parse(text).unwrap().parameters;
-        let mut expected = MethodParameters::default();
-        expected.recursive_gaussian.layers = Some(9);
-        expected.point_splat.intensity = vec![1.0, 0.5];
-        expected.shear.views = 32;
-        expected.shear.fill = false;
-        assert_eq!(parameters, expected);
+    fn the_table_of_a_method_is_kept_for_the_method_to_check() {
+        let parameters =
+            parse("[method.any]\nviews = 32\nshape = [1, 0.5]\nlayers = 'auto'").unwrap().parameters;
+        let kept: Vec<_> =
+            parameters.iter().map(|value| (value.key.as_str(), value.value.to_string())).collect();
+        let kept: Vec<_> = kept.iter().map(|(key, value)| (*key, value.as_str())).collect();
+        assert_eq!(kept, [("views", "32"), ("shape", "[1,0.5]"), ("layers", "null")]);
+        let place = parameters.iter().next().and_then(|value| value.place.clone()).unwrap();
+        assert!(place.method.contains("my.toml:1:9") && place.value.contains("my.toml:2:9"), "{place:?}");
     }
 
     #[test]
@@ -251,13 +247,6 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_of_a_method_has_its_nearest_key_too() {
-        let message = message("[method.shear]\nprefiltre = 1.0");
-        assert!(message.contains("unknown key 'prefiltre' in [method.shear]"), "{message}");
-        assert!(message.contains("did you mean 'prefilter'?"), "{message}");
-    }
-
-    #[test]
     fn a_key_in_the_wrong_table_is_sent_to_its_own() {
         assert!(message("[aperture]\nf_number = 2").contains("'f_number' belongs in [lens]"));
         assert!(message("f_number = 2").contains("'f_number' belongs in [lens]"));
@@ -266,7 +255,6 @@ mod tests {
     #[test]
     fn an_unknown_table_has_its_nearest_table() {
         assert!(message("[lense]\nf_number = 2").contains("did you mean 'lens'?"));
-        assert!(message("[method.shaer]\nviews = 2").contains("did you mean 'shear'?"));
     }
 
     #[test]
@@ -286,21 +274,6 @@ mod tests {
             ("[highlight-extrapolation]\nfalloff = 0", "must be a number from 0.1 to 100"),
             ("[highlight-extrapolation]\ngain = 0.5", "must be a number from 1 to 1000"),
             ("[method]\nviews = 0", "must be a whole number, 1 or more"),
-            ("[method.shear]\nfill = 1", "must be true or false"),
-            ("[method.shear]\nprefilter = -1", "must be a number from 0 to 16 (the default is 1.4)"),
-            (
-                "[method.layer-rays]\ndelta_px = 0",
-                "'delta_px' must be a number from 0.1 to 1000 (the default is 3.0)",
-            ),
-            ("[method.layer-rays]\nrays = 0", "must be a whole number from 1 to 65536 (the default is 32)"),
-            (
-                "[method.recursive-gaussian]\nlayers = 513",
-                "must be \"auto\", or a whole number from 1 to 512 (the default is \"auto\")",
-            ),
-            (
-                "[method.point-splat]\nintensity = [0, 0]",
-                "must be a list of numbers from 0 to 1000, not all 0",
-            ),
             ("lens = 3", "must be a table, [lens]"),
         ] {
             let message = message(line);

@@ -1,14 +1,13 @@
 //! What a preset may hold: [`SCHEMA`] is the one list of keys, how each is checked and where it goes. The `[method.NAME]` tables
-//! follow from the declarations of [`MethodParameters`], so that a new method needs no line here.
+//! are the methods' own and are checked by them, so that a new method needs no line here.
 
 use super::super::{
     ABERRATIONS_UM, BLADE_CURVATURES, Border, CATS_EYES, DepthConvention, EXTRAPOLATION_FALLOFFS,
-    EXTRAPOLATION_GAINS, EXTRAPOLATION_THRESHOLDS, Easing, Effort, Focus, MethodParameters, Quality,
-    SQUEEZES, SensorDistance, VIGNETTINGS, Values,
+    EXTRAPOLATION_GAINS, EXTRAPOLATION_THRESHOLDS, Easing, Effort, Focus, Quality, SQUEEZES, SensorDistance,
+    VIGNETTINGS, Values,
 };
 use super::entry::Entry;
 use crate::error::Error;
-use serde_json::Value as Json;
 
 /// A key that a preset may hold: its table, its name, and how its value is checked and kept.
 pub(super) struct Key {
@@ -136,23 +135,11 @@ pub(super) fn table_names() -> Vec<&'static str> {
     names
 }
 
-/// The `[method.NAME]` tables with every parameter at its default.
-pub(super) fn default_parameters() -> Json {
-    serde_json::to_value(MethodParameters::default()).expect("parameters are numbers, flags and lists")
-}
-
 /// Every key that the table called `table` may hold; `""` is the root.
 pub(super) fn known_keys(table: &str) -> Vec<String> {
-    let parameters = default_parameters();
-    let members = |json: &Json| json.as_object().map(|map| map.keys().cloned().collect()).unwrap_or_default();
-    match (table, table.strip_prefix("method.")) {
-        ("", _) => table_names().into_iter().map(str::to_owned).collect(),
-        ("lens.focus_keys", _) => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
-        (_, Some(method)) => members(&parameters[method]),
-        _ => {
-            let keys = SCHEMA.iter().filter(|key| key.table == table).map(|key| key.name.to_owned());
-            let methods: Vec<String> = if table == "method" { members(&parameters) } else { Vec::new() };
-            keys.chain(methods).collect()
-        }
+    match table {
+        "" => table_names().into_iter().map(str::to_owned).collect(),
+        "lens.focus_keys" => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
+        _ => SCHEMA.iter().filter(|key| key.table == table).map(|key| key.name.to_owned()).collect(),
     }
 }

@@ -20,8 +20,9 @@ use super::sampler::{ShearSet, bins, rim_softness, shears};
 use crate::error::Error;
 use crate::gpu::{Constant, Gpu, Mirrored, Shader, bands, mirrored};
 use crate::image::{Image, Plane};
-use crate::methods::{Progress, Twin};
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Plan, Scene};
+use crate::methods::contract::Plan;
+use crate::methods::contract::{GpuBackend, Progress};
+use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Scene};
 use band::BandWork;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -106,7 +107,7 @@ mirrored! {
 #[derive(Debug)]
 pub(super) struct ShearTwin;
 
-impl Twin for ShearTwin {
+impl GpuBackend for ShearTwin {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let (layers, highlights) = load(scene, plan);
         let work = Work::new(gpu, scene, &layers, plan);
@@ -116,7 +117,7 @@ impl Twin for ShearTwin {
             add_light(&mut image, &discs);
         }
         if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.parameters.shear.resolve);
+            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
         }
         Ok(image)
     }
@@ -164,7 +165,7 @@ impl<'a> Work<'a> {
         let bins = bins(plan, views);
         let sets = shears(plan, &bins, views);
         let params = params(scene, layers.len(), plan, (&bins, &sets));
-        let strength = plan.parameters.shear.prefilter;
+        let strength = plan.strength(EffectKind::Prefilter).unwrap_or(0.0);
         let radius_per_coc =
             plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
         let keys = Keys::new(layers, &bins);

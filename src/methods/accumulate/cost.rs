@@ -1,0 +1,24 @@
+//! What `accumulate` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::Workload;
+
+/// Mean of `|x| + |y|` over a disc of radius 1: the samples' sides that a ray crosses for each unit of CoC radius.
+const SIDES_CROSSED: f64 = 8.0 / (3.0 * std::f64::consts::PI);
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let rays = workload.pixels() * workload.views();
+    let cells = rays * workload.supersample() * SIDES_CROSSED * workload.depths().whole_px;
+    Cost::new(
+        WorkKind::Rays,
+        [
+            term("samples", 4.212, workload.samples()),
+            term("rays", 56.017, rays),
+            term("rays × layers", 1.716, rays * workload.layers()),
+            term("samples passed", 1.684, cells),
+            term("samples passed × layers", 0.063, cells * workload.layers()),
+        ],
+    )
+}

@@ -1,0 +1,312 @@
+//! DECIDE: what a method is to do about a scene, and why. The scene's effects and the method's own passes become one [`Plan`].
+
+use super::contract::{Method, Plan};
+use super::switches;
+use super::target::{MAX_VIEWS, Target};
+use crate::error::Error;
+use crate::lens::Optics;
+use crate::scene::{Effect, EffectKind, Extrapolation, Facts, Inputs, Scene, effects};
+use crate::settings::{Effort, Origin, Parameters, Quality, Settings};
+use crate::stack::StackKind;
+
+/// Decides what `method` is to do about a scene with the statistics `facts`, whatever method `settings` name.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for an aperture that is none, a parameter of the method or of extrapolated highlights out of its
+/// range, a number of views out of range, a flag that asks of the method what it cannot do, and an effect requested by name that is
+/// unknown or cannot be switched.
+pub fn plan_for(method: &'static dyn Method, facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
+    let info = method.info();
+    let parameters = method.parameters().read(info.name, &settings.parameters)?;
+    let Sampling { views, target, reason: views_reason } = Sampling::decide(method, settings, &parameters)?;
+    let method_reason = match settings.method.value.as_str() {
+        "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
+        _ => format!("requested by {}", settings.method.origin),
+    };
+    let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
+    let optics = Optics::new(settings, &facts.field)?;
+    let extrapolation = Extrapolation::new(&settings.picture)?;
+    let known_views = if target.is_none() { views } else { None };
+    let inputs =
+        Inputs { facts, views: known_views, jitter, optics: &optics, extrapolation, passes: info.effects };
+    let own = method.decide(&inputs, &parameters)?;
+    let plan = Plan {
+        method,
+        method_reason,
+        views,
+        target,
+        views_reason,
+        jitter,
+        fragment_px: match facts.kind {
+            StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
+            StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
+        },
+        optics: optics.clone(),
+        effects: in_order(method, effects::decide(&inputs), own),
+        optics_requested: optics,
+        coc_range_px: facts.coc_range_px,
+        extrapolation,
+        parameters,
+    };
+    switches::apply(plan.with_lens_effects(), &settings.switches, facts)
+}
+
+/// The decision about every effect, in the order of [`EffectKind::ALL`]: those of the scene and the method's `own`; passes that the method
+/// lacks are off.
+fn in_order(method: &dyn Method, of_scene: Vec<Effect>, own: Vec<Effect>) -> Vec<Effect> {
+    let passes = method.info().effects;
+    let decided: Vec<Effect> = of_scene.into_iter().chain(own).collect();
+    let about = |kind: EffectKind| {
+        let found = decided.iter().find(|effect| effect.name == kind);
+        found.filter(|_| !kind.is_pass() || passes.contains(&kind)).cloned().unwrap_or_else(|| {
+            let change = format!("{method} cannot do it: `thinlens methods` lists those that can");
+            Effect::new(kind, false, format!("{method} has no such pass"), change)
+        })
+    };
+    EffectKind::ALL.into_iter().map(about).collect()
+}
+
+/// How the lens is to be sampled.
+struct Sampling {
+    /// Lens samples a pixel; none for a method that does not sample the lens.
+    views: Option<usize>,
+    /// What they are to reach, where their number is not given.
+    target: Option<Target>,
+    /// Why.
+    reason: String,
+}
+
+impl Sampling {
+    /// What `settings` ask for, as far as `method` can follow.
+    fn decide(method: &dyn Method, settings: &Settings, parameters: &Parameters) -> Result<Self, Error> {
+        let Some(own) = method.lens_samples(parameters) else {
+            let reason = format!("{method} does not sample the lens");
+            return Ok(Self { views: None, target: None, reason });
+        };
+        let its_own = || format!("{method}'s own number");
+        let (effort, reason) = match settings.effort.value {
+            Some(effort) => (Some(effort), format!("{effort}, requested by {}", settings.effort.origin)),
+            None if settings.method.value == "auto" => {
+                (Some(Effort::Quality(Quality::Final)), "auto is of final quality".to_owned())
+            }
+            None => (None, its_own()),
+        };
+        let (target, reason) = match effort.and_then(Target::from_effort) {
+            Some(_) if method.lens_sampling().is_none() => (None, its_own()),
+            target => (target, reason),
+        };
+        let views = if let Some(Effort::Views(views)) = effort { views } else { own };
+        if views == 0 || views > MAX_VIEWS {
+            return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
+                .with("found", views.to_string())
+                .help("set it with --views, or in the preset's [method]"));
+        }
+        Ok(Self { views: Some(views), target, reason })
+    }
+}
+
+/// Checks that `method` can follow an effort that a flag asks for; `able` are the names of methods that can search for a number of
+/// samples. A preset's effort is for whichever method can.
+pub(super) fn check_effort(
+    method: &dyn Method,
+    settings: &Settings,
+    able: impl Iterator<Item = &'static str>,
+) -> Result<(), Error> {
+    let effort = &settings.effort;
+    let Some(requested) = effort.value.filter(|_| effort.origin == Origin::Flag) else { return Ok(()) };
+    if !method.samples_lens() {
+        return Err(Error::settings(format!("{method} does not sample the lens"))
+            .with("found", requested.to_string())
+            .help(format!("leave it out; `thinlens methods {method}` shows what the method has")));
+    }
+    if matches!(requested, Effort::Views(_)) || method.lens_sampling().is_some() {
+        return Ok(());
+    }
+    let able: Vec<&str> = able.collect();
+    Err(Error::settings(format!("{method} cannot search for the number of samples that {requested} takes"))
+        .help(format!("ask for a number with --views, or for a method that can: {}", able.join(", "))))
+}
+
+/// `scene` with what the plan asks to be done to it before any method sees it, its statistics, and the plan by `decide`. The statistics
+/// are those of the scene as it is given back, but for [`Facts::light`], which the plan was decided from.
+///
+/// # Errors
+/// Those of `decide`.
+pub(super) fn prepare(
+    scene: Scene,
+    decide: impl Fn(&Facts) -> Result<Plan, Error>,
+) -> Result<(Scene, Facts, Plan), Error> {
+    let facts = scene.facts();
+    let plan = decide(&facts)?;
+    if !plan.does(EffectKind::HighlightExtrapolation) {
+        return Ok((scene, facts, plan));
+    }
+    let scene = scene.extrapolated(&plan.extrapolation);
+    let facts = Facts { light: facts.light, ..scene.facts() };
+    let plan = decide(&facts)?;
+    Ok((scene, facts, plan))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::Field;
+    use crate::methods::accumulate::Accumulate;
+    use crate::methods::published::{gather::Gather, peel_rays::PeelRays, scatter::Scatter};
+    use crate::methods::shear::Shear;
+    use crate::scene::{BRIGHT_STEPS, BrightStep, Spread};
+    use crate::settings::{ParameterValues, Sourced, Values};
+    use crate::stack::ColorRange;
+
+    fn facts() -> Facts {
+        Facts {
+            picture_size: (100, 100),
+            layers: 4,
+            kind: StackKind::PointSampled,
+            supersample: 1,
+            coc_range_px: [-8.0, 3.0],
+            fragments: 20_000,
+            translucent_fragments: 0,
+            focused_fragments: 500,
+            open_samples: 0,
+            bright: [BrightStep::default(); BRIGHT_STEPS],
+            color_range: ColorRange::Unbounded,
+            light: Vec::new(),
+            limited_fragments: 0,
+            spread: Spread::default(),
+            field: Field::of_picture(100, 100),
+            peels: Vec::new(),
+        }
+    }
+
+    fn decide(facts: &Facts, values: &Values) -> Result<Plan, Error> {
+        let settings = Settings::resolve(&[(Origin::Flag, values)], ParameterValues::default());
+        plan_for(&Shear, facts, &settings)
+    }
+
+    fn plan(facts: &Facts) -> Plan {
+        decide(facts, &Values::default()).unwrap()
+    }
+
+    /// The error of a plan with a parameter of `shear` set.
+    fn parameter_refused(key: &str, value: impl Into<serde_json::Value>) -> String {
+        let mut settings = Settings::resolve(&[], ParameterValues::default());
+        settings.parameters.set("shear", key, value);
+        plan_for(&Shear, &facts(), &settings).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_stays_within_its_pixel_is_not_blurred() {
+        let blurs = |range| plan(&Facts { coc_range_px: range, ..facts() }).does(EffectKind::Blur);
+        assert_eq!(
+            [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
+            [false, true, true],
+            "half a pixel"
+        );
+    }
+
+    #[test]
+    fn only_point_samples_are_spread_over_the_pixel_and_resolved() {
+        for (kind, jitter, fragment_px) in [
+            (StackKind::PointSampled, 1.0, 1.0),
+            (StackKind::Coverage, 0.5, 0.0),
+            (StackKind::BeautyDepth, 0.5, 0.0),
+            (StackKind::RendererAntialiased, 0.5, 0.0),
+        ] {
+            let plan = plan(&Facts { kind, ..facts() });
+            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{kind:?}");
+            assert_eq!(plan.does(EffectKind::Resolve), kind == StackKind::PointSampled, "{kind:?}");
+        }
+        let supersampled = plan(&Facts { kind: StackKind::Supersampled, supersample: 4, ..facts() });
+        assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
+        assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
+    }
+
+    #[test]
+    fn surfaces_are_guessed_only_where_peels_are_few() {
+        let fills = |layers| plan(&Facts { layers, ..facts() }).does(EffectKind::Fill);
+        assert_eq!([fills(1), fills(2), fills(3), fills(4)], [true, true, false, false], "one and two");
+    }
+
+    /// Facts with `fragments` of brightness 2 to 2.8 and one of 1000, whose discs cover 300 px each.
+    fn lights(fragments: usize) -> Facts {
+        let step = |fragments| BrightStep { fragments, disc_area_px: 300.0 * fragments as f64 };
+        let mut facts = facts();
+        (facts.bright[2], facts.bright[19]) = (step(fragments), step(1));
+        facts
+    }
+
+    #[test]
+    fn a_bright_area_does_not_become_a_million_discs() {
+        let few = plan(&lights(100));
+        assert!(
+            few.does(EffectKind::Highlights) && few.strength(EffectKind::Highlights) <= Some(2.0),
+            "all of them: {few:?}"
+        );
+        let many = plan(&lights(9000));
+        assert!(many.does(EffectKind::Highlights), "the brightest is still a disc");
+        let threshold = many.strength(EffectKind::Highlights).unwrap();
+        assert!(threshold > 2.8, "the area is not: {threshold}");
+        let reason = &many.effect(EffectKind::Highlights).reason;
+        assert!(reason.contains("raised"), "and the plan says so: {reason}");
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused_by_name() {
+        let refused = |values| decide(&facts(), &values).unwrap_err().to_string();
+        assert!(
+            refused(Values { effort: Some(Effort::Views(0)), ..Values::default() })
+                .contains("number of views"),
+            "zero views"
+        );
+        assert!(
+            refused(Values { blades: Some(2), ..Values::default() }).contains("3 to 100 blades"),
+            "two blades"
+        );
+        let error = parameter_refused("highlight_threshold", 0.4);
+        assert!(error.contains("brighter than white"), "{error}");
+    }
+
+    #[test]
+    fn a_method_is_not_said_to_do_what_it_has_no_step_for() {
+        let values = Values { effort: Some(Effort::Views(32)), ..Values::default() };
+        let settings = Settings::resolve(&[(Origin::Header, &values)], ParameterValues::default());
+        let plan = plan_for(&Scatter, &lights(100), &settings).unwrap();
+        assert!(!plan.does(EffectKind::Highlights), "no discs");
+        assert_eq!(plan.views, None, "a preset's views are not meant for it");
+        let names: Vec<EffectKind> = plan.effects.iter().map(|effect| effect.name).collect();
+        assert_eq!(names, EffectKind::ALL, "a decision about every effect, in order");
+    }
+
+    #[test]
+    fn a_parameter_out_of_its_range_is_refused_with_range_and_default() {
+        let expected = "'views' of shear must be a whole number from 1 to 65536 (the default is 64)";
+        let error = parameter_refused("views", 0);
+        assert!(error.contains(expected), "{error}");
+    }
+
+    #[test]
+    fn a_forced_effect_says_that_it_was_requested() {
+        let plan = plan(&facts()).forced(EffectKind::Fill, true);
+        assert!(plan.does(EffectKind::Fill), "on");
+        assert!(plan.effects.iter().any(|effect| effect.reason.starts_with("requested")), "with the reason");
+    }
+
+    #[test]
+    fn a_flag_that_a_method_cannot_follow_is_refused_and_a_presets_value_is_not() {
+        let checked = |method: &'static dyn Method, effort, origin| {
+            let settings = Settings::resolve(&[], ParameterValues::default());
+            let settings = Settings { effort: Sourced { value: Some(effort), origin }, ..settings };
+            check_effort(method, &settings, ["shear", "accumulate"].into_iter())
+                .map_err(|error| error.to_string())
+        };
+        let refused = |method, effort| checked(method, effort, Origin::Flag).unwrap_err();
+        assert!(refused(&Scatter, Effort::Views(32)).contains("scatter does not sample the lens"));
+        let target = refused(&Gather, Effort::TargetDb(40.0));
+        assert!(target.contains("--target-db 40") && target.contains("shear, accumulate"), "{target}");
+        assert_eq!(checked(&Gather, Effort::Views(32), Origin::Flag), Ok(()));
+        assert_eq!(checked(&PeelRays, Effort::TimeBudget(1.0), Origin::Flag), Ok(()));
+        assert_eq!(checked(&Accumulate, Effort::TargetDb(40.0), Origin::Flag), Ok(()));
+        assert_eq!(checked(&Scatter, Effort::TargetDb(40.0), Origin::Header), Ok(()), "for whichever can");
+    }
+}

@@ -1,0 +1,22 @@
+//! What `b-buffer` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::Workload;
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
+    // Level n has the variance (4ⁿ − 1) / 2, a disc c² / 4.
+    let levels: f64 = workload.reach_px().map(|coc| (1.0 + 0.5 * coc * coc).log(4.0).ceil()).iter().sum();
+    let pixels = workload.pixels();
+    Cost::new(
+        WorkKind::Planes,
+        [
+            term("pixels", 16.097, pixels),
+            term("pixels × layers", 2.996, pixels * workload.layers()),
+            term("samples to merge", 18.234, workload.merged()),
+            term("pixels × levels", 3.650, pixels * levels),
+            term("pixels × layers × levels", 1.572, pixels * workload.layers() * levels),
+        ],
+    )
+}

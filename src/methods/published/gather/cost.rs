@@ -1,0 +1,28 @@
+//! What `gather` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::Workload;
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let most = workload.views();
+    let visited = |reach: f64| {
+        let disc = std::f64::consts::PI * (reach + 0.5).powi(2);
+        if reach <= 0.5 { 0.0 } else { disc.min(most) }
+    };
+    // Eight levels of radius an octave, four a step, each a pass over the picture.
+    let steps = workload.facts.spread.steps.iter().skip(1);
+    let levels = 4.0 * steps.filter(|step| step.front[0] > 0).count() as f64;
+    let pixels = workload.pixels();
+    Cost::new(
+        WorkKind::Rows,
+        [
+            term("pixels", 30.065, pixels),
+            term("pixels × layers", 2.067, pixels * workload.layers()),
+            term("samples to merge", 21.452, workload.merged()),
+            term("pixels × near levels", 4.943, pixels * levels),
+            term("pixels visited", 1.080, workload.reached(visited)),
+        ],
+    )
+}

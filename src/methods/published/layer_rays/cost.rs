@@ -1,0 +1,28 @@
+//! What `layer-rays` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use super::parameters::LayerRaysParameters;
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::Workload;
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let parameters = plan.parameters.get::<LayerRaysParameters>();
+    let rays = workload.pixels() * workload.views();
+    let span: f64 = workload.reach_px().iter().sum();
+    // Layers share what tells whether they are in reach.
+    let slabs = (1.0 + span / f64::from(parameters.delta_px)).min(64.0);
+    let bundles = workload.pixels() * slabs;
+    let cones = if parameters.cones { 1.0 } else { 0.0 };
+    Cost::new(
+        WorkKind::Rays,
+        [
+            term("samples", 47.692, workload.samples()),
+            term("samples in cones", 8.059, workload.samples() * cones),
+            term("pixels × depth layers", 30.370, bundles),
+            term("rays", 81.775, rays),
+            term("rays with cones", 28.264, rays * cones),
+            term("rays × iterations", 5.978, rays * parameters.iterations as f64),
+        ],
+    )
+}

@@ -1,0 +1,33 @@
+//! What `point-splat` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use super::parameters::PointSplatParameters;
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::Workload;
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let parameters = plan.parameters.get::<PointSplatParameters>();
+    let edges = workload.edge_density();
+    // Where something else is within a CoC of the pixel nothing is reduced.
+    let near_edge = |coc_px: f64| 1.0 - (-edges * 2.0 * coc_px).exp();
+    let points = |coc_px: f64| match parameters.accelerated && coc_px >= 2.0 {
+        true => near_edge(coc_px) + 0.25 * (1.0 - near_edge(coc_px)),
+        false => 1.0,
+    };
+    let area = |coc_px: f64| workload.disc_px(coc_px.max(0.5));
+    let visible = workload.sums(|coc| points(coc) * area(coc))[0];
+    let rows = workload.sums(|coc| points(coc) * workload.disc_rows(coc))[0];
+    let hides = parameters.hidden && workload.facts.layers > 1;
+    let hidden = if hides { workload.pixels() } else { 0.0 };
+    Cost::new(
+        WorkKind::Rows,
+        [
+            term("pixels", 380.626, workload.pixels()),
+            term("samples to merge", 17.460, workload.merged()),
+            term("pixels to look behind", 33.764, hidden),
+            term("area of sprites", 8.214, visible),
+            term("rows of sprites", 33.553, rows),
+        ],
+    )
+}

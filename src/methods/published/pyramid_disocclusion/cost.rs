@@ -1,0 +1,22 @@
+//! What `pyramid-disocclusion` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use super::parameters::PyramidDisocclusionParameters;
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::methods::shared::sub_image_pixels;
+use crate::scene::Workload;
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let [_, blurred] =
+        sub_image_pixels(workload, plan.parameters.get::<PyramidDisocclusionParameters>().first_radius_px);
+    Cost::new(
+        WorkKind::Planes,
+        [
+            term("pixels", 16.145, workload.pixels()),
+            term("pixels × layers", 3.388, workload.pixels() * workload.layers()),
+            term("samples to merge", 21.806, workload.merged()),
+            term("area of pyramids", 25.156, blurred),
+        ],
+    )
+}

@@ -1,0 +1,9 @@
+//! The parameters of `pyramid-disocclusion`.
+
+crate::declare_parameters! {
+    /// Parameters of `pyramid-disocclusion`.
+    pub(super) PyramidDisocclusionParameters {
+        /// Blur radius of the first sub-image in pixels; each further one's is twice the one before.
+        first_radius_px: f32 = 1.7, Number(0.5, 16.0);
+    }
+}

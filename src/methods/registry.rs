@@ -1,0 +1,219 @@
+//! Which methods there are: the built-in ones, and any that a library's user adds.
+
+use super::contract::{Method, Plan, Role};
+use super::decide::{check_effort, plan_for, prepare};
+use super::{accumulate, published, shear};
+use crate::error::Error;
+use crate::scene::{Facts, Scene};
+use crate::settings::{Effort, ParameterValues, Quality, Settings, at, nearest};
+
+/// Every built-in method, in the order they are listed.
+pub static METHODS: [&dyn Method; 11] = [
+    &shear::Shear,
+    &accumulate::Accumulate,
+    &published::recursive_gaussian::RecursiveGaussian,
+    &published::b_buffer::BBuffer,
+    &published::point_splat::PointSplat,
+    &published::layer_rays::LayerRays,
+    &published::opaque_blur::OpaqueBlur,
+    &published::peel_rays::PeelRays,
+    &published::pyramid_disocclusion::PyramidDisocclusion,
+    &published::gather::Gather,
+    &published::scatter::Scatter,
+];
+
+/// The methods that a job chooses from, by name.
+#[derive(Debug, Clone)]
+pub struct Registry {
+    methods: Vec<&'static dyn Method>,
+}
+
+impl Default for Registry {
+    /// The built-in methods.
+    fn default() -> Self {
+        Self { methods: METHODS.to_vec() }
+    }
+}
+
+impl Registry {
+    /// The registry with one more method; one that has the name of another replaces it.
+    #[must_use]
+    pub fn with(mut self, method: &'static dyn Method) -> Self {
+        match self.methods.iter_mut().find(|known| known.name() == method.name()) {
+            Some(known) => *known = method,
+            None => self.methods.push(method),
+        }
+        self
+    }
+
+    /// Every method, in the order they are listed.
+    pub fn iter(&self) -> impl Iterator<Item = &'static dyn Method> {
+        self.methods.iter().copied()
+    }
+
+    /// The names of all methods that `has` holds for.
+    pub fn names_where(
+        &self,
+        has: impl Fn(&'static dyn Method) -> bool,
+    ) -> impl Iterator<Item = &'static str> {
+        self.iter().filter(move |&method| has(method)).map(|method| method.name())
+    }
+
+    /// The method called `name`; `auto` is the one of final quality.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one.
+    pub fn by_name(&self, name: &str) -> Result<&'static dyn Method, Error> {
+        if name == "auto" {
+            return self.of_quality(Quality::Final);
+        }
+        self.iter().find(|method| method.name() == name).ok_or_else(|| {
+            let known: Vec<&str> = self.iter().map(|method| method.name()).collect();
+            let help = match nearest(name, &known) {
+                Some(near) => format!("did you mean '{near}'? `thinlens methods` lists them"),
+                None => format!("use auto, or one of {}", known.join(", ")),
+            };
+            Error::settings(format!("there is no method called '{name}'")).help(help)
+        })
+    }
+
+    /// The method that `auto` is at `quality`: the reference for reference quality, else the default.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for a registry without such a method, which no built-in one is.
+    fn of_quality(&self, quality: Quality) -> Result<&'static dyn Method, Error> {
+        let role = if quality == Quality::Reference { Role::Reference } else { Role::Default };
+        self.iter().find(|method| method.info().role == role).ok_or_else(|| {
+            Error::settings(format!("there is no method whose role is '{}'", role.name()))
+                .help("name a method instead of auto")
+        })
+    }
+
+    /// The method that `settings` ask for; `auto` is the one of the quality requested.
+    ///
+    /// # Errors
+    /// Those of [`Registry::by_name`].
+    pub fn chosen(&self, settings: &Settings) -> Result<&'static dyn Method, Error> {
+        match (settings.method.value.as_str(), settings.effort.value) {
+            ("auto", Some(Effort::Quality(quality))) => self.of_quality(quality),
+            (name, _) => self.by_name(name),
+        }
+    }
+
+    /// Checks every parameter that `values` set, whichever method it is for.
+    ///
+    /// # Errors
+    /// An unknown method or key, with the nearest known one, and a value that a parameter does not accept, each with its place in the
+    /// preset.
+    pub fn check(&self, values: &ParameterValues) -> Result<(), Error> {
+        values.iter().try_for_each(|value| {
+            let Some(method) = self.iter().find(|method| method.name() == value.method) else {
+                let error = Error::settings(format!("there is no method called '{}'", value.method));
+                let known: Vec<&str> = self.iter().map(|method| method.name()).collect();
+                let help = match nearest(&value.method, &known) {
+                    Some(near) => format!("did you mean '{near}'?"),
+                    None => format!("the methods are {}", known.join(", ")),
+                };
+                return Err(at(error, value.place.as_ref().map(|place| &place.method)).help(help));
+            };
+            method.parameters().read(&value.method, values).map(drop)
+        })
+    }
+
+    /// Decides what the method that `settings` ask for is to do about a scene with the statistics `facts`.
+    ///
+    /// # Errors
+    /// Those of [`Registry::by_name`] and of [`plan_for`], and a flag that asks of the method what it cannot do.
+    pub fn plan(&self, facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
+        let method = self.chosen(settings)?;
+        check_effort(method, settings, self.names_where(|method| method.lens_sampling().is_some()))?;
+        plan_for(method, facts, settings)
+    }
+
+    /// Analyzes `scene`, decides as [`Registry::plan`] does, and does to the scene what the plan asks to be done before any method sees
+    /// it.
+    ///
+    /// # Errors
+    /// Those of [`Registry::plan`].
+    pub fn prepare(&self, scene: Scene, settings: &Settings) -> Result<(Scene, Facts, Plan), Error> {
+        prepare(scene, |facts| self.plan(facts, settings))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Preset;
+
+    /// What the methods say of a preset.
+    fn checked(text: &str) -> Result<(), String> {
+        let preset = Preset::parse(text, "my.toml").unwrap();
+        Registry::default().check(&preset.parameters).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_tables_of_methods_are_read_beside_one_another() {
+        let text = "[method.shear]\nviews = 32\nfill = false
+            [method.recursive-gaussian]\nlayers = 9\n[method.point-splat]\nintensity = [1, 0.5]";
+        assert_eq!(checked(text), Ok(()));
+    }
+
+    #[test]
+    fn a_slip_in_a_table_of_a_method_is_shown_with_its_place() {
+        for (text, expected, place) in [
+            ("[method.shear]\nprefiltre = 1.0", "did you mean 'prefilter'?", "my.toml:2:1"),
+            ("[method.shaer]\nviews = 2", "did you mean 'shear'?", "my.toml:1:9"),
+            ("[method.shear]\nfill = 1", "must be true or false", "my.toml:2:8"),
+            (
+                "[method.shear]\nprefilter = -1",
+                "must be a number from 0 to 16 (the default is 1.4)",
+                "my.toml:2:13",
+            ),
+            (
+                "[method.layer-rays]\ndelta_px = 0",
+                "must be a number from 0.1 to 1000 (the default is 3.0)",
+                "my.toml:2:12",
+            ),
+            (
+                "[method.layer-rays]\nrays = 0",
+                "must be a whole number from 1 to 65536 (the default is 32)",
+                "my.toml:2:8",
+            ),
+            (
+                "[method.recursive-gaussian]\nlayers = 513",
+                "must be \"auto\", or a whole number from 1 to 512 (the default is \"auto\")",
+                "my.toml:2:10",
+            ),
+            (
+                "[method.point-splat]\nintensity = [0, 0]",
+                "must be a list of numbers from 0 to 1000, not all 0",
+                "my.toml:2:13",
+            ),
+            ("[method.scatter]\nsaturation = 'much'", "must be a number", "my.toml:2:14"),
+        ] {
+            let message = checked(text).unwrap_err();
+            assert!(message.contains(expected) && message.contains(place), "{text}: {message}");
+            assert!(message.contains('^'), "{message}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_method_has_its_nearest_name() {
+        let error = Registry::default().by_name("sheer").unwrap_err().to_string();
+        assert!(error.contains("did you mean 'shear'?"), "{error}");
+    }
+
+    #[test]
+    fn auto_is_the_default_and_at_reference_quality_the_reference() {
+        let methods = Registry::default();
+        let name = |quality| methods.of_quality(quality).unwrap().name();
+        assert_eq!(Quality::ALL.map(name), ["shear", "shear", "shear", "accumulate"]);
+        assert_eq!(methods.by_name("auto").unwrap().name(), "shear");
+    }
+
+    #[test]
+    fn a_method_replaces_the_one_of_its_name() {
+        let methods = Registry::default().with(&shear::Shear);
+        assert_eq!(methods.iter().count(), METHODS.len());
+    }
+}

@@ -1,0 +1,35 @@
+//! What `shear` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+
+use super::bins::bin_width_px;
+use crate::methods::contract::Plan;
+use crate::methods::cost::{Cost, WorkKind, term};
+use crate::scene::{Discs, EffectKind, Workload};
+
+/// What carrying out `plan` costs.
+pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
+    let facts = workload.facts;
+    let views = workload.views();
+    let width_px = f64::from(bin_width_px(plan.views.unwrap_or(0)));
+    let [edges, changes] = [facts.spread.edges, facts.spread.changes].map(|sums| sums.iter().sum::<f64>());
+    // Half as wide slices cut slopes twice as often, and edges as often as before.
+    let runs = (edges + (changes - edges) * 0.5 / width_px) / workload.supersample() + workload.size()[1];
+    let translucent = facts.translucent_fragments as f64 / workload.supersample().powi(2);
+    let discs = plan
+        .strength(EffectKind::Highlights)
+        .map_or_else(Discs::default, |threshold| workload.discs(threshold));
+    let fill = if plan.does(EffectKind::Fill) { workload.pixels() } else { 0.0 };
+    Cost::new(
+        WorkKind::Rows,
+        [
+            term("pixels × layers", 18.173, workload.pixels() * workload.layers()),
+            term("samples to merge", 23.505, workload.merged()),
+            term("pixels to fill", 221.605, fill),
+            term("pixels × views", 0.738, workload.pixels() * views),
+            term("translucent fragments × views", 24.582, translucent * views),
+            term("rows × slices × views", 3.462, workload.row_slices(width_px) * views),
+            term("runs × views", 15.656, runs * views),
+            term("highlights", 10644.557, discs.count),
+            term("rows of highlights", 1163.577, discs.rows),
+        ],
+    )
+}

@@ -1,0 +1,215 @@
+//! DECIDE, for the passes of this method: exact discs, disocclusion fill, prefilter and resolve.
+
+use super::parameters::ShearParameters;
+use super::prefilter::LEAST_VARIANCE;
+use crate::error::Error;
+use crate::scene::{BrightStep, Effect, EffectKind, Facts, Inputs, bright_step_floor, percent};
+use crate::stack::StackKind;
+use std::f32::consts::PI;
+
+/// Stacks of this many layers rarely lack a surface that a lens ray could meet.
+const COMPLETE_LAYERS: usize = 3;
+
+/// Without near blur of more than this CoC radius, only far edges uncover what the stack lacks.
+const NEAR_BLUR_FROM_PX: f32 = 0.5;
+
+/// From this CoC radius on a fragment is out of focus for every bin: that is 1 px, and the bin that it may be rounded into.
+const OUT_OF_FOCUS_FROM_PX: f32 = 1.5;
+
+/// Exact discs may cover this many times the picture's area: past it they would cost more than the views themselves.
+const HIGHLIGHT_COVER: f64 = 8.0;
+
+/// Exact discs may be this many for each pixel of the picture.
+const HIGHLIGHT_SHARE: f64 = 0.05;
+
+/// The decisions about this method's passes.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for a threshold of highlights below white.
+pub(super) fn decide(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Result<Vec<Effect>, Error> {
+    let threshold = parameters.highlight_threshold;
+    if threshold != 0.0 && threshold.is_nan() | (threshold < bright_step_floor(0)) {
+        return Err(Error::settings(
+            "a highlight is brighter than white: its threshold must be 1 or more, or 0 for none",
+        )
+        .with("found", threshold.to_string())
+        .help("set highlight_threshold in the preset's [method.shear]"));
+    }
+    Ok(vec![
+        highlights(inputs, parameters),
+        fill(inputs, parameters),
+        prefilter(inputs, parameters),
+        resolve(inputs, parameters),
+    ])
+}
+
+/// The blurred fragments that are brighter than `threshold`, to within half a stop.
+fn brighter(facts: &Facts, threshold: f32) -> BrightStep {
+    let steps = facts.bright.iter().enumerate().filter(|(step, _)| bright_step_floor(step + 1) > threshold);
+    steps.fold(BrightStep::default(), |sum, (_, step)| BrightStep {
+        fragments: sum.fragments + step.fragments,
+        disc_area_px: sum.disc_area_px + step.disc_area_px,
+    })
+}
+
+/// The threshold that keeps the discs within their budget, and the discs above it.
+fn affordable(facts: &Facts, requested: f32) -> (f32, BrightStep) {
+    let pixels = (facts.picture_size.0 * facts.picture_size.1) as f64;
+    let (mut discs, mut threshold) = (BrightStep::default(), f32::INFINITY);
+    for (step, bright) in facts.bright.iter().enumerate().rev() {
+        let with = BrightStep {
+            fragments: discs.fragments + bright.fragments,
+            disc_area_px: discs.disc_area_px + bright.disc_area_px,
+        };
+        let affordable = with.disc_area_px <= HIGHLIGHT_COVER * pixels
+            && with.fragments as f64 <= HIGHLIGHT_SHARE * pixels * (facts.supersample as f64).powi(2);
+        if bright_step_floor(step + 1) <= requested || !affordable {
+            break;
+        }
+        (discs, threshold) = (with, bright_step_floor(step).max(requested));
+    }
+    (threshold, discs)
+}
+
+fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
+    let facts = inputs.facts;
+    let requested = parameters.highlight_threshold;
+    let if_forced = if requested > 0.0 { requested } else { ShearParameters::default().highlight_threshold };
+    let pixels = (facts.picture_size.0 * facts.picture_size.1).max(1) as f64;
+    let off = |reason: &str| {
+        let all = brighter(facts, if_forced);
+        let change = match all.fragments {
+            0 => "with it, no effect: there is none to draw".to_owned(),
+            count => format!(
+                "with it, {count} discs of together {:.2} times the picture's area would be drawn",
+                all.disc_area_px / pixels
+            ),
+        };
+        Effect::new(EffectKind::Highlights, false, reason, change).with_strength(if_forced)
+    };
+    if requested == 0.0 {
+        return off("switched off: highlight_threshold is 0");
+    }
+    let (threshold, discs) = affordable(facts, requested);
+    if discs.fragments == 0 {
+        return off(if brighter(facts, requested).fragments > 0 {
+            "the bright parts are areas, not points: the views are enough for them"
+        } else {
+            "no blurred fragment is brighter than the threshold"
+        });
+    }
+    let raised = if threshold > requested {
+        format!(" (raised from {requested} to stay within budget)")
+    } else {
+        String::new()
+    };
+    let reason = format!("{} blurred fragments brighter than {threshold:.2}{raised}", discs.fragments);
+    let change = without_discs(discs, inputs.views);
+    Effect::new(EffectKind::Highlights, true, reason, change).with_strength(threshold)
+}
+
+/// What the views alone would show of `discs`.
+fn without_discs(discs: BrightStep, views: Option<usize>) -> String {
+    let area = discs.disc_area_px / discs.fragments.max(1) as f64;
+    let disc = format!("a disc of {area:.0} px, their mean,");
+    match views {
+        None => format!("without it, {disc} would be as many dots as there are views"),
+        Some(views) if area <= views as f64 => {
+            format!("without it, the {views} views would be enough: {disc} has no more pixels")
+        }
+        Some(views) => format!(
+            "without it, {disc} would be {views} dots {:.1} times as bright as it",
+            area / views as f64
+        ),
+    }
+}
+
+fn fill(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
+    let layers = inputs.facts.layers;
+    let (on, reason) = if !parameters.fill {
+        (false, "switched off".to_owned())
+    } else if layers >= COMPLETE_LAYERS {
+        (false, format!("{layers} layers know what lies behind"))
+    } else if inputs.facts.coc_range_px[0] > -NEAR_BLUR_FROM_PX {
+        (true, format!("{layers} layer(s): what far edges uncover is guessed from their surroundings"))
+    } else {
+        (true, format!("{layers} layer(s): what the near blur uncovers is guessed from its surroundings"))
+    };
+    let which = "rays that pass all layers; how many is not known before painting";
+    let change = if on {
+        format!("without it, nothing is found by {which}")
+    } else {
+        format!("with it, a guess is found by {which}")
+    };
+    Effect::new(EffectKind::Fill, on, reason, change)
+}
+
+/// How far apart the lens samples move what is blurred most, in pixels.
+fn gap_px(inputs: &Inputs<'_>, views: usize) -> f32 {
+    inputs.max_coc_px() * (PI / views as f32).sqrt()
+}
+
+fn prefilter(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
+    let strength = parameters.prefilter;
+    let if_forced = if strength > 0.0 { strength } else { ShearParameters::default().prefilter };
+    let decided =
+        |on, reason, change| Effect::new(EffectKind::Prefilter, on, reason, change).with_strength(if_forced);
+    let filter = format!("{strength} × half the gap between lens samples");
+    let Some(views) = inputs.views else {
+        let change = "without it, what is blurred would be as many copies as there are views".to_owned();
+        return decided(strength > 0.0, filter, change);
+    };
+    let gap = gap_px(inputs, views);
+    // A margin, so that rounding never makes a filter where the plan expects none.
+    let idle = (0.5 * strength * gap).powi(2) / 3.0 < 0.999 * LEAST_VARIANCE;
+    if strength > 0.0 && !idle {
+        let change = format!("without it, what is blurred most would be {views} copies {gap:.2} px apart");
+        return decided(true, filter, change);
+    }
+    if strength <= 0.0 {
+        let change = format!("with it, the gaps of up to {gap:.2} px between copies would be closed");
+        return decided(false, "switched off: prefilter is 0".to_owned(), change);
+    }
+    let reason = format!("{views} lens samples lie at most {gap:.2} px apart: there are no gaps to close");
+    decided(false, reason, "with it, no effect: the filter is too narrow".to_owned())
+}
+
+fn resolve(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
+    let facts = inputs.facts;
+    let weight = parameters.resolve;
+    let if_forced = if weight > 0.0 { weight } else { ShearParameters::default().resolve };
+    let decided = |on, reason: String, change: String| {
+        Effect::new(EffectKind::Resolve, on, reason, change).with_strength(if_forced)
+    };
+    let [near, far] = facts.coc_range_px;
+    if near >= OUT_OF_FOCUS_FROM_PX || far <= -OUT_OF_FOCUS_FROM_PX {
+        let smallest = near.abs().min(far.abs());
+        let reason = format!("nothing is in focus: the smallest CoC radius is {smallest:.1} px");
+        return decided(false, reason, "with it, no effect".to_owned());
+    }
+    let by = format!("by up to {:.0} % of their difference from their neighbours", 400.0 * if_forced);
+    let share = percent(facts.focused_fragments, facts.fragments);
+    let with = format!("with it, {share:.1} % of the fragments would be softened {by}");
+    if weight <= 0.0 {
+        decided(false, "switched off: resolve is 0".to_owned(), with)
+    } else if facts.kind != StackKind::PointSampled {
+        decided(false, "the input is anti-aliased already".to_owned(), with)
+    } else {
+        let reason = format!("one sample a pixel, {} fragments in focus", facts.focused_fragments);
+        let change = format!("without it, {share:.1} % of the fragments would not be softened {by}");
+        decided(true, reason, change)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_without_discs_are_dots_as_much_brighter_as_the_disc_is_larger_than_their_number() {
+        let discs = BrightStep { fragments: 2, disc_area_px: 1280.0 };
+        let text = without_discs(discs, Some(64));
+        assert!(text.contains("64 dots 10.0 times as bright"), "640 px over 64 views: {text}");
+        assert!(without_discs(discs, Some(1024)).contains("would carry them"), "more views than pixels");
+    }
+}

@@ -1,0 +1,42 @@
+//! What the number of lens samples is to reach, where it is not given.
+
+use crate::settings::Effort;
+use serde::Serialize;
+
+/// The most lens samples a pixel: the error of this many is below what a half float can hold.
+pub(super) const MAX_VIEWS: usize = 1 << 16;
+
+/// What the number of lens samples is to reach.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// A sampling error.
+    #[serde(rename = "target_db")]
+    Error {
+        /// PSNR in dB against the stack's own truth.
+        psnr_db: f64,
+        /// Lens samples past which the search ends.
+        #[serde(rename = "most_views")]
+        max_views: usize,
+    },
+    /// A time.
+    #[serde(rename = "time_budget")]
+    Time {
+        /// Wall seconds of the blur.
+        seconds: f64,
+    },
+}
+
+impl Target {
+    /// The target of `effort`; none for a number of views.
+    pub(super) fn from_effort(effort: Effort) -> Option<Self> {
+        match effort {
+            Effort::Views(_) => None,
+            Effort::TargetDb(psnr_db) => Some(Self::Error { psnr_db, max_views: MAX_VIEWS }),
+            Effort::TimeBudget(seconds) => Some(Self::Time { seconds }),
+            Effort::Quality(quality) => {
+                Some(Self::Error { psnr_db: quality.target_db(), max_views: quality.max_views() })
+            }
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Decisions about the picture as a whole: blur, merging of samples, translucency, transparent background.
+
+use super::inputs::{Inputs, percent};
+use super::words::{Effect, EffectKind};
+use crate::scene::facts::Facts;
+use std::f32::consts::PI;
+
+/// No fragment reaches beyond its own pixel below this CoC radius.
+const BLUR_FROM_PX: f32 = 0.5;
+
+pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
+    let facts = inputs.facts;
+    let shift = inputs.longest_shift_px();
+    let largest = inputs.max_coc_px() + shift;
+    let [near, far] = facts.coc_range_px;
+    if largest <= BLUR_FROM_PX {
+        let reason =
+            format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
+        let share = 100.0 * share_astray(largest, inputs.jitter);
+        let change = format!("with it, at most {share:.1} % of a pixel's lens rays would end in a neighbour");
+        return Effect::new(EffectKind::Blur, false, reason, change);
+    }
+    let counts = facts.spread.steps.map(|step| step.front.iter().chain(&step.behind).sum::<usize>());
+    let all: usize = counts.iter().sum();
+    let share = percent(all - counts[0], all);
+    let change = format!(
+        "without it, about {share:.1} % of the fragments would be sharp and not up to {:.1} px wide",
+        2.0 * largest
+    );
+    let astray = if shift > 0.0 { format!(", aberrations of up to {shift:.2} px") } else { String::new() };
+    let reason = format!("CoC radii from {near:.1} (near) to {far:.1} px (far){astray}");
+    Effect::new(EffectKind::Blur, true, reason, change)
+}
+
+/// The share of a pixel's lens rays that end outside of its square, where it and all around it have CoC radius `coc_px` and rays
+/// start within `jitter` of the pixel's width: the mean over a disc, which no aperture outreaches.
+fn share_astray(coc_px: f32, jitter: f32) -> f32 {
+    /// Steps of the mean along radius and angle.
+    const STEPS: usize = 64;
+    // Rays that start evenly within the jitter and move by `offset` leave by this share.
+    let leaves = |offset: f32| ((0.5 * jitter + offset.abs() - 0.5) / jitter).clamp(0.0, 1.0);
+    let ring = |i: usize| {
+        let radius = coc_px * ((i as f32 + 0.5) / STEPS as f32).sqrt();
+        let at = |k: usize| (k as f32 + 0.5) / STEPS as f32 * 0.5 * PI;
+        let stays = |angle: f32| (1.0 - leaves(radius * angle.cos())) * (1.0 - leaves(radius * angle.sin()));
+        (0..STEPS).map(|k| 1.0 - stays(at(k))).sum::<f32>() / STEPS as f32
+    };
+    (0..STEPS).map(ring).sum::<f32>() / STEPS as f32
+}
+
+pub(super) fn merge(facts: &Facts) -> Effect {
+    match facts.supersample {
+        1 => Effect::new(EffectKind::Merge, false, "one sample a pixel", "nothing could be merged"),
+        s => Effect::new(
+            EffectKind::Merge,
+            true,
+            format!("{s} × {s} samples a pixel become coverage peels"),
+            "it cannot be left out: samples are no picture pixels",
+        ),
+    }
+}
+
+pub(super) fn translucency(facts: &Facts) -> Effect {
+    let count = facts.translucent_fragments;
+    let reason = format!("{count} fragments let light through");
+    let share = percent(count, facts.fragments);
+    let change = match count {
+        0 => "it cannot be put in: every alpha is 1".to_owned(),
+        _ => format!("it cannot be left out: {share:.1} % of the fragments have an alpha below 1"),
+    };
+    Effect::new(EffectKind::Translucency, count > 0, reason, change)
+}
+
+pub(super) fn open_background(facts: &Facts) -> Effect {
+    let count = facts.open_samples;
+    if count == 0 {
+        return Effect::new(
+            EffectKind::OpenBackground,
+            false,
+            "something is behind every pixel: lens rays that find nothing are left out of the mean",
+            "with it, such rays would make the picture transparent; how many is not known before painting",
+        );
+    }
+    let share = percent(count, facts.picture_size.0 * facts.picture_size.1 * facts.supersample.pow(2));
+    Effect::new(
+        EffectKind::OpenBackground,
+        true,
+        format!("{count} pixels show nothing at all: the picture keeps its transparency"),
+        format!("without it, blurred edges before the {share:.1} % that show nothing would turn opaque"),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_go_astray_by_the_share_that_the_disc_reaches_over_the_side() {
+        assert_eq!(share_astray(0.0, 1.0), 0.0, "a pinhole");
+        assert_eq!(share_astray(0.25, 0.5), 0.0, "rays within half the pixel, moved by a quarter");
+        // Small discs leave by either side alone: 2 · E|c·u_x| = 2 c · 4 / (3π).
+        let c = 0.01;
+        let expected = 2.0 * c * 4.0 / (3.0 * PI);
+        assert!((share_astray(c, 1.0) / expected - 1.0).abs() < 0.01, "{}", share_astray(c, 1.0));
+        assert!(share_astray(0.5, 1.0) < 0.45, "at half a pixel less than half");
+    }
+}

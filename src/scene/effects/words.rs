@@ -1,0 +1,179 @@
+//! The words of a plan: which effects there are, and what a decision about one of them says.
+
+use crate::error::Error;
+use crate::settings::nearest;
+
+/// An effect that a plan switches on or off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum EffectKind {
+    /// Any blur at all; off, the picture is the input.
+    Blur,
+    /// Samples of a supersampled stack merged into coverage peels.
+    Merge,
+    /// Highlights of a source that ends at white made brighter: an estimate of the light that was clipped.
+    HighlightExtrapolation,
+    /// Exact discs for bright fragments.
+    Highlights,
+    /// Disocclusion fill: surfaces estimated where the stack has none.
+    Fill,
+    /// Fragments with an alpha below 1.
+    Translucency,
+    /// Transparent background: lens rays that hit nothing make the picture transparent.
+    OpenBackground,
+    /// Smoothing over the gaps between lens samples.
+    Prefilter,
+    /// Anti-aliasing of point-sampled, in-focus pixels.
+    Resolve,
+    /// Curved sides of the aperture.
+    BladeCurvature,
+    /// An anamorphic aperture, narrower than high.
+    Squeeze,
+    /// An aperture with the shape of a picture.
+    ApertureImage,
+    /// A lens barrel that cuts into the aperture towards the frame's corners.
+    CatsEye,
+    /// An aperture whose edge focuses at another distance than its centre.
+    SphericalAberration,
+    /// Red and blue that focus at another distance than green.
+    AxialColor,
+    /// Red and blue pictures of another size than the green one.
+    LateralColor,
+    /// Corners that are darker than the centre.
+    Vignetting,
+}
+
+impl EffectKind {
+    /// Every effect, in the order of plans.
+    pub const ALL: [Self; 17] = [
+        Self::Blur,
+        Self::Merge,
+        Self::HighlightExtrapolation,
+        Self::Highlights,
+        Self::Fill,
+        Self::Translucency,
+        Self::OpenBackground,
+        Self::Prefilter,
+        Self::Resolve,
+        Self::BladeCurvature,
+        Self::Squeeze,
+        Self::ApertureImage,
+        Self::CatsEye,
+        Self::SphericalAberration,
+        Self::AxialColor,
+        Self::LateralColor,
+        Self::Vignetting,
+    ];
+
+    /// Its name in reports, presets and flags.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blur => "blur",
+            Self::Merge => "merge",
+            Self::HighlightExtrapolation => "highlight-extrapolation",
+            Self::Highlights => "highlights",
+            Self::Fill => "fill",
+            Self::Translucency => "translucency",
+            Self::OpenBackground => "open-background",
+            Self::Prefilter => "prefilter",
+            Self::Resolve => "resolve",
+            Self::BladeCurvature => "blade-curvature",
+            Self::Squeeze => "squeeze",
+            Self::ApertureImage => "aperture-image",
+            Self::CatsEye => "cats-eye",
+            Self::SphericalAberration => "spherical-aberration",
+            Self::AxialColor => "axial-color",
+            Self::LateralColor => "lateral-color",
+            Self::Vignetting => "vignetting",
+        }
+    }
+
+    /// The effect called `name`; `transparent-background` is another name of [`Self::OpenBackground`].
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one and all of them.
+    pub fn by_name(name: &str) -> Result<Self, Error> {
+        if name == "transparent-background" {
+            return Ok(Self::OpenBackground);
+        }
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+            let known = Self::ALL.map(Self::name);
+            let list = format!("the effects are {}", known.join(", "));
+            let help = match nearest(name, &known) {
+                Some(near) => format!("did you mean '{near}'? {list}"),
+                None => list,
+            };
+            Error::settings(format!("there is no effect called '{name}'")).help(help)
+        })
+    }
+
+    /// Whether it is a pass that some methods have and others lack.
+    pub fn is_pass(self) -> bool {
+        match self {
+            Self::Blur
+            | Self::HighlightExtrapolation
+            | Self::Translucency
+            | Self::OpenBackground
+            | Self::LateralColor
+            | Self::Vignetting => false,
+            Self::Merge
+            | Self::Highlights
+            | Self::Fill
+            | Self::Prefilter
+            | Self::Resolve
+            | Self::BladeCurvature
+            | Self::Squeeze
+            | Self::ApertureImage
+            | Self::CatsEye
+            | Self::SphericalAberration
+            | Self::AxialColor => true,
+        }
+    }
+
+    /// Whether it has no effect where nothing is blurred.
+    pub fn requires_blur(self) -> bool {
+        self.is_pass() || self == Self::HighlightExtrapolation
+    }
+}
+
+/// One decision, with its reason in words and numbers.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Effect {
+    /// Which effect.
+    pub name: EffectKind,
+    /// Whether it will be simulated.
+    pub on: bool,
+    /// Why.
+    pub reason: String,
+    /// What the opposite choice would change, with a number where the statistics have one.
+    pub change: String,
+    /// Whether the user asked for it, instead of the plan.
+    pub forced: bool,
+    /// The number that the effect works with when it is on, where it has one: a strength, a weight or a threshold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strength: Option<f32>,
+}
+
+impl Effect {
+    /// A decision of the plan's own.
+    pub fn new(name: EffectKind, on: bool, reason: impl Into<String>, change: impl Into<String>) -> Self {
+        Self { name, on, reason: reason.into(), change: change.into(), forced: false, strength: None }
+    }
+
+    /// The decision with the number that the effect works with.
+    #[must_use]
+    pub fn with_strength(self, strength: f32) -> Self {
+        Self { strength: Some(strength), ..self }
+    }
+
+    /// Switches it at the user's request.
+    pub(crate) fn force(&mut self, on: bool) {
+        let own = if self.on { "on" } else { "off" };
+        let also = if self.on == on { "also " } else { "" };
+        if !self.forced {
+            self.reason = format!("requested; the plan's own choice was {also}{own}: {}", self.reason);
+        }
+        (self.on, self.forced) = (on, true);
+    }
+}
