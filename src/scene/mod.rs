@@ -15,6 +15,7 @@ mod peel_facts;
 mod plan;
 mod sampling;
 mod spread;
+pub mod surface;
 mod switches;
 
 pub use effects::PREFILTER_LEAST_VARIANCE;
@@ -22,7 +23,7 @@ pub use extrapolation::Extrapolation;
 pub use facts::{BRIGHT_STEPS, BrightStep, Facts, LightStep, bright_step_floor};
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
-pub use peel_facts::{JUMP_PX, PeelFacts};
+pub use peel_facts::PeelFacts;
 pub use plan::{Abilities, Effect, EffectKind, Plan};
 pub use sampling::Goal;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};

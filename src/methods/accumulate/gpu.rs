@@ -6,13 +6,14 @@
 
 use super::Accumulate;
 use super::tiles::{SLABS, TILE};
-use super::volume::{JOIN_PX, Ray, Volume};
+use super::volume::{Ray, Volume};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
 use crate::methods::{Progress, Twin};
+use crate::scene::surface::JOIN_PX;
 use crate::scene::{Layer, OPAQUE_ALPHA, Plan, Scene};
 use glam::Vec2;
 use std::ops::Range;

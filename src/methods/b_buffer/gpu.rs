@@ -8,18 +8,18 @@ use super::super::shared::{
 };
 use super::super::{Progress, Twin};
 use super::field::{Field, Side, Weighing};
-use super::{BBuffer, SAME_SURFACE_SHARE, ranges_px};
+use super::{BBuffer, ranges_px};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Plan, Scene, surface};
 use std::ops::Range;
 
 static SHADER: Shader = Shader {
     name: "b_buffer",
     constants: &[
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
-        ("SAME_SURFACE_SHARE", Constant::Float(SAME_SURFACE_SHARE)),
+        ("LEVEL_SHARE", Constant::Float(surface::LEVEL_SHARE)),
     ],
     parts: &[
         SHEET_WGSL,
