@@ -2,7 +2,6 @@
 //!
 //! Cost: one comparison of neighbours a fragment, and a sum where something is bright.
 
-use super::facts::Tally;
 use super::surface;
 
 /// What one peel shows.
@@ -22,21 +21,6 @@ pub struct PeelFacts {
     /// Share of the neighbours along rows, at least one of them a fragment, of which one is empty or whose CoC radii differ by
     /// [`surface::AVERAGE_PX`] or more.
     pub jumps: f64,
-}
-
-impl PeelFacts {
-    /// Of a peel of `samples` samples, `supersample` a picture pixel along each axis, with `tally`.
-    pub(super) fn new(tally: &Tally, samples: usize, supersample: usize) -> Self {
-        let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
-        Self {
-            coc_range_px: tally.coc_range_px(),
-            covered: share(tally.fragments, samples),
-            translucent: share(tally.translucent, tally.fragments),
-            in_focus: share(tally.focused, tally.fragments),
-            highlight_light: tally.highlight_light / (supersample * supersample) as f64,
-            jumps: share(tally.neighbours.jumps, tally.neighbours.pairs),
-        }
-    }
 }
 
 /// Neighbouring samples along rows.
