@@ -14,9 +14,9 @@ use std::hint::black_box;
 use std::process::Command;
 use thinlens::dial;
 use thinlens::methods;
-use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
 use thinlens::scene::{Goal, Plan, Scene};
 use thinlens::settings::{Effort, MethodParameters, Origin, Settings, Values};
+use thinlens::usage::{Stopwatch, peak_memory_bytes};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";

@@ -12,9 +12,9 @@ use scene::{median, wanted};
 use std::sync::Arc;
 use thinlens::finish::finish;
 use thinlens::methods;
-use thinlens::output::usage::Stopwatch;
 use thinlens::scene::{EffectKind, Plan, Scene};
 use thinlens::settings::{Effort, Mask, Settings};
+use thinlens::usage::Stopwatch;
 
 const RUNS: usize = 7;
 

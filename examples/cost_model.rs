@@ -20,11 +20,12 @@ use thinlens::compare::Contender;
 use thinlens::cost::{timed, work};
 use thinlens::error::Error;
 use thinlens::methods::{self, METHODS};
-use thinlens::output::{atomic, usage::Stopwatch};
+use thinlens::output::atomic;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Plan, Scene};
 use thinlens::settings::{MethodParameters, Preset, Settings, Values};
 use thinlens::stack::Source;
+use thinlens::usage::Stopwatch;
 
 const INPUTS: [(&str, Option<usize>); 4] =
     [("stack.exr", None), ("pinhole.exr", None), ("stack_coverage.exr", None), ("stack_2x.exr", Some(2))];

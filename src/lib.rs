@@ -14,7 +14,10 @@
 //! [`render`](mod@render) runs the steps up to the picture for one job; [`cost`] says before how long the blur will take.
 
 pub mod error;
+pub mod finding;
 pub mod image;
+pub mod usage;
+pub mod machine;
 pub mod settings;
 pub mod stack;
 pub mod lens;

@@ -1,8 +1,8 @@
 //! `thinlens completions`.
 
 use super::console::print;
-use super::{Cli, Failure};
-use clap::{Args, CommandFactory};
+use super::failure::Failure;
+use clap::{Args, Command};
 use clap_complete::{Shell, generate};
 
 /// Print a shell's completion script
@@ -12,9 +12,10 @@ pub(super) struct CompletionsArgs {
     shell: Shell,
 }
 
-pub(super) fn run(args: &CompletionsArgs) -> Result<(), Failure> {
+/// Prints the script for `cli`.
+pub(super) fn run(args: &CompletionsArgs, mut cli: Command) -> Result<(), Failure> {
     let mut script = Vec::new();
-    generate(args.shell, &mut Cli::command(), "thinlens", &mut script);
+    generate(args.shell, &mut cli, "thinlens", &mut script);
     print(&String::from_utf8_lossy(&script))?;
     Ok(())
 }

@@ -8,10 +8,10 @@ use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::error::Error;
+use thinlens::finding::Finding;
 use thinlens::gpu::Device;
 use thinlens::probes::Verdict;
 use thinlens::scene::{EffectKind, Goal, Plan};
-use thinlens::stack::Finding;
 
 /// Standard error, as talkative as asked for.
 #[derive(Debug, Clone, Copy)]

@@ -1,8 +1,10 @@
 //! `thinlens inspect`.
 
 use super::args::JobArgs;
+use super::checks;
 use super::console::{Console, kebab, print, print_json, sampling};
-use super::{Failure, checks};
+use super::drivers::prepare;
+use super::failure::Failure;
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -12,7 +14,7 @@ use thinlens::lens::{Sharpness, ThinLens};
 use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
-use thinlens::render::{Prepared, prepare};
+use thinlens::render::Prepared;
 use thinlens::scene::{Facts, FocusShares, PeelFacts, Plan};
 use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};

@@ -1,9 +1,9 @@
 //! `thinlens man`.
 
 use super::console::print;
-use super::{Cli, Failure, usage_error};
+use super::failure::{Failure, usage_error};
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_mangen::Man;
 
 /// Print a manual page
@@ -13,8 +13,8 @@ pub(super) struct ManArgs {
     command: Option<String>,
 }
 
-pub(super) fn run(args: &ManArgs) -> Result<(), Failure> {
-    let mut cli = Cli::command();
+/// Prints the page of `cli`, or of one of its subcommands.
+pub(super) fn run(args: &ManArgs, mut cli: Command) -> Result<(), Failure> {
     cli.build();
     let command = match &args.command {
         None => cli,

@@ -9,6 +9,8 @@ mod completions;
 mod console;
 mod demo;
 mod devices;
+mod drivers;
+mod failure;
 mod inspect;
 mod man;
 mod methods;
@@ -19,7 +21,7 @@ mod score;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use console::Console;
-use std::io;
+use failure::Failure;
 use std::process::ExitCode;
 use thinlens::error::Error;
 
@@ -68,34 +70,6 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// Why a command ended early.
-#[derive(Debug)]
-enum Failure {
-    /// It failed.
-    Failed(Error),
-    /// It was called wrongly.
-    Usage(clap::Error),
-    /// Whoever read our standard output has stopped: no reason to complain.
-    BrokenPipe,
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<io::Error>());
-        match cause.map(io::Error::kind) {
-            Some(io::ErrorKind::BrokenPipe) => Self::BrokenPipe,
-            _ => Self::Failed(error),
-        }
-    }
-}
-
-impl From<io::Error> for Failure {
-    /// From writing to standard output, the only I/O of this module that is not the library's.
-    fn from(error: io::Error) -> Self {
-        Error::output("standard output cannot be written").caused_by(error).into()
-    }
-}
-
 /// Parses the command line, runs the command and says how it went.
 pub(crate) fn run() -> ExitCode {
     let outcome = Cli::try_parse().map_err(Failure::Usage).and_then(|cli| {
@@ -108,12 +82,23 @@ pub(crate) fn run() -> ExitCode {
             console::error(&error);
             ExitCode::from(1)
         }
-        Err(Failure::Usage(error)) => {
-            // Help and version are errors to clap, with exit code 0. A closed pipe is no reason to complain here either.
-            let _ = error.print();
-            ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+        Err(Failure::Usage(error)) => usage(&error),
+        Err(Failure::Misused { command, kind, message }) => {
+            let mut cli = Cli::command();
+            cli.build();
+            usage(&match cli.find_subcommand_mut(command) {
+                Some(command) => command.error(kind, message),
+                None => cli.error(kind, message),
+            })
         }
     }
+}
+
+/// Prints a usage error, or what else clap calls one: help and version, with exit code 0.
+fn usage(error: &clap::Error) -> ExitCode {
+    // A closed pipe is no reason to complain here either.
+    let _ = error.print();
+    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
 }
 
 /// Runs `work` inside one pool of `threads` threads, so that nothing below has to make one.
@@ -141,21 +126,10 @@ impl Command {
             Self::Presets(args) => presets::run(&args),
             Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
-            Self::Completions(args) => completions::run(&args),
-            Self::Man(args) => man::run(&args),
+            Self::Completions(args) => completions::run(&args, Cli::command()),
+            Self::Man(args) => man::run(&args, Cli::command()),
         }
     }
-}
-
-/// A usage error about the subcommand called `command`.
-fn usage_error(command: &str, kind: clap::error::ErrorKind, message: &str) -> Failure {
-    let mut cli = Cli::command();
-    cli.build();
-    let error = match cli.find_subcommand_mut(command) {
-        Some(command) => command.error(kind, message),
-        None => cli.error(kind, message),
-    };
-    Failure::Usage(error)
 }
 
 #[cfg(test)]
