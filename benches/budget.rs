@@ -15,9 +15,9 @@ use std::process::Command;
 use thinlens::dial;
 use thinlens::methods;
 use thinlens::methods::{Plan, Target};
-use thinlens::output::usage::{Stopwatch, peak_memory_bytes};
 use thinlens::scene::Scene;
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
+use thinlens::usage::{Stopwatch, peak_memory_bytes};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";

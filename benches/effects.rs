@@ -13,9 +13,9 @@ use std::sync::Arc;
 use thinlens::finish::finish;
 use thinlens::methods;
 use thinlens::methods::Plan;
-use thinlens::output::usage::Stopwatch;
 use thinlens::scene::{EffectKind, Scene};
 use thinlens::settings::{Effort, Mask, Settings};
+use thinlens::usage::Stopwatch;
 
 const RUNS: usize = 7;
 

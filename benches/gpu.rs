@@ -24,9 +24,9 @@ mod measure {
     use std::time::Instant;
     use thinlens::gpu::{Gpu, GpuUsage};
     use thinlens::methods::{Plan, Registry, render, render_on};
-    use thinlens::output::usage::Stopwatch;
     use thinlens::scene::Scene;
     use thinlens::settings::{Effort, Settings};
+    use thinlens::usage::Stopwatch;
 
     /// Views of the frames.
     const VIEWS: usize = 64;

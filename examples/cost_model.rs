@@ -20,11 +20,12 @@ use thinlens::compare::Candidate;
 use thinlens::cost::{terms, timed};
 use thinlens::error::Error;
 use thinlens::methods::{self, METHODS, Plan, Registry};
-use thinlens::output::{atomic, usage::Stopwatch};
+use thinlens::output::atomic;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Facts, Scene};
 use thinlens::settings::{ParameterValues, Preset, Settings, Values};
 use thinlens::stack::Source;
+use thinlens::usage::Stopwatch;
 
 const INPUTS: [(&str, Option<usize>); 4] =
     [("stack.exr", None), ("pinhole.exr", None), ("stack_coverage.exr", None), ("stack_2x.exr", Some(2))];

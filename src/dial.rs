@@ -13,13 +13,13 @@
 
 use crate::cost::{self, Calibration};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Image;
 use crate::methods::{self, Progress, Sampler};
 use crate::methods::{Plan, Target};
-use crate::output::usage::Stopwatch;
 use crate::probes::{self, MANY_RAYS, Places, Probes, SEED, Verdict};
 use crate::scene::{Facts, Scene};
-use crate::stack::Finding;
+use crate::usage::Stopwatch;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

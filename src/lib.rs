@@ -16,7 +16,10 @@
 extern crate self as thinlens;
 
 pub mod error;
+pub mod finding;
 pub mod image;
+pub mod usage;
+pub mod machine;
 pub mod settings;
 pub mod stack;
 pub mod lens;

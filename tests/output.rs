@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use thinlens::image::Image;
 use thinlens::output::exr::{Codec, ExrOptions};
-use thinlens::output::{exr as exr_output, png, report, usage};
+use thinlens::output::{exr as exr_output, png, report};
 use thinlens::stack::{Carried, CarriedChannel, Frame, Precision, Window};
+use thinlens::usage;
 
 type Picture = exr::image::Image<exr::image::Layer<exr::image::AnyChannels<FlatSamples>>>;
 
@@ -301,11 +302,12 @@ fn json_is_written_whole_with_a_newline_at_its_end() {
 
 mod the_report {
     use super::{Path, report, usage};
+    use thinlens::finding::Finding;
     use thinlens::lens::ThinLens;
     use thinlens::methods::Registry;
     use thinlens::scene::{Effect, EffectKind, Scene};
     use thinlens::settings::{DepthConvention, Origin, ParameterValues, Settings, Values};
-    use thinlens::stack::{Finding, Precision, StackKind};
+    use thinlens::stack::{Precision, StackKind};
 
     fn example() -> report::Report {
         let flags = Values { f_number: Some(1.5), ..Values::default() };

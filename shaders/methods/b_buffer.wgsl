@@ -42,7 +42,7 @@ struct PeelFacts {
 @group(0) @binding(5) var<storage, read_write> peel_rest: array<f32>;
 @group(0) @binding(10) var<uniform> peel: PeelFacts;
 
-// OPAQUE_ALPHA and SAME_SURFACE_SHARE are the program's.
+// OPAQUE_ALPHA and LEVEL_SHARE are the program's.
 
 // Farther in front of everything than any CoC radius.
 const NO_SURFACE_PX: f32 = -3e38;
@@ -56,7 +56,7 @@ fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
         surface_px = other_colors[index];
         through = vec2f(other_colors[plane + index], other_colors[2 * plane + index]);
     }
-    let same_px = max(peel.same_surface_px, SAME_SURFACE_SHARE * abs(surface_px));
+    let same_px = max(peel.same_surface_px, LEVEL_SHARE * abs(surface_px));
     let drops = alpha <= 0.0 || through.x < 0.0 || abs(coc_px - surface_px) < same_px;
     let behind = coc_px > 0.0;
     let share = select(through.x, through.y, behind);

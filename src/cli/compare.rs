@@ -1,8 +1,10 @@
 //! `thinlens compare`.
 
 use super::args::{DEFAULT_PROBES, EffectArgs, InputArgs, LensArgs, stack_job};
+use super::checks;
 use super::console::{Console, print, print_json};
-use super::{Failure, checks};
+use super::drivers::prepare;
+use super::failure::Failure;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use thinlens::compare::{Candidate, Comparison, Gallery, Results, folder, shell, table};
@@ -12,7 +14,7 @@ use thinlens::methods::Registry;
 use thinlens::metrics::check_size;
 use thinlens::output::png;
 use thinlens::probes::{FEWEST_PROBES, MANY_RAYS, Places, Probes, SEED};
-use thinlens::render::{Job, Prepared, prepare};
+use thinlens::render::{Job, Prepared};
 use thinlens::stack::{Carry, read_picture};
 
 const EXAMPLES: &str = "\

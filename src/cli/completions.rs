@@ -1,10 +1,9 @@
 //! `thinlens completions`.
 
 use super::console::print;
-use super::{Failure, command};
-use clap::Args;
+use super::failure::Failure;
+use clap::{Args, Command};
 use clap_complete::{Shell, generate};
-use thinlens::methods::Registry;
 
 /// Print a shell's completion script
 #[derive(Debug, Args)]
@@ -13,9 +12,10 @@ pub(super) struct CompletionsArgs {
     shell: Shell,
 }
 
-pub(super) fn run(args: &CompletionsArgs, methods: &Registry) -> Result<(), Failure> {
+/// Prints the script for `cli`.
+pub(super) fn run(args: &CompletionsArgs, mut cli: Command) -> Result<(), Failure> {
     let mut script = Vec::new();
-    generate(args.shell, &mut command(methods), "thinlens", &mut script);
+    generate(args.shell, &mut cli, "thinlens", &mut script);
     print(&String::from_utf8_lossy(&script))?;
     Ok(())
 }

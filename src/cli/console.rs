@@ -8,11 +8,11 @@ use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use thinlens::cost::{Calibration, Remark, cache_folder};
 use thinlens::error::Error;
+use thinlens::finding::Finding;
 use thinlens::gpu::Device;
 use thinlens::methods::{Plan, Target};
 use thinlens::probes::Verdict;
 use thinlens::scene::EffectKind;
-use thinlens::stack::Finding;
 
 /// Standard error, as talkative as asked for.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,8 @@
 //! `thinlens demo`.
 
-use super::Failure;
 use super::console::{Console, print};
+use super::drivers::prepare;
+use super::failure::Failure;
 use clap::Args;
 use std::path::PathBuf;
 use thinlens::error::Error;
@@ -10,10 +11,10 @@ use thinlens::metrics;
 use thinlens::output::exr::{self, Codec, ExrOptions};
 use thinlens::output::png;
 use thinlens::output::report::{self, Report};
-use thinlens::output::usage::Stage;
-use thinlens::render::{Job, NamedPreset, Rendered, render};
+use thinlens::render::{Job, NamedPreset, Rendered};
 use thinlens::settings::{Preset, Values};
 use thinlens::stack::{Source, read_picture};
+use thinlens::usage::Stage;
 
 const STACK_NAME: &str = "samples/fence/stack.exr";
 static STACK: &[u8] = include_bytes!("../../samples/fence/stack.exr");
@@ -50,9 +51,9 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
 
     let files =
         ["fence.exr", "fence.png", "side-by-side.png", "report.json"].map(|name| args.output.join(name));
-    let mut clock = rendered.clock.clone();
-    clock.time(Stage::Write, || write_pictures(&files, &rendered, &pinhole))?;
-    rendered.clock = clock;
+    rendered.clock.skip();
+    write_pictures(&files, &rendered, &pinhole)?;
+    rendered.clock.lap(Stage::Write);
     let report = rendered.report(vec![STACK_NAME.to_owned()], files[0].display().to_string());
     report::write_json(&files[3], &report)?;
     let psnr_db = metrics::score(&rendered.image, &reference()?, 0)?.psnr_db;
@@ -71,13 +72,13 @@ fn job() -> Result<Job, Error> {
 
 fn show_progress(job: &Job, console: &Console) -> Result<Rendered, Error> {
     let bar = console.progress("blurring");
-    render(job, &|share| bar.set(share))
+    prepare(job)?.blur(&|share| bar.set(share))
 }
 
 /// The same stack without a lens.
 fn pinhole(job: &Job) -> Result<Image, Error> {
     let flags = Values { f_number: Some(f32::INFINITY), ..Values::default() };
-    Ok(render(&Job { flags, ..job.clone() }, &|_| ())?.image)
+    Ok(prepare(&Job { flags, ..job.clone() })?.blur(&|_| ())?.image)
 }
 
 fn write_pictures(

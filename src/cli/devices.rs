@@ -1,10 +1,11 @@
 //! `thinlens devices`.
 
-use super::Failure;
 use super::console::{print, print_json};
+use super::drivers::survey;
+use super::failure::Failure;
 use clap::Args;
 use std::fmt::Write;
-use thinlens::gpu::{Adapter, Survey, survey};
+use thinlens::gpu::{Adapter, Survey};
 
 const EXAMPLES: &str = "\
 Examples:

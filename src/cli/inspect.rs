@@ -1,8 +1,10 @@
 //! `thinlens inspect`.
 
 use super::args::JobArgs;
+use super::checks;
 use super::console::{Console, kebab, print, print_json, sampling};
-use super::{Failure, checks};
+use super::drivers::prepare;
+use super::failure::Failure;
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -13,7 +15,7 @@ use thinlens::methods::{Plan, Registry};
 use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
-use thinlens::render::{Job, Prepared, prepare};
+use thinlens::render::{Job, Prepared};
 use thinlens::scene::{Facts, FocusShares, PeelFacts};
 use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};

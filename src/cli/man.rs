@@ -1,11 +1,10 @@
 //! `thinlens man`.
 
 use super::console::print;
-use super::{Failure, command, usage_error};
-use clap::Args;
+use super::failure::{Failure, usage_error};
 use clap::error::ErrorKind;
+use clap::{Args, Command};
 use clap_mangen::Man;
-use thinlens::methods::Registry;
 
 /// Print a manual page
 #[derive(Debug, Args)]
@@ -14,8 +13,8 @@ pub(super) struct ManArgs {
     command: Option<String>,
 }
 
-pub(super) fn run(args: &ManArgs, methods: &Registry) -> Result<(), Failure> {
-    let mut cli = command(methods);
+/// Prints the page of `cli`, or of one of its subcommands.
+pub(super) fn run(args: &ManArgs, mut cli: Command) -> Result<(), Failure> {
     cli.build();
     let page_of = match &args.command {
         None => cli,

@@ -1,7 +1,7 @@
 //! `thinlens methods`.
 
-use super::Failure;
 use super::console::{print, print_json};
+use super::failure::Failure;
 use clap::Args;
 use std::fmt::Write;
 use thinlens::methods::{Deviation, Method, MethodInfo, Registry};

@@ -9,6 +9,8 @@ mod completions;
 mod console;
 mod demo;
 mod devices;
+mod drivers;
+mod failure;
 mod inspect;
 mod man;
 mod methods;
@@ -20,8 +22,8 @@ mod score;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
+use failure::Failure;
 use std::ffi::OsString;
-use std::io;
 use std::process::ExitCode;
 use thinlens::error::Error;
 use thinlens::methods::Registry;
@@ -71,34 +73,6 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// Why a command ended early.
-#[derive(Debug)]
-enum Failure {
-    /// It failed.
-    Failed(Error),
-    /// It was called wrongly.
-    Usage(clap::Error),
-    /// Whoever read our standard output has stopped: no reason to complain.
-    BrokenPipe,
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<io::Error>());
-        match cause.map(io::Error::kind) {
-            Some(io::ErrorKind::BrokenPipe) => Self::BrokenPipe,
-            _ => Self::Failed(error),
-        }
-    }
-}
-
-impl From<io::Error> for Failure {
-    /// From writing to standard output, the only I/O of this module that is not the library's.
-    fn from(error: io::Error) -> Self {
-        Error::output("standard output cannot be written").caused_by(error).into()
-    }
-}
-
 /// Runs the program with the command line of this process and the methods of `methods`, and says how it went.
 pub fn run(methods: &Registry) -> ExitCode {
     run_with(std::env::args_os(), methods)
@@ -118,12 +92,23 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
             console::error(&error);
             ExitCode::from(1)
         }
-        Err(Failure::Usage(error)) => {
-            // Help and version are errors to clap, with exit code 0. A closed pipe is no reason to complain here either.
-            let _ = error.print();
-            ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+        Err(Failure::Usage(error)) => usage(&error),
+        Err(Failure::Misused { command, kind, message }) => {
+            let mut cli = Cli::command();
+            cli.build();
+            usage(&match cli.find_subcommand_mut(command) {
+                Some(command) => command.error(kind, message),
+                None => cli.error(kind, message),
+            })
         }
     }
+}
+
+/// Prints a usage error, or what else clap calls one: help and version, with exit code 0.
+fn usage(error: &clap::Error) -> ExitCode {
+    // A closed pipe is no reason to complain here either.
+    let _ = error.print();
+    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
 }
 
 /// Runs `work` inside one pool of `threads` threads, so that nothing below has to make one.
@@ -151,8 +136,8 @@ impl Command {
             Self::Presets(args) => presets::run(&args),
             Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
-            Self::Completions(args) => completions::run(&args, methods),
-            Self::Man(args) => man::run(&args, methods),
+            Self::Completions(args) => completions::run(&args, command(methods)),
+            Self::Man(args) => man::run(&args, command(methods)),
         }
     }
 }
@@ -167,17 +152,6 @@ fn command(methods: &Registry) -> clap::Command {
             command
         }
     })
-}
-
-/// A usage error about the subcommand called `command`.
-fn usage_error(command: &str, kind: clap::error::ErrorKind, message: &str) -> Failure {
-    let mut cli = Cli::command();
-    cli.build();
-    let error = match cli.find_subcommand_mut(command) {
-        Some(command) => command.error(kind, message),
-        None => cli.error(kind, message),
-    };
-    Failure::Usage(error)
 }
 
 #[cfg(test)]

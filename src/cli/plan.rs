@@ -1,8 +1,9 @@
 //! `thinlens plan`.
 
-use super::Failure;
 use super::args::JobArgs;
 use super::console::{Console, print, print_json};
+use super::drivers::prepare;
+use super::failure::Failure;
 use super::inspect::{write_device, write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
@@ -15,7 +16,7 @@ use thinlens::dial;
 use thinlens::error::Error;
 use thinlens::methods::{Method, Plan, Registry, Target};
 use thinlens::probes::{MANY_RAYS, Places, Probes, SEED, Verdict, with_guesses};
-use thinlens::render::{Job, Prepared, prepare};
+use thinlens::render::{Job, Prepared};
 use thinlens::scene::EffectKind;
 use thinlens::settings::{Origin, Settings, Sourced};
 use thinlens::stack::Carry;

@@ -1,7 +1,7 @@
 //! `thinlens presets`.
 
-use super::Failure;
 use super::console::print;
+use super::failure::Failure;
 use clap::{Args, Subcommand};
 use thinlens::settings::{BUILT_IN, BuiltIn};
 

@@ -1,22 +1,25 @@
 //! `thinlens render`.
 
 use super::args::{DEFAULT_PROBES, JobArgs};
+use super::checks;
 use super::console::{Console, print_json};
-use super::{Failure, checks, usage_error};
+use super::drivers::prepare;
+use super::failure::{Failure, usage_error};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
+use thinlens::finding::Finding;
 use thinlens::image::{Image, Plane};
 use thinlens::methods::Registry;
 use thinlens::output::exr::{Codec, ExrOptions};
 use thinlens::output::report::{Confidence, Report};
-use thinlens::output::usage::Stage;
 use thinlens::output::{exr, png, report};
 use thinlens::probes::FEWEST_PROBES;
-use thinlens::render::{Job, Rendered, prepare};
-use thinlens::stack::{Carried, Carry, Finding, Precision};
+use thinlens::render::{Job, Rendered};
+use thinlens::stack::{Carried, Carry, Precision};
+use thinlens::usage::Stage;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -129,9 +132,9 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
         console.verdict(verdict);
     }
 
-    let mut clock = rendered.clock.clone();
-    let findings = clock.time(Stage::Write, || args.output.write(target, &rendered))?;
-    rendered.clock = clock;
+    rendered.clock.skip();
+    let findings = args.output.write(target, &rendered)?;
+    rendered.clock.lap(Stage::Write);
     console.findings(&findings);
     rendered.stack.findings.extend(findings);
     args.output.report(&args.job, &rendered)?;

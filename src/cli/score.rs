@@ -1,7 +1,8 @@
 //! `thinlens score`.
 
+use super::checks;
 use super::console::{Console, print, print_json};
-use super::{Failure, checks};
+use super::failure::Failure;
 use clap::Args;
 use std::path::PathBuf;
 use thinlens::metrics::{Pair, Score};

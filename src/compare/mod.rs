@@ -26,14 +26,14 @@ use crate::cost::{self, Calibration, Prediction};
 use crate::error::Error;
 use crate::finish::finish;
 use crate::image::Image;
+use crate::machine::Machine;
 use crate::methods;
 use crate::methods::Plan;
 use crate::metrics::{Pair, Score};
-use crate::output::machine::Machine;
 use crate::output::report::{LensReport, Report, StackReport};
-use crate::output::usage::Stopwatch;
 use crate::probes::{Probes, Verdict};
 use crate::render::Prepared;
+use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
 
 /// A whole comparison: what `results.json` holds. Other people's scripts read it, so keys are only ever added.

@@ -7,12 +7,12 @@
 
 use crate::error::Error;
 use crate::image::Plane;
+use crate::machine::Machine;
 use crate::methods::{self, Registry, WorkKind};
-use crate::output::machine::Machine;
-use crate::output::usage::Stopwatch;
 use crate::scene::{Layer, Scene};
 use crate::settings::{Effort, Origin, ParameterValues, Settings, Values};
 use crate::stack::StackKind;
+use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

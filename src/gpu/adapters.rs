@@ -74,10 +74,8 @@ pub(super) fn find() -> Vec<Adapter> {
 /// Every adapter as wgpu has it.
 #[cfg(feature = "gpu")]
 pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
-    super::quiet::quietly(|| {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
-    })
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
 }
 
 #[cfg(feature = "gpu")]

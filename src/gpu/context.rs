@@ -5,8 +5,7 @@
 
 use super::adapters::{self, Adapter, AdapterKind};
 use super::clock::GpuUsage;
-use super::quiet::quietly;
-use super::work::{Kernel, Stamps};
+use super::handles::{Kernel, Stamps};
 use crate::error::Error;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -61,7 +60,7 @@ impl Gpu {
             required_limits: raw.limits(),
             ..wgpu::DeviceDescriptor::default()
         };
-        let opened = quietly(|| pollster::block_on(raw.request_device(&descriptor)));
+        let opened = pollster::block_on(raw.request_device(&descriptor));
         let (device, queue) = opened.map_err(|error| {
             Error::device("the GPU cannot be opened")
                 .with("found", adapter.to_string())
@@ -123,22 +122,6 @@ impl Gpu {
     pub fn lose(&self) {
         self.device.destroy();
         lock(&self.fault).get_or_insert_with(|| "the device was given back".to_owned());
-    }
-
-    /// What it has spent its time on so far.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn usage(&self) -> Result<GpuUsage, Error> {
-        let nanoseconds_per_tick = f64::from(self.queue.get_timestamp_period());
-        for Stamps { names, ticks } in std::mem::take(&mut *lock(&self.pending)) {
-            let ticks: Vec<u64> = self.fetch(&ticks)?;
-            let mut usage = lock(&self.usage);
-            for (name, ticks) in names.into_iter().zip(ticks.chunks_exact(2)) {
-                usage.passed(name, ticks[1].saturating_sub(ticks[0]) as f64 * nanoseconds_per_tick * 1e-9);
-            }
-        }
-        Ok(lock(&self.usage).clone())
     }
 
     /// Waits until everything that was asked for is done.

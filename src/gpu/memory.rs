@@ -1,70 +1,12 @@
 //! Memory of a GPU: what goes up and what comes down.
 
 use super::context::{Gpu, lock};
+use super::handles::{Buffer, Texels, Texture};
 use super::shader::Mirrored;
 use crate::error::Error;
 use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Memory of a GPU.
-#[derive(Debug)]
-pub struct Buffer {
-    pub(super) raw: wgpu::Buffer,
-}
-
-impl Buffer {
-    /// Its size.
-    pub fn bytes(&self) -> u64 {
-        self.raw.size()
-    }
-}
-
-/// Layers of texels on a GPU, which kernels fetch faster than values of a [`Buffer`].
-#[derive(Debug)]
-pub struct Texture {
-    pub(super) raw: wgpu::Texture,
-    view: wgpu::TextureView,
-}
-
-/// What a texel is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Texels {
-    /// `rgba32float`.
-    FourFloats,
-    /// `rg32uint`.
-    TwoWords,
-}
-
-/// What a kernel is given.
-#[derive(Debug, Clone, Copy)]
-pub enum Resource<'a> {
-    /// For `var<storage>` and `var<uniform>`.
-    Buffer(&'a Buffer),
-    /// For `texture_2d_array`.
-    Texture(&'a Texture),
-}
-
-impl<'a> From<&'a Buffer> for Resource<'a> {
-    fn from(buffer: &'a Buffer) -> Self {
-        Self::Buffer(buffer)
-    }
-}
-
-impl<'a> From<&'a Texture> for Resource<'a> {
-    fn from(texture: &'a Texture) -> Self {
-        Self::Texture(texture)
-    }
-}
-
-impl<'a> Resource<'a> {
-    pub(super) fn raw(self) -> wgpu::BindingResource<'a> {
-        match self {
-            Self::Buffer(buffer) => buffer.raw.as_entire_binding(),
-            Self::Texture(texture) => wgpu::BindingResource::TextureView(&texture.view),
-        }
-    }
-}
 
 impl Gpu {
     /// A buffer of `values`.

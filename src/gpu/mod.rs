@@ -12,9 +12,9 @@ mod bands;
 #[cfg(feature = "gpu")]
 mod context;
 #[cfg(feature = "gpu")]
-mod memory;
+mod handles;
 #[cfg(feature = "gpu")]
-mod quiet;
+mod memory;
 #[cfg(feature = "gpu")]
 mod shader;
 #[cfg(feature = "gpu")]
@@ -32,15 +32,16 @@ pub use clock::GpuUsage;
 #[cfg(feature = "gpu")]
 pub use context::Gpu;
 #[cfg(feature = "gpu")]
-pub use memory::{Buffer, Resource, Texels, Texture};
+pub use handles::{Buffer, Kernel, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
 pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
 #[cfg(feature = "gpu")]
-pub use work::{Kernel, MOST_ROUNDS, Work, tiles};
+pub use work::{MOST_ROUNDS, Work, tiles};
 
 use crate::error::Error;
+use crate::machine;
 use serde::Serialize;
 
 /// What the user asked for.
@@ -89,7 +90,7 @@ pub struct Device {
 impl Device {
     /// The processor, for this reason.
     pub fn cpu(reason: impl Into<String>) -> Self {
-        Self { kind: DeviceKind::Cpu, name: cpu_name(), reason: reason.into() }
+        Self { kind: DeviceKind::Cpu, name: machine::cpu_name(), reason: reason.into() }
     }
 
     fn gpu(adapter: &Adapter, reason: impl Into<String>) -> Self {
@@ -97,17 +98,20 @@ impl Device {
     }
 }
 
+/// Opens an adapter: [`Gpu::open`], or that with something done around it while drivers are loaded.
+pub type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
+
 /// The adapter that `choice` insists on, opened; `None` where it insists on none.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Device`] where there is none, or it cannot be opened.
-pub fn demanded(choice: DeviceChoice) -> Result<Option<Gpu>, Error> {
+pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
     if choice != DeviceChoice::Gpu {
         return Ok(None);
     }
     let help = "use --device auto, which runs on the CPU here; `thinlens devices` lists what there is";
     let none = || Error::device("there is no graphics adapter").with("looked for", LOOKED_FOR).help(help);
-    Gpu::open(true)?.ok_or_else(none).map(Some)
+    open(true)?.ok_or_else(none).map(Some)
 }
 
 /// Where to carry out a plan that `hindrance`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
@@ -116,6 +120,7 @@ pub fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     hindrance: Option<String>,
+    open: Open<'_>,
 ) -> (Device, Option<Gpu>) {
     if let Some(hindrance) = hindrance {
         return (Device::cpu(hindrance), None);
@@ -123,7 +128,7 @@ pub fn choose(
     let (opened, reason) = match choice {
         DeviceChoice::Cpu => return (Device::cpu("asked for"), None),
         DeviceChoice::Gpu => (demanded, "asked for"),
-        DeviceChoice::Auto => match Gpu::open(false) {
+        DeviceChoice::Auto => match open(false) {
             Ok(opened) => (opened, "a graphics card"),
             // Nobody asked for it.
             Err(error) => return (Device::cpu(error.on_one_line()), None),
@@ -165,7 +170,7 @@ pub fn survey() -> Survey {
         None => (DeviceKind::Cpu, "there is no graphics card".to_owned()),
     };
     Survey {
-        processor: cpu_name(),
+        processor: machine::cpu_name(),
         threads: rayon::current_num_threads(),
         adapters,
         looked_for: LOOKED_FOR,
@@ -180,29 +185,16 @@ const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
 #[cfg(not(feature = "gpu"))]
 const LOOKED_FOR: &str = "this program was built without GPU support";
 
-/// Model of the processor, or `CPU` where the system does not tell.
-fn cpu_name() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    model_name(&text).unwrap_or("CPU").to_owned()
-}
-
-/// The first model name in the text of `/proc/cpuinfo`.
-fn model_name(cpuinfo: &str) -> Option<&str> {
-    let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
-    let (_, name) = line.split_once(':')?;
-    Some(name.trim()).filter(|name| !name.is_empty())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_processor_is_taken_where_it_is_asked_for_or_nothing_else_will_do() {
-        let (device, gpu) = choose(DeviceChoice::Cpu, None, None);
+        let (device, gpu) = choose(DeviceChoice::Cpu, None, None, &Gpu::open);
         assert!(device.kind == DeviceKind::Cpu && gpu.is_none() && !device.name.is_empty());
         for choice in [DeviceChoice::Auto, DeviceChoice::Gpu] {
-            let (device, gpu) = choose(choice, None, Some("it has none".to_owned()));
+            let (device, gpu) = choose(choice, None, Some("it has none".to_owned()), &Gpu::open);
             assert!(device.kind == DeviceKind::Cpu && gpu.is_none(), "{choice:?}");
             assert_eq!(device.reason, "it has none");
         }
@@ -217,12 +209,5 @@ mod tests {
         assert!(
             survey.adapters.iter().all(|adapter| !adapter.name.is_empty() && adapter.most_buffer_bytes > 0)
         );
-    }
-
-    #[test]
-    fn the_processor_is_named_by_its_first_model_line() {
-        let text = "processor\t: 0\nmodel name\t: Example 9000 @ 3 GHz\nmodel name\t: other\n";
-        assert_eq!(model_name(text), Some("Example 9000 @ 3 GHz"));
-        assert_eq!(model_name("processor: 0\n"), None);
     }
 }

@@ -1,22 +1,10 @@
 //! Work for a GPU: kernels, and passes that run them.
 
+use super::clock::GpuUsage;
 use super::context::{Gpu, lock};
-use super::memory::{Buffer, Resource};
+use super::handles::{Kernel, Resource, Stamps};
 use super::shader::Shader;
 use crate::error::Error;
-
-/// An entry point of a shader, ready to run.
-#[derive(Debug, Clone)]
-pub struct Kernel {
-    name: &'static str,
-    pipeline: wgpu::ComputePipeline,
-}
-
-/// Times of passes that are still to be read.
-pub(super) struct Stamps {
-    pub(super) names: Vec<&'static str>,
-    pub(super) ticks: Buffer,
-}
 
 /// Passes that are to be carried out one after the other.
 pub struct Work<'g> {
@@ -107,6 +95,22 @@ impl Gpu {
         lock(&self.usage).asked_for(work.passes.len());
         lock(&self.pending).extend(stamps.map(|(_, stamps)| stamps));
         Ok(())
+    }
+
+    /// What it has spent its time on so far.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn usage(&self) -> Result<GpuUsage, Error> {
+        let nanoseconds_per_tick = f64::from(self.queue.get_timestamp_period());
+        for Stamps { names, ticks } in std::mem::take(&mut *lock(&self.pending)) {
+            let ticks: Vec<u64> = self.fetch(&ticks)?;
+            let mut usage = lock(&self.usage);
+            for (name, ticks) in names.into_iter().zip(ticks.chunks_exact(2)) {
+                usage.passed(name, ticks[1].saturating_sub(ticks[0]) as f64 * nanoseconds_per_tick * 1e-9);
+            }
+        }
+        Ok(lock(&self.usage).clone())
     }
 
     /// Where the times of the passes `names` are written, if the adapter has a clock.

@@ -3,8 +3,7 @@
 //! *Zones.* What is in focus keeps its colours; what is in front of focus is orange, what is behind it blue, stronger with every
 //! doubling of the blur: two hues that every kind of colour vision tells apart, and lines that differ in lightness as well.
 //!
-//! *Lines* are drawn on surfaces, not along their edges. On a plane in space CoC is affine over the picture, because `1/z` is; so two
-//! pixels are of one surface where the step between them is small, or like the step on either side.
+//! *Lines* are drawn on surfaces, not along their edges: [`surface::continues`] says which pixels are of one.
 //!
 //! Cost: a look at the neighbours of each pixel. Memory: the picture, once. Limits: lines are as wide as pixels, however many there are.
 
@@ -13,15 +12,9 @@ use super::png;
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;
-use crate::scene::Scene;
+use crate::scene::{Scene, surface};
 use rayon::prelude::*;
 use std::path::Path;
-
-/// Between pixels of one surface CoC may always differ by this, in picture pixels.
-const JOIN_PX: f32 = 0.5;
-
-/// From pixel to pixel of one surface a larger step changes by at most this share of itself.
-const EVEN: f32 = 0.25;
 
 /// A change of sign by less than this is rounding, on a surface that lies in the plane of focus.
 const LEAST_STEP_PX: f32 = 1e-3;
@@ -144,10 +137,7 @@ fn steps(coc_px: &Plane, x: usize, y: usize) -> [Step; 4] {
 impl Step {
     /// Whether it stays on one surface.
     fn joined(self) -> bool {
-        let [before, from, to, after] = self.0;
-        let step = to - from;
-        let like = |other: f32| (other - step).abs() <= EVEN * step.abs();
-        step.abs() <= JOIN_PX || like(from - before) || like(after - to)
+        surface::continues(self.0)
     }
 
     fn crosses_focus(self) -> bool {

@@ -6,7 +6,5 @@ pub mod atomic;
 pub mod data_uri;
 pub mod exr;
 pub mod focus_map;
-pub mod machine;
 pub mod png;
 pub mod report;
-pub mod usage;

@@ -2,14 +2,15 @@
 //! only ever added.
 
 use super::atomic;
-use super::usage::Seconds;
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Plane;
 use crate::lens::ThinLens;
 use crate::methods::Plan;
 use crate::scene::Effect;
 use crate::settings::{DepthConvention, LensSettings, PictureSettings, Settings};
-use crate::stack::{Finding, Precision, Stack, StackKind};
+use crate::stack::{Precision, Stack, StackKind};
+use crate::usage::Seconds;
 use serde::Serialize;
 use std::path::Path;
 

@@ -9,6 +9,7 @@ use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
 use crate::dial::Outcome;
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
@@ -17,12 +18,12 @@ use crate::methods::{self, Progress, Registry};
 use crate::methods::{Plan, Target};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
-use crate::output::usage::{Stage, StageClock};
 use crate::probes::{self, Verdict};
 use crate::scene::{self, Facts, Focused, FrameNumber, Scene};
 use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
-use crate::stack::{self, Finding, Frame, ReadOptions, Source, Stack, Window};
+use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
+use crate::usage::{self, Stage, StageClock};
 use paint::Painted;
 use std::path::Path;
 use std::sync::Arc;
@@ -132,24 +133,34 @@ pub struct Rendered {
 /// # Errors
 /// Those of reading, of the lens and of the plan; an unknown method or effect, before anything is read.
 pub fn prepare(job: &Job) -> Result<Prepared, Error> {
+    prepare_with(job, &Gpu::open)
+}
+
+/// The same with `open` to open a GPU, where the job calls for one.
+///
+/// # Errors
+/// Those of [`prepare`].
+pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
     check_methods(job)?;
-    let demanded = gpu::demanded(job.device)?;
+    let demanded = gpu::demanded(job.device, open)?;
     methods::requested(&job.switches)?;
-    let mut stack = clock.time(Stage::Read, || stack::read(&job.sources, &read_options(job)))?;
+    clock.skip();
+    let mut stack = stack::read(&job.sources, &read_options(job))?;
+    clock.lap(Stage::Read);
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
-    let (lens, sharpness) = clock.time(Stage::Plan, || lens(&mut stack, &settings, frame_number(job)))?;
+    let (lens, sharpness) = lens(&mut stack, &settings, frame_number(job))?;
     if !job.read_options.objects {
         // What was kept to find the focus by has served.
         stack.mattes = Vec::new();
     }
-    let (scene, facts, plan) =
-        clock.time(Stage::Plan, || decide(&mut stack, &settings, &lens, &job.methods))?;
+    let (scene, facts, plan) = decide(&mut stack, &settings, &lens, &job.methods)?;
     if job.confidence {
         confidence::check(&plan)?;
     }
-    let (device, gpu) = clock.time(Stage::Plan, || paint::device(job.device, demanded, &plan))?;
+    let (device, gpu) = paint::device(job.device, demanded, &plan, open)?;
+    clock.lap(Stage::Plan);
     let (verify, confidence) = (job.verify, job.confidence);
     Ok(Prepared {
         stack,
@@ -183,10 +194,12 @@ impl Prepared {
         let calibration = calibration(&plan, &mut stack)?;
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
         let field = scene.field;
-        let Painted { image, outcome, fault } = clock.time(Stage::Blur, || match &gpu {
-            Some(gpu) => paint::on_gpu(gpu, scene, &plan, progress),
-            None => paint::on_cpu(scene, (&facts, &plan), &calibration, progress),
-        })?;
+        clock.skip();
+        let Painted { image, outcome, fault } = match &gpu {
+            Some(gpu) => paint::on_gpu(gpu, scene, &plan, progress)?,
+            None => paint::on_cpu(scene, (&facts, &plan), &calibration, progress)?,
+        };
+        clock.lap(Stage::Blur);
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
         if let Some(fault) = fault {
             let fault = fault.on_one_line();
@@ -198,15 +211,21 @@ impl Prepared {
         let gpu_usage = gpu.and_then(|gpu| gpu.usage().ok());
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
         let plan = Plan { views, ..plan };
-        let probe = kept.as_ref().zip(self.verify).map(|(scene, probes)| {
-            clock.time(Stage::Verify, || probes::verify(&image, scene, &plan, probes, probes::SEED))
-        });
-        let image = clock.time(Stage::Blur, || finish::finish(image, &plan, field));
-        let known = kept
-            .filter(|_| self.confidence)
-            .map(|scene| clock.time(Stage::Confidence, || confidence::confidence(scene, &plan, progress)));
+        clock.skip();
+        let verified = kept.as_ref().zip(self.verify);
+        let probe =
+            verified.map(|(scene, probes)| probes::verify(&image, scene, &plan, probes, probes::SEED));
+        if probe.is_some() {
+            clock.lap(Stage::Verify);
+        }
+        let image = finish::finish(image, &plan, field);
+        clock.lap(Stage::Blur);
+        let known = kept.filter(|_| self.confidence);
+        let known = known.map(|scene| confidence::confidence(scene, &plan, progress)).transpose()?;
+        if known.is_some() {
+            clock.lap(Stage::Confidence);
+        }
         let frame = picture_frame(&stack.frame, stack.supersample);
-        let known = known.transpose()?.map(|known| known.trimmed(outside_px));
         Ok(Rendered {
             image: image.trimmed(outside_px),
             frame,
@@ -219,7 +238,7 @@ impl Prepared {
             gpu_usage,
             outcome,
             probe,
-            confidence: known,
+            confidence: known.map(|known| known.trimmed(outside_px)),
             clock,
         })
     }
@@ -262,7 +281,7 @@ impl Rendered {
             cpu_seconds: self.clock.cpu_seconds().total,
             cpu_seconds_by_stage: self.clock.cpu_seconds(),
             threads: rayon::current_num_threads(),
-            peak_memory_bytes: output::usage::peak_memory_bytes(),
+            peak_memory_bytes: usage::peak_memory_bytes(),
             confidence: None,
             probe: self.sampling_error().and_then(|verdict| serde_json::to_value(verdict).ok()),
             findings: self.stack.findings.clone(),

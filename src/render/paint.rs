@@ -62,6 +62,7 @@ pub(super) fn device(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     plan: &Plan,
+    open: gpu::Open<'_>,
 ) -> Result<(Device, Option<Gpu>), Error> {
     if !plan.does(EffectKind::Blur) {
         return Ok((Device::cpu("there is nothing to blur"), None));
@@ -73,5 +74,5 @@ pub(super) fn device(
         return Err(Error::unsupported(hindrance.clone())
             .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
     }
-    Ok(gpu::choose(choice, demanded, hindrance))
+    Ok(gpu::choose(choice, demanded, hindrance, open))
 }

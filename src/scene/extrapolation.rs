@@ -14,7 +14,7 @@
 //! Cost: one look at the scene, and that only where a plan asks for it. Limits: how much brighter a light was nobody knows, and a
 //! white wall gains as a lamp does.
 
-use super::facts::{LightStep, light_step_ends};
+use super::light::{LightStep, light_step_ends, luminance, share_of_gain};
 use super::{Layer, Scene};
 use crate::error::Error;
 use crate::image::{srgb_decode, srgb_encode};
@@ -43,18 +43,6 @@ pub(super) struct Gained {
     pub(super) light: f64,
     /// What is added to it.
     pub(super) added: f64,
-}
-
-/// Luminance of a colour, 1 for white.
-#[inline(always)]
-pub(super) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
-    0.3 * red + 0.59 * green + 0.11 * blue
-}
-
-/// The share of its gain that a fragment of this CoC radius has.
-#[inline(always)]
-pub(super) fn share_of_gain(coc_px: f32) -> f32 {
-    (coc_px.abs() - 1.0).clamp(0.0, 1.0)
 }
 
 impl Extrapolation {

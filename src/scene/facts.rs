@@ -2,7 +2,7 @@
 //!
 //! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_facts`].
 
-use super::extrapolation::{luminance, share_of_gain};
+use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_facts::{Neighbours, PeelFacts};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
@@ -21,23 +21,6 @@ pub struct BrightStep {
     pub fragments: usize,
     /// Sum of their discs' areas, `π c²`, in picture pixels.
     pub disc_area_px: f64,
-}
-
-/// Steps of luminance of [`Facts::light`]: one below 2⁻⁸, [`LIGHT_STEPS_AN_OCTAVE`] in each octave up to white, and white.
-const LIGHT_STEPS: usize = 2 + 8 * LIGHT_STEPS_AN_OCTAVE;
-
-/// So many that none is wider than a sixteenth.
-const LIGHT_STEPS_AN_OCTAVE: usize = 16;
-
-/// Blurred fragments of one step of luminance.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct LightStep {
-    /// How many there are.
-    pub fragments: usize,
-    /// Their light: the sum of their luminances, each by its coverage.
-    pub light: f64,
-    /// The same, of each as much as takes part in an extrapolation: see [`super::Extrapolation`].
-    pub gaining_light: f64,
 }
 
 /// What a scene shows: everything a plan is decided from, beside the settings.
@@ -90,47 +73,17 @@ fn bright_step(brightness: f32) -> Option<usize> {
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 
-/// The exponent and the first bits of the mantissa of `luminance`, which number the steps of an octave.
-#[inline(always)]
-const fn light_bits(luminance: f32) -> u32 {
-    const DROPPED: u32 = f32::MANTISSA_DIGITS - 1 - LIGHT_STEPS_AN_OCTAVE.ilog2();
-    luminance.to_bits() >> DROPPED
-}
-
-/// Luminance of the first step of [`Facts::light`] after the darkest.
-const LEAST_LIGHT: f32 = 1.0 / 256.0;
-
-/// The step of [`Facts::light`] that `luminance` falls into.
-#[inline(always)]
-fn light_step(luminance: f32) -> usize {
-    let bits = light_bits(luminance.max(0.0));
-    ((bits + 1).saturating_sub(light_bits(LEAST_LIGHT)) as usize).min(LIGHT_STEPS - 1)
-}
-
-/// The luminances between which step `step` of [`Facts::light`] lies.
-pub(super) fn light_step_ends(step: usize) -> [f32; 2] {
-    let from = |step: usize| {
-        let (octave, part) = ((step - 1) / LIGHT_STEPS_AN_OCTAVE, (step - 1) % LIGHT_STEPS_AN_OCTAVE);
-        LEAST_LIGHT * (octave as f32).exp2() * (1.0 + part as f32 / LIGHT_STEPS_AN_OCTAVE as f32)
-    };
-    match step {
-        0 => [0.0, LEAST_LIGHT],
-        step if step + 1 < LIGHT_STEPS => [from(step), from(step + 1)],
-        _ => [1.0, 1.0],
-    }
-}
-
 /// Facts of a row of one layer, or of more.
 #[derive(Debug, Clone)]
-pub(super) struct Tally {
+struct Tally {
     coc_range_px: [f32; 2],
-    pub(super) fragments: usize,
-    pub(super) translucent: usize,
-    pub(super) focused: usize,
+    fragments: usize,
+    translucent: usize,
+    focused: usize,
     bright: [BrightStep; BRIGHT_STEPS],
     /// Sum of what [`Tally::bright`] counts, in scene-linear units.
-    pub(super) highlight_light: f64,
-    pub(super) neighbours: Neighbours,
+    highlight_light: f64,
+    neighbours: Neighbours,
     light: Vec<LightStep>,
 }
 
@@ -156,7 +109,7 @@ impl Scene {
             .map(|rows| rows.iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally)))
             .collect();
         let samples = self.width() * self.height();
-        let peels = of_layers.iter().map(|tally| PeelFacts::new(tally, samples, self.supersample)).collect();
+        let peels = of_layers.iter().map(|tally| tally.peel_facts(samples, self.supersample)).collect();
         let tally = of_layers.iter().fold(Tally::default(), Tally::add);
         Facts {
             picture_size: self.picture_size(),
@@ -257,8 +210,21 @@ impl Default for Tally {
 
 impl Tally {
     /// Smallest and largest signed CoC radius in picture pixels; `0, 0` without fragments.
-    pub(super) fn coc_range_px(&self) -> [f32; 2] {
+    fn coc_range_px(&self) -> [f32; 2] {
         if self.fragments > 0 { self.coc_range_px } else { [0.0; 2] }
+    }
+
+    /// What a peel of `samples` samples shows, `supersample` a picture pixel along each axis.
+    fn peel_facts(&self, samples: usize, supersample: usize) -> PeelFacts {
+        let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
+        PeelFacts {
+            coc_range_px: self.coc_range_px(),
+            covered: share(self.fragments, samples),
+            translucent: share(self.translucent, self.fragments),
+            in_focus: share(self.focused, self.fragments),
+            highlight_light: self.highlight_light / (supersample * supersample) as f64,
+            jumps: share(self.neighbours.jumps, self.neighbours.pairs),
+        }
     }
 
     fn count_bright(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
@@ -308,22 +274,5 @@ impl Tally {
             sum.gaining_light += step.gaining_light;
         }
         self
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_of_light_follow_one_another_up_to_white() {
-        for step in 0..LIGHT_STEPS - 1 {
-            let [from, to] = light_step_ends(step);
-            assert_eq!(light_step_ends(step + 1)[0], to, "step {step}");
-            assert_eq!((light_step(from), light_step(0.5 * (from + to))), (step, step), "{from} to {to}");
-        }
-        let white = luminance([1.0; 3]);
-        assert_eq!([white, 1.0, 70.0].map(light_step), [LIGHT_STEPS - 1; 3], "white is the last");
-        assert_eq!([-1.0, 0.0, 1e-30].map(light_step), [0; 3]);
     }
 }

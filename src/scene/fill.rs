@@ -4,12 +4,10 @@
 //! pyramid over the nearest layer keeps, in each cell, only the farthest cluster of CoC radii below it; each pixel takes
 //! the finest cell around it that lies behind its own last fragment, unless that is so coarse that no ray would get there.
 
+use super::surface::CELL_PX;
 use super::{Layer, Scene};
 use crate::image::Plane;
 use rayon::prelude::*;
-
-/// What lies within this of the farthest radius belongs to the farthest cluster, in picture pixels.
-const CLUSTER_PX: f32 = 1.0;
 
 /// Levels of the pyramid at most.
 const LEVELS: usize = 9;
@@ -104,9 +102,7 @@ fn farthest_cluster(children: &[Cell]) -> Cell {
     let present = || children.iter().filter(|cell| cell.weight > 0.0);
     let farthest = present().map(|cell| cell.coc_px).fold(f32::NEG_INFINITY, f32::max);
     let mut mean = Mean::default();
-    present()
-        .filter(|cell| cell.coc_px >= farthest - CLUSTER_PX)
-        .for_each(|cell| mean.add(cell, cell.weight));
+    present().filter(|cell| cell.coc_px >= farthest - CELL_PX).for_each(|cell| mean.add(cell, cell.weight));
     // A cluster of one far pixel still counts a little on the coarsest level.
     mean.cell((mean.weight / children.len() as f32).max(0.05))
 }
@@ -116,8 +112,7 @@ fn behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
     let mut size = 1.0;
     for level in &levels[1..] {
         size *= 2.0;
-        let mean =
-            level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CLUSTER_PX);
+        let mean = level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CELL_PX);
         if mean.weight > 1e-4 {
             let cell = mean.cell(1.0);
             // A ray that passes a fragment at `coc` reaches `coc_px` at most their difference away.

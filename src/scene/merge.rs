@@ -4,17 +4,11 @@
 //! coverage is the sum of its fragments' alpha over `S²`, its colour the same sum (premultiplied), its radius the mean
 //! (`1/z` is affine in `c`). Of more clusters than layers, the least visible are dropped.
 
-use super::{Layer, Scene};
+use super::{Layer, Scene, surface};
 use crate::image::Plane;
 use rayon::prelude::*;
 
-/// A fragment joins the cluster if it lies within this of the cluster's last radius, in picture pixels …
-const GAP_PX: f32 = 0.5;
-
-/// … or within this share of its own radius, whichever is more.
-const GAP_SHARE: f32 = 0.02;
-
-/// A cluster is never deeper than this many gaps.
+/// A cluster is never deeper than this many gaps, of [`surface::merge_gap_px`] each.
 const GAPS_DEEP: f32 = 2.0;
 
 /// One sample of one layer.
@@ -122,7 +116,7 @@ fn cluster_length(fragments: &[Fragment]) -> usize {
     let mut last = first.coc_px;
     let mut samples = 0u64;
     for (i, fragment) in fragments.iter().enumerate() {
-        let gap = GAP_PX.max(GAP_SHARE * fragment.coc_px.abs());
+        let gap = surface::merge_gap_px(fragment.coc_px);
         // Samples past the 64th of a pixel share a bit: at worst a cluster ends early.
         let bit = 1u64 << (fragment.sample % 64);
         if fragment.coc_px - last >= gap

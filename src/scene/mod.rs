@@ -10,17 +10,20 @@ mod facts;
 mod fill;
 mod focus;
 mod focus_distance;
+mod light;
 mod merge;
 mod peel_facts;
 mod spread;
+pub mod surface;
 mod workload;
 
 pub use effects::{Effect, EffectKind, Inputs, percent};
 pub use extrapolation::Extrapolation;
-pub use facts::{BRIGHT_STEPS, BrightStep, Facts, LightStep, bright_step_floor};
+pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
-pub use peel_facts::{JUMP_PX, PeelFacts};
+pub use light::LightStep;
+pub use peel_facts::PeelFacts;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
 pub use workload::{Depths, Discs, Workload};
 

@@ -2,10 +2,7 @@
 //!
 //! Cost: one comparison of neighbours a fragment, and a sum where something is bright.
 
-use super::facts::Tally;
-
-/// Neighbours along a row whose CoC radii differ by this, in picture pixels, are not of one surface: as the prefilter of `shear` has it.
-pub const JUMP_PX: f32 = 0.6;
+use super::surface;
 
 /// What one peel shows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
@@ -22,23 +19,8 @@ pub struct PeelFacts {
     /// brightness (largest of r, g, b) over the peel, in scene-linear units times picture pixels.
     pub highlight_light: f64,
     /// Share of the neighbours along rows, at least one of them a fragment, of which one is empty or whose CoC radii differ by
-    /// [`JUMP_PX`] or more.
+    /// [`surface::AVERAGE_PX`] or more.
     pub jumps: f64,
-}
-
-impl PeelFacts {
-    /// Of a peel of `samples` samples, `supersample` a picture pixel along each axis, with `tally`.
-    pub(super) fn new(tally: &Tally, samples: usize, supersample: usize) -> Self {
-        let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
-        Self {
-            coc_range_px: tally.coc_range_px(),
-            covered: share(tally.fragments, samples),
-            translucent: share(tally.translucent, tally.fragments),
-            in_focus: share(tally.focused, tally.fragments),
-            highlight_light: tally.highlight_light / (supersample * supersample) as f64,
-            jumps: share(tally.neighbours.jumps, tally.neighbours.pairs),
-        }
-    }
 }
 
 /// Neighbouring samples along rows.
@@ -46,7 +28,7 @@ impl PeelFacts {
 pub(super) struct Neighbours {
     /// Pairs of which at least one is a fragment.
     pub(super) pairs: usize,
-    /// Those of them of which one is empty or whose CoC radii differ by [`JUMP_PX`] or more.
+    /// Those of them of which one is empty or whose CoC radii differ by [`surface::AVERAGE_PX`] or more.
     pub(super) jumps: usize,
 }
 
@@ -61,7 +43,7 @@ impl Neighbours {
         for ((&here, &next), (&coc, &next_coc)) in alphas.zip(cocs) {
             let (here, next) = (here > 0.0, next > 0.0);
             pairs += u32::from(here | next);
-            jumps += u32::from((here != next) | (here & ((next_coc - coc).abs() >= JUMP_PX)));
+            jumps += u32::from((here != next) | (here & !surface::may_average(coc, next_coc)));
         }
         Self { pairs: pairs as usize, jumps: jumps as usize }
     }
@@ -127,7 +109,7 @@ mod tests {
         // 0 and 0.5 belong together, 0.5 and 1.125 do not, nor do 1.125 and nothing; nothing and nothing are no pair.
         let found = Neighbours::of(&[1.0, 1.0, 1.0, 0.0, 0.0], &[0.0, 0.5, 1.125, 1.125, 1.125]);
         assert_eq!(found, Neighbours { pairs: 3, jumps: 2 });
-        let limit = Neighbours::of(&[1.0; 2], &[0.0, JUMP_PX]);
+        let limit = Neighbours::of(&[1.0; 2], &[0.0, surface::AVERAGE_PX]);
         assert_eq!(limit, Neighbours { pairs: 1, jumps: 1 });
         assert_eq!(Neighbours::of(&[1.0], &[2.0]), Neighbours::default());
         assert_eq!(Neighbours::of(&[], &[]), Neighbours::default());

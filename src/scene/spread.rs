@@ -3,6 +3,7 @@
 //! Taken in the pass of [`super::facts`], a row of one layer at a time, and of every fourth row only: prediction needs no more, and
 //! it costs a few milliseconds at 1080p. Counts and sums are estimates for all rows.
 
+use super::surface;
 use std::ops::Range;
 
 /// Steps of [`Spread::steps`].
@@ -16,12 +17,6 @@ const LEAST_BLOCK_PX: usize = 16;
 
 /// One row of so many is looked at.
 const ROWS_FOR_ONE: usize = 4;
-
-/// Neighbours whose CoC radii differ by this, in picture pixels, or by [`APART_SHARE`] of it, are wholly apart.
-const APART_PX: f32 = 0.5;
-
-/// See [`APART_PX`].
-const APART_SHARE: f32 = 1.0 / 32.0;
 
 /// Values that are handled at once.
 const LANES: usize = 16;
@@ -43,8 +38,8 @@ pub struct Spread {
     /// Fragments by the size of their CoC, see [`coc_step`].
     pub steps: [CocStep; COC_STEPS],
     /// How often something else begins along a row, of the nearest layer and of all others: a pair of neighbours counts as
-    /// one where only one of them is a fragment or their CoC radii differ by half a pixel (past 16 px, by a 32nd part), and
-    /// in proportion where they differ by less.
+    /// one where only one of them is a fragment or their surfaces are wholly different, and in proportion where they are
+    /// less: see [`surface::difference`].
     pub changes: [f64; 2],
     /// How many of the pairs count as one.
     pub edges: [f64; 2],
@@ -218,8 +213,7 @@ fn changes(alpha: &[f32], coc_px: &[f32]) -> [f32; 2] {
     let mut add = |alpha: [&[f32; LANES]; 2], coc: [&[f32; LANES]; 2]| {
         for lane in 0..LANES {
             let present = alpha.map(|alpha| alpha[lane] > 0.0);
-            let apart = (coc[0][lane].abs() * APART_SHARE).max(APART_PX);
-            let change = ((coc[1][lane] - coc[0][lane]).abs() / apart).min(1.0);
+            let change = surface::difference(coc[0][lane], coc[1][lane]);
             let change = if present[0] & present[1] { change } else { f32::from(present[0] ^ present[1]) };
             sum[lane] += change;
             whole[lane] += if change >= 1.0 { 1.0 } else { 0.0 };

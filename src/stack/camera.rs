@@ -1,6 +1,6 @@
 //! Camera data in the header of an OpenEXR file: ours first (`thinlens.…`), then the standard attributes.
 
-use super::Finding;
+use crate::finding::Finding;
 use crate::settings::{
     ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Focus, MOST_BLADES, SQUEEZES,
     SensorDistance, VIGNETTINGS, Values,

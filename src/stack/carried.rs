@@ -2,8 +2,9 @@
 
 use super::decode::Decoded;
 use super::header::ExrFile;
-use super::read::Carry;
-use super::{Carried, CarriedChannel, Cryptomatte, Finding, Window};
+use super::options::Carry;
+use super::{Carried, CarriedChannel, Cryptomatte, Window};
+use crate::finding::Finding;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 

@@ -1,8 +1,8 @@
 //! Which depth convention a stack is written in, and why that is believed.
 
-use super::Finding;
 use super::camera;
 use super::kind::Facts;
+use crate::finding::Finding;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
 

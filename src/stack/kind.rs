@@ -9,7 +9,8 @@
 //! | point-sampled peels | otherwise |
 
 use super::depth::{foreground, is_background};
-use super::{Finding, Peel, StackKind};
+use super::{Peel, StackKind};
+use crate::finding::Finding;
 use crate::image::Plane;
 use crate::settings::DepthConvention;
 use rayon::prelude::*;

@@ -3,12 +3,11 @@
 use super::decode::{Decoded, Use, decode};
 use super::header::ExrFile;
 use super::names::{self, Assigned, PeelChannels};
-use super::read::{Carry, ReadOptions};
+use super::options::{Carry, ReadOptions};
 use super::sanitise::Replaced;
-use super::{
-    CarriedChannel, ColorRange, Cryptomatte, Finding, Frame, Precision, Window, carried, cryptomatte,
-};
+use super::{CarriedChannel, ColorRange, Cryptomatte, Frame, Precision, Window, carried, cryptomatte};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Plane;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use std::path::PathBuf;

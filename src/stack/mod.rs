@@ -19,14 +19,17 @@ mod kind;
 mod layers;
 mod murmur;
 mod names;
+mod options;
 mod picture;
 mod read;
 mod sanitise;
 
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
 pub use frame_number::frame_number;
-pub use read::{Carry, ReadOptions, Source, read, read_picture};
+pub use options::{Carry, ReadOptions, Source};
+pub use read::{read, read_picture};
 
+use crate::finding::Finding;
 use crate::image::Plane;
 use crate::settings::{DepthConvention, Values};
 use std::fmt;
@@ -102,17 +105,6 @@ pub enum ColorRange {
     UpToWhite,
 }
 
-/// A conclusion drawn from the input, with its reason, to be shown to the user.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Finding {
-    /// What it is about: `depth`, `kind`, `peels` …
-    pub about: &'static str,
-    /// What was concluded, and why.
-    pub text: String,
-    /// Whether the user should look: shown as a warning.
-    pub warning: bool,
-}
-
 /// A channel that is neither colour nor depth of a peel, kept as it was to be written beside the picture.
 #[derive(Debug, Clone)]
 pub struct CarriedChannel {
@@ -177,18 +169,6 @@ impl Window {
 impl fmt::Display for Window {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}×{} at ({}, {})", self.width, self.height, self.x, self.y)
-    }
-}
-
-impl Finding {
-    /// A conclusion worth a line.
-    pub fn note(about: &'static str, text: impl Into<String>) -> Self {
-        Self { about, text: text.into(), warning: false }
-    }
-
-    /// A conclusion the user should look at.
-    pub fn warning(about: &'static str, text: impl Into<String>) -> Self {
-        Self { about, text: text.into(), warning: true }
     }
 }
 

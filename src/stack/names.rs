@@ -15,9 +15,9 @@
 //! their own, a group alone. Everything else is carried: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
 //! cryptomattes, vectors (`P.X Y Z`, whose `Z` is no depth). Colour without alpha has alpha 1.
 
-use super::Finding;
-use super::read::ReadOptions;
+use super::options::ReadOptions;
 use crate::error::Error;
+use crate::finding::Finding;
 use std::collections::BTreeMap;
 
 /// What a depth channel is called after its prefix, best first.

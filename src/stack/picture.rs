@@ -6,10 +6,11 @@
 use super::guard;
 use super::input::Opened;
 use super::layers::{Layer, Layers};
-use super::read::ReadOptions;
+use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{ColorRange, Finding, Frame, Precision, Window};
+use super::{ColorRange, Frame, Precision, Window};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Plane;
 use image::{DynamicImage, ImageReader, Limits};
 

@@ -1,6 +1,6 @@
 //! Values no blur can carry, replaced where they are read: one NaN must not refuse, nor spread over, a frame.
 
-use super::Finding;
+use crate::finding::Finding;
 
 /// Stands for `+∞`: the largest finite half.
 const LARGEST: f32 = 65504.0;

@@ -36,3 +36,26 @@ fn without_a_driver_auto_is_the_cpu_and_says_so() {
     let device = text.lines().find(|line| line.starts_with("device: ")).unwrap();
     assert!(device.ends_with(": there is no graphics card"), "{device}");
 }
+
+/// The program where drivers find no screen, and the Vulkan loader says which drivers it finds.
+#[cfg(target_os = "linux")]
+fn without_screen(folder: &Path, args: &[&str]) -> Output {
+    thinlens(folder, args).env_remove("XDG_RUNTIME_DIR").env("VK_LOADER_DEBUG", "driver").output().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn drivers_may_speak_on_standard_error_but_not_of_a_missing_screen() {
+    let folder = tempfile::tempdir().unwrap();
+    let listed = without_screen(folder.path(), &["devices"]);
+    if String::from_utf8_lossy(&listed.stdout).contains("gpu   none") {
+        return;
+    }
+    let rendered = without_screen(folder.path(), &["render", STACK, "-o", "a.exr", "--device", "gpu"]);
+    for output in [listed, rendered] {
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(0), "{text}");
+        assert!(text.contains("DRIVER:"), "what else drivers write is kept: {text}");
+        assert!(!text.contains("XDG_RUNTIME_DIR"), "{text}");
+    }
+}

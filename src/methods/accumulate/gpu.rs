@@ -6,7 +6,7 @@
 
 use super::Accumulate;
 use super::tiles::{SLABS, TILE};
-use super::volume::{JOIN_PX, Ray, Volume};
+use super::volume::{Ray, Volume};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
@@ -14,6 +14,7 @@ use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
+use crate::scene::surface::JOIN_PX;
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
 use std::ops::Range;

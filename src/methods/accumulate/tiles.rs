@@ -1,8 +1,8 @@
 //! Where there is nothing to meet: for each tile of samples, the CoC depths that have a fragment. A tile is looked at when a ray first
 //! passes it, so that a few rays cost little.
 
-use super::volume::JOIN_PX;
 use crate::scene::Layer;
+use crate::scene::surface::JOIN_PX;
 use glam::IVec2;
 use std::borrow::Borrow;
 use std::sync::atomic::{AtomicU64, Ordering};

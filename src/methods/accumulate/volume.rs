@@ -4,12 +4,10 @@ use super::tiles::{Passage, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::contract::Plan;
 use crate::methods::shared::RaySum;
+use crate::scene::surface::{self, JOIN_PX};
 use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
-
-/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-pub(super) const JOIN_PX: f32 = 0.5;
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
@@ -47,7 +45,7 @@ fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
     ];
     for (nx, ny) in neighbours.into_iter().flatten() {
         let other = layer.coc_px.get(nx, ny);
-        if layer.alpha.get(nx, ny) > 0.0 && (other - coc).abs() < JOIN_PX {
+        if layer.alpha.get(nx, ny) > 0.0 && surface::joins(coc, other) {
             let middle = 0.5 * (coc + other);
             reach = [reach[0].min(middle), reach[1].max(middle)];
         }

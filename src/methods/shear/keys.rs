@@ -1,17 +1,14 @@
 //! Keys: for each fragment its bin, and which neighbouring bins it joins.
 //!
 //! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours lies that way,
-//! less than [`JOIN_PX`] off: the neighbour in its own peel or, where that is of another surface, in any other peel. Surfaces
+//! less than [`surface::JOIN_PX`] off: the neighbour in its own peel or, where that is of another surface, in any other peel. Surfaces
 //! then have no cracks where they pass from bin to bin, nor where something nearer begins and pushes them one peel back;
 //! joining wider would thicken edges. A translucent fragment never joins twice: it would count twice.
 
 use super::bins::{Bins, EMPTY};
-use crate::scene::{Layer, OPAQUE_ALPHA};
+use crate::scene::{Layer, OPAQUE_ALPHA, surface};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
-
-/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-const JOIN_PX: f32 = 0.5;
 
 /// The first bin that a fragment is in, from [`BIN_SHIFT`] on; how many more it joins, two bits from [`EXTRA_SHIFT`] on; and [`OPAQUE`] if
 /// it hides what is behind it. [`NO_KEY`] without a fragment.
@@ -175,7 +172,7 @@ fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, there: Row<'_>) {
     let fragments = here.0.iter().zip(here.1).zip(there.0.iter().zip(there.1));
     for ((key, found), ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(found).zip(fragments)
     {
-        let near = ((other_coc - coc).abs() < JOIN_PX) & (other_bin != EMPTY) & (*found == 0);
+        let near = surface::joins(coc, other_coc) & (other_bin != EMPTY) & (*found == 0);
         *key |= Key::from(near & (other_bin < bin)) * NEARER;
         *key |= Key::from(near & (other_bin > bin)) * FARTHER;
         *found |= Key::from(near);

@@ -210,6 +210,6 @@ mod tests {
         let discs = BrightStep { fragments: 2, disc_area_px: 1280.0 };
         let text = without_discs(discs, Some(64));
         assert!(text.contains("64 dots 10.0 times as bright"), "640 px over 64 views: {text}");
-        assert!(without_discs(discs, Some(1024)).contains("would carry them"), "more views than pixels");
+        assert!(without_discs(discs, Some(1024)).contains("would be enough"), "more views than pixels");
     }
 }

@@ -6,13 +6,10 @@
 //! `y_i = x_i + a (y_{i−1} − x_i)`, `a = 0` wherever the surface ends. Always a convex mix of the surface's own colours.
 
 use crate::image::Plane;
-use crate::scene::Layer;
+use crate::scene::{Layer, surface};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::f32::consts::PI;
-
-/// Neighbours in a peel belong to one surface when their CoC radii differ by less than this, in picture pixels.
-const SURFACE_PX: f32 = 0.6;
 
 /// A filter of less variance than this, in squared pixels, is not worth the work.
 pub(super) const LEAST_VARIANCE: f32 = 0.03;
@@ -76,7 +73,7 @@ fn weight(coc: f32, other_coc: f32, same_surface: bool, radius_per_coc: f32) -> 
     let variance = radius * radius * (1.0 / 3.0);
     let v = variance.max(1e-4);
     let a = (v + 1.0 - (1.0 + 2.0 * v).sqrt()) / v;
-    let smooth = same_surface & ((coc - other_coc).abs() < SURFACE_PX) & (variance > LEAST_VARIANCE);
+    let smooth = same_surface & surface::may_average(coc, other_coc) & (variance > LEAST_VARIANCE);
     if smooth { a } else { 0.0 }
 }
 

@@ -1,7 +1,8 @@
 //! The channels of the output: the picture's four and those carried over from the input.
 
+use crate::finding::Finding;
 use crate::image::{Image, Plane};
-use crate::stack::{Carried, CarriedChannel, Finding, Frame, Precision};
+use crate::stack::{Carried, CarriedChannel, Frame, Precision};
 use exr::image::FlatSamples;
 use exr::meta::attribute::{ChannelDescription, SampleType, Text};
 use half::f16;

@@ -4,8 +4,9 @@
 //! in the file would change from run to run, and with it the file of an unchanged picture.
 
 use super::channels::Channel;
+use crate::finding::Finding;
 use crate::output::atomic::Target;
-use crate::stack::{Carried, Finding, Frame, Window};
+use crate::stack::{Carried, Frame, Window};
 use exr::compression::Compression;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{self, AttributeValue, ChannelList, IntegerBounds, LineOrder, Text};

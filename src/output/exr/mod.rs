@@ -12,8 +12,9 @@ pub use codec::Codec;
 
 use super::atomic::{self, Target};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Image;
-use crate::stack::{Carried, Finding, Frame, Precision};
+use crate::stack::{Carried, Frame, Precision};
 use channels::Channel;
 use exr::block::chunk::Chunk;
 use exr::block::{BlockIndex, UncompressedBlock};

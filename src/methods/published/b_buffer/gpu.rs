@@ -4,7 +4,7 @@
 
 use super::field::{Field, Side, Weighing};
 use super::parameters::BBufferParameters;
-use super::{BBuffer, SAME_SURFACE_SHARE, ranges_px};
+use super::{BBuffer, ranges_px};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
@@ -14,14 +14,14 @@ use crate::methods::shared::{
     self, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_SHEET_WGSL, PYRAMID_WGSL, Peel, Planes,
     RowNeeds, SHEET_WGSL, SPLAT, Step, at_pixels, corners, picture_in_bands,
 };
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, surface};
 use std::ops::Range;
 
 static SHADER: Shader = Shader {
     name: "b_buffer",
     constants: &[
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
-        ("SAME_SURFACE_SHARE", Constant::Float(SAME_SURFACE_SHARE)),
+        ("LEVEL_SHARE", Constant::Float(surface::LEVEL_SHARE)),
     ],
     parts: &[
         SHEET_WGSL,

@@ -41,6 +41,7 @@ use crate::methods::contract::{Method, MethodInfo, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, Edge, Grid, Peel, Rows, SPLAT, Sheet};
+use crate::scene::surface;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use field::{Field, Side};
@@ -122,9 +123,6 @@ const DEVIATIONS: &[Deviation] = &[
     },
 ];
 
-/// What lies within this share of the winner's CoC radius is of its level, where z is forgotten: it cannot be told apart.
-const SAME_SURFACE_SHARE: f32 = 0.5;
-
 /// What is known of a pixel while its list of contributions is culled, nearest first.
 #[derive(Debug, Clone, Copy)]
 struct Culling {
@@ -141,7 +139,7 @@ impl Culling {
 
     /// The share of the next contribution that is kept.
     fn keep(&mut self, alpha: f32, coc_px: f32, same_surface_px: f32) -> f32 {
-        let same_px = same_surface_px.max(SAME_SURFACE_SHARE * self.surface_px.abs());
+        let same_px = surface::level_gap_px(self.surface_px, same_surface_px);
         if alpha <= 0.0 || self.closed || (coc_px - self.surface_px).abs() < same_px {
             return 0.0;
         }

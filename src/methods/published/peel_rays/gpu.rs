@@ -4,7 +4,7 @@
 //!
 //! Memory: 20 bytes a fragment, 36 a pixel; two N-buffers of at most 65536 blocks a level, which must fit into one buffer.
 
-use super::{JOIN_PX, Marcher, PeelRays, STEPS_PER_SAMPLE};
+use super::{Marcher, PeelRays, STEPS_PER_SAMPLE};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::Image;
@@ -15,6 +15,7 @@ use crate::methods::shared::{
     View, nbuffer_words, picture_of_goes,
 };
 use crate::scene::Scene;
+use crate::scene::surface::JOIN_PX;
 
 /// Side of a workgroup.
 const SIDE: usize = 8;

@@ -7,7 +7,7 @@
 //! Where the description is silent, or asks for what a stack lacks:
 //! * *Back faces.* The paper needs closed objects with their back faces, so that a ray behind a front face is inside. Peels may
 //!   be open sheets, and a ray that slips behind an edge is not inside anything. So the binary search follows the surface that
-//!   was passed, from sample to sample as long as they lie within [`JOIN_PX`] of one another, and a hit counts only if the ray
+//!   was passed, from sample to sample as long as they lie within [`surface::JOIN_PX`] of one another, and a hit counts only if the ray
 //!   meets that surface before it ends; otherwise the march goes on, and farther fragments answer.
 //! * *Nearest first.* Within a step all fragments of both ends are asked, nearest first.
 //! * *Steps.* No more than two for each sample that the ray passes: more would find the same samples again.
@@ -33,14 +33,12 @@ use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::RaySum;
 use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, Tracer};
+use crate::scene::surface;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use glam::Vec2;
 #[cfg(feature = "gpu")]
 use parameters::PeelRaysParameters;
-
-/// Fragments of neighbouring samples belong to one surface when their CoC radii differ by less than this, in picture pixels.
-const JOIN_PX: f32 = 0.5;
 
 /// Linear steps for each sample that a ray passes; more find the same samples again.
 const STEPS_PER_SAMPLE: f32 = 2.0;
@@ -317,7 +315,7 @@ impl Marcher {
             return Some(*found);
         }
         let opaque = |sample, fragment| self.fragments.color(sample, fragment)[3] >= OPAQUE_ALPHA;
-        let near = |&(_, coc): &(usize, f32)| (coc - found.coc_px).abs() < JOIN_PX;
+        let near = |&(_, coc): &(usize, f32)| surface::joins(found.coc_px, coc);
         let (fragment, coc_px) = self.of(sample).find(near)?;
         (opaque(sample, fragment) && opaque(found.sample, found.fragment)).then_some(Hit {
             sample,

@@ -1,9 +1,11 @@
-//! The table of allowed edges in ARCHITECTURE.md holds in the code.
+//! The table of allowed edges in ARCHITECTURE.md holds in the code, and files do not use one another in circles.
 //!
 //! Reads the paths that start at the crate's root (`crate::…`, and `thinlens::…` in the program). Tests inside the modules
 //! are free to use what they like.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
+mod circles;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -83,9 +85,7 @@ fn module_of(file: &Path) -> Option<String> {
 
 /// The top-level modules that a file names. The program reaches the library by its name, the library itself by `crate`.
 fn used_modules(text: &str, of_program: bool) -> BTreeSet<String> {
-    let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
-    let code: Vec<_> = code.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
-    let code = code.join("\n");
+    let code = code_of(text);
     let prefix = if of_program { "thinlens::" } else { "crate::" };
     let mut used = BTreeSet::new();
     for (at, _) in code.match_indices(prefix) {
@@ -96,6 +96,13 @@ fn used_modules(text: &str, of_program: bool) -> BTreeSet<String> {
         }
     }
     used
+}
+
+/// `text` without its comments and without its tests.
+fn code_of(text: &str) -> String {
+    let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let code: Vec<_> = code.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    code.join("\n")
 }
 
 /// The first word of each path of `a::b, c::{d, e}} …`, up to the closing brace.

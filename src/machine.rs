@@ -25,7 +25,7 @@ impl Machine {
         // "V4(…)", "Neon(…)", "Scalar".
         let vectors = format!("{:?}", pulp::Arch::new());
         Self {
-            cpu: cpu_name().unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
+            cpu: model().unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             threads: rayon::current_num_threads(),
             vectors: vectors.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_owned(),
@@ -43,17 +43,28 @@ impl Machine {
     }
 }
 
+/// The processor's name; `CPU` where the system does not say.
+pub fn cpu_name() -> String {
+    model().unwrap_or_else(|| "CPU".to_owned())
+}
+
 /// The processor's name as the system has it.
 #[cfg(target_os = "linux")]
-fn cpu_name() -> Option<String> {
-    let info = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map(|(_, name)| name.trim().to_owned()).filter(|name| !name.is_empty())
+fn model() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    model_name(&text).map(str::to_owned)
+}
+
+/// The first model name in the text of `/proc/cpuinfo`.
+#[cfg(target_os = "linux")]
+fn model_name(cpuinfo: &str) -> Option<&str> {
+    let (_, name) = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'))?;
+    Some(name.trim()).filter(|name| !name.is_empty())
 }
 
 /// The processor's name as the system has it: a variable of every process on Windows, not asked for elsewhere.
 #[cfg(not(target_os = "linux"))]
-fn cpu_name() -> Option<String> {
+fn model() -> Option<String> {
     std::env::var("PROCESSOR_IDENTIFIER").ok().filter(|name| !name.is_empty())
 }
 
@@ -65,6 +76,14 @@ mod tests {
     fn a_machine_counts_the_threads_of_the_pool_that_it_is_asked_in() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         assert_eq!(pool.install(Machine::this).threads, 3);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_processor_is_named_by_its_first_model_line() {
+        let text = "processor\t: 0\nmodel name\t: Example 9000 @ 3 GHz\nmodel name\t: other\n";
+        assert_eq!(model_name(text), Some("Example 9000 @ 3 GHz"));
+        assert_eq!(model_name("processor: 0\n"), None);
     }
 
     #[test]

@@ -79,6 +79,7 @@ impl Stopwatch {
 #[derive(Debug, Clone)]
 pub struct StageClock {
     whole: Stopwatch,
+    since_lap: Stopwatch,
     seconds: Seconds,
     cpu_seconds: Seconds,
 }
@@ -86,16 +87,20 @@ pub struct StageClock {
 impl StageClock {
     /// Starts now.
     pub fn start() -> Self {
-        Self { whole: Stopwatch::start(), seconds: Seconds::default(), cpu_seconds: Seconds::default() }
+        let now = Stopwatch::start();
+        Self { whole: now, since_lap: now, seconds: Seconds::default(), cpu_seconds: Seconds::default() }
     }
 
-    /// Does `work` on the account of `stage`.
-    pub fn time<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
-        let watch = Stopwatch::start();
-        let result = work();
-        self.seconds.add(stage, watch.seconds());
-        self.cpu_seconds.add(stage, watch.cpu_seconds());
-        result
+    /// Charges `stage` with what has passed since the last lap.
+    pub fn lap(&mut self, stage: Stage) {
+        self.seconds.add(stage, self.since_lap.seconds());
+        self.cpu_seconds.add(stage, self.since_lap.cpu_seconds());
+        self.skip();
+    }
+
+    /// Charges no stage with what has passed since the last lap.
+    pub fn skip(&mut self) {
+        self.since_lap = Stopwatch::start();
     }
 
     /// Wall time by stage, and in all until now.
@@ -155,13 +160,20 @@ mod tests {
 
     #[test]
     fn a_stage_is_charged_for_its_own_work_and_the_total_covers_all() {
+        let work = || std::thread::sleep(std::time::Duration::from_millis(20));
         let mut clock = StageClock::start();
-        clock.time(Stage::Read, || std::thread::sleep(std::time::Duration::from_millis(20)));
-        clock.time(Stage::Read, || std::thread::sleep(std::time::Duration::from_millis(20)));
+        work();
+        clock.lap(Stage::Read);
+        work();
+        clock.skip();
+        clock.lap(Stage::Plan);
+        work();
+        clock.lap(Stage::Read);
         let seconds = clock.seconds();
         assert!(seconds.read >= 0.04, "{seconds:?}");
-        assert_eq!((seconds.plan, seconds.blur, seconds.write), (0.0, 0.0, 0.0));
-        assert!(seconds.total >= seconds.read);
+        assert!(seconds.plan < 0.02, "what was skipped is no stage's: {seconds:?}");
+        assert_eq!((seconds.blur, seconds.write), (0.0, 0.0));
+        assert!(seconds.total >= seconds.read + 0.02, "{seconds:?}");
     }
 
     #[cfg(target_os = "linux")]
