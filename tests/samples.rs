@@ -75,7 +75,7 @@ fn the_default_method_answers_the_reference_methods_question() {
 
 #[test]
 fn the_default_method_is_nearer_the_true_lens_than_any_paper_s() {
-    for scene in ["fence", "table"] {
+    for scene in ["fence", "table", "terrace"] {
         let (default, _) = psnr_db(scene, "stack.exr", 64);
         let reference = read_picture(&folder(scene).join("reference.exr")).unwrap();
         for info in METHODS.iter().map(|method| method.info()).filter(|info| info.role == "paper") {
