@@ -16,10 +16,11 @@ use thinlens::settings::{Preset, Values};
 use thinlens::stack::{Source, read_picture};
 use thinlens::usage::Stage;
 
-const STACK_NAME: &str = "samples/fence/stack.exr";
-static STACK: &[u8] = include_bytes!("../../samples/fence/stack.exr");
-static PRESET: &str = include_str!("../../samples/fence/preset.toml");
-static REFERENCE: &[u8] = include_bytes!("../../samples/fence/reference.exr");
+const STACK_NAME: &str = "samples/terrace/stack.exr";
+const PRESET_NAME: &str = "samples/terrace/preset.toml";
+static STACK: &[u8] = include_bytes!("../../samples/terrace/stack.exr");
+static PRESET: &str = include_str!("../../samples/terrace/preset.toml");
+static REFERENCE: &[u8] = include_bytes!("../../samples/terrace/reference.exr");
 
 const EXAMPLES: &str = "\
 Examples:
@@ -27,9 +28,9 @@ Examples:
   thinlens demo -o /tmp/demo
   thinlens demo --threads 1";
 
-/// Render a sample that is on board
+/// Render the built-in sample
 ///
-/// Writes fence.exr, fence.png, side-by-side.png (pinhole and result) and report.json.
+/// Writes terrace.exr, terrace.png, side-by-side.png (pinhole, result, and a render with the lens on) and report.json.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct DemoArgs {
@@ -46,26 +47,28 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
             .help("name another one with -o")
     })?;
     let job = job()?;
-    let pinhole = pinhole(&job)?;
+    let (pinhole, reference) = (pinhole(&job)?, reference()?);
     let mut rendered = show_progress(&job, console)?;
 
     let files =
-        ["fence.exr", "fence.png", "side-by-side.png", "report.json"].map(|name| args.output.join(name));
+        ["terrace.exr", "terrace.png", "side-by-side.png", "report.json"].map(|name| args.output.join(name));
     rendered.clock.skip();
-    write_pictures(&files, &rendered, &pinhole)?;
+    write_pictures(&files, &rendered, [&pinhole, &reference])?;
     rendered.clock.lap(Stage::Write);
     let report = rendered.report(vec![STACK_NAME.to_owned()], files[0].display().to_string());
     report::write_json(&files[3], &report)?;
-    let psnr_db = metrics::score(&rendered.image, &reference()?, 0)?.psnr_db;
+    let psnr_db = metrics::score(&rendered.image, &reference, 0)?.psnr_db;
     print(&summary(&files, &report, psnr_db))?;
     Ok(())
 }
 
 fn job() -> Result<Job, Error> {
-    let name = "samples/fence/preset.toml";
     Ok(Job {
         sources: vec![Source::Embedded { name: STACK_NAME, bytes: STACK }],
-        preset: Some(NamedPreset { name: name.to_owned(), preset: Preset::parse(PRESET, name)? }),
+        preset: Some(NamedPreset {
+            name: PRESET_NAME.to_owned(),
+            preset: Preset::parse(PRESET, PRESET_NAME)?,
+        }),
         ..Job::default()
     })
 }
@@ -84,16 +87,16 @@ fn pinhole(job: &Job) -> Result<Image, Error> {
 fn write_pictures(
     [exr, png, side_by_side, _]: &[PathBuf; 4],
     rendered: &Rendered,
-    pinhole: &Image,
+    [pinhole, reference]: [&Image; 2],
 ) -> Result<(), Error> {
     let Rendered { image, frame, stack, .. } = rendered;
     let options = ExrOptions { precision: stack.precision, codec: Codec::default() };
     exr::write(exr, image, frame, &stack.carried, &options)?;
     png::write(png, image, 0.0)?;
-    png::write_side_by_side(side_by_side, &[pinhole, image], 0.0)
+    png::write_side_by_side(side_by_side, &[pinhole, image, reference], 0.0)
 }
 
-/// The sample as a true thin lens saw it.
+/// The same scene, rendered with the lens on.
 fn reference() -> Result<Image, Error> {
     let no_room = |cause| Error::output("no temporary file can be made").caused_by(cause);
     let file = tempfile::Builder::new().suffix(".exr").tempfile().map_err(no_room)?;

@@ -112,12 +112,12 @@ fn a_parameter_out_of_its_range_is_refused_with_key_value_range_and_default() {
 }
 
 #[test]
-fn the_readme_lists_every_method_as_the_program_does() {
-    let readme = include_str!("../../README.md");
+fn the_documentation_lists_every_method_as_the_program_does() {
+    let page = include_str!("../../docs/methods.md");
     for method in METHODS {
         let info = method.info();
         let row = format!("| `{}` | {} | {} | {} |", info.name, info.role, info.summary, info.source);
-        assert!(readme.contains(&row), "the README's methods table lacks: {row}");
+        assert!(page.contains(&row), "the table of docs/methods.md lacks: {row}");
     }
 }
 

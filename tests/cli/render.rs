@@ -14,7 +14,7 @@ fn the_demo_needs_nothing_and_says_how_good_it_is() {
     let text = stdout(&run(folder.path(), &["demo"]));
     assert!(text.contains("PSNR") && text.contains("wrote "), "{text}");
     let demo = folder.path().join("thinlens-demo");
-    assert_eq!(names(&demo), ["fence.exr", "fence.png", "report.json", "side-by-side.png"]);
+    assert_eq!(names(&demo), ["report.json", "side-by-side.png", "terrace.exr", "terrace.png"]);
     let report = fs::read_to_string(demo.join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     for key in ["version", "input", "output", "method", "lens", "plan", "seconds", "views", "warnings"] {

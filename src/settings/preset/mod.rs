@@ -370,20 +370,20 @@ mod tests {
     }
 
     #[test]
-    fn the_preset_in_the_readme_is_valid() {
-        let readme = include_str!("../../../README.md");
-        let (_, rest) = readme.split_once("    [lens]").unwrap();
+    fn the_preset_in_the_documentation_is_valid() {
+        let page = include_str!("../../../docs/lens.md");
+        let (_, rest) = page.split_once("    [lens]").unwrap();
         let (block, _) = rest.split_once("\nThe flags").unwrap();
-        let preset = Preset::parse(&format!("[lens]{block}"), "README.md").unwrap();
+        let preset = Preset::parse(&format!("[lens]{block}"), "lens.md").unwrap();
         assert_eq!(preset.values.effort, Some(Effort::Views(64)));
     }
 
     #[test]
-    fn the_focus_pull_in_the_readme_is_valid() {
-        let readme = include_str!("../../../README.md");
-        let (_, rest) = readme.split_once("    [[lens.focus_keys]]").unwrap();
+    fn the_focus_pull_in_the_documentation_is_valid() {
+        let page = include_str!("../../../docs/focus.md");
+        let (_, rest) = page.split_once("    [[lens.focus_keys]]").unwrap();
         let (block, _) = rest.split_once("\nBetween two keys").unwrap();
-        let preset = Preset::parse(&format!("[[lens.focus_keys]]{block}"), "README.md").unwrap();
+        let preset = Preset::parse(&format!("[[lens.focus_keys]]{block}"), "focus.md").unwrap();
         let Some(Focus::Keys(keys)) = preset.values.focus else { panic!("no keys") };
         assert_eq!(keys.iter().map(|key| key.frame).collect::<Vec<_>>(), [1, 48]);
     }
