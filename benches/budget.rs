@@ -12,9 +12,9 @@ mod scene;
 use scene::{median, scaled, wanted};
 use std::hint::black_box;
 use std::process::Command;
-use thinlens::dial;
 use thinlens::methods;
 use thinlens::methods::{Plan, Target};
+use thinlens::sample_budget;
 use thinlens::scene::Scene;
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::usage::{Stopwatch, peak_memory_bytes};
@@ -57,9 +57,11 @@ fn main() {
 fn print_search(scene: &Scene, target_db: f64) {
     let plan = plan(scene, Effort::TargetDb(target_db));
     let Some(Target::Error { psnr_db, max_views }) = plan.target else { return println!("nothing to blur") };
-    let outcome = dial::look(scene.clone(), &plan, (psnr_db, max_views)).expect("shear samples the lens");
+    let outcome = sample_budget::find_views(scene.clone(), &plan, (psnr_db, max_views))
+        .expect("shear samples the lens");
     let found = timed(scene, |scene| {
-        dial::reach(scene, &plan, (psnr_db, max_views), &|_| {}).expect("the CPU does not fail");
+        sample_budget::render_to_target(scene, &plan, (psnr_db, max_views), &|_| {})
+            .expect("the CPU does not fail");
     });
     let known = blur(scene, outcome.views).0;
     let tried: Vec<String> = outcome.tried.iter().map(|trial| trial.views.to_string()).collect();
@@ -97,7 +99,7 @@ fn timed(scene: &Scene, work: impl Fn(Scene)) -> (f64, f64) {
 fn look(scene: &Scene) -> f64 {
     let run = |_| {
         let watch = Stopwatch::start();
-        black_box(scene.facts());
+        black_box(scene.analyze());
         watch.cpu_seconds()
     };
     median((0..RUNS).map(run).collect())
@@ -106,7 +108,7 @@ fn look(scene: &Scene) -> f64 {
 fn plan(scene: &Scene, effort: Effort) -> Plan {
     let values = Values { effort: Some(effort), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    methods::Registry::default().plan(&scene.facts(), &settings).expect("defaults make a plan")
+    methods::Registry::default().plan(&scene.analyze(), &settings).expect("defaults make a plan")
 }
 
 /// Runs this program again for memory alone, so that nothing measured before counts.
@@ -125,7 +127,7 @@ fn measure_memory() {
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     if std::env::args().any(|argument| argument == TARGET_FLAG) {
         let plan = plan(&scene, Effort::TargetDb(45.0));
-        dial::reach(scene, &plan, (45.0, 256), &|_| {}).expect("the CPU does not fail");
+        sample_budget::render_to_target(scene, &plan, (45.0, 256), &|_| {}).expect("the CPU does not fail");
     } else {
         let plan = plan(&scene, Effort::Views(64));
         methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail");

@@ -31,7 +31,7 @@ fn main() {
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
     println!("effect                    without     with   (CPU s)");
     for (kind, with) in lenses(&settings) {
-        let plan = methods::Registry::default().plan(&scene.facts(), &with).expect("the lens is one");
+        let plan = methods::Registry::default().plan(&scene.analyze(), &with).expect("the lens is one");
         let [without, with] = [plan.clone().forced(kind, false), plan.forced(kind, true)];
         let [without, with] = compared(&scene, [&without, &with]);
         println!(

@@ -35,7 +35,7 @@ mod measure {
     const RUNS: usize = 5;
 
     /// Bytes that a ray has to fetch: a colour.
-    const LEAST_BYTES_PER_RAY: f64 = 16.0;
+    const MIN_BYTES_PER_RAY: f64 = 16.0;
 
     pub(super) fn run() {
         let Some(gpu) = Gpu::open(true).unwrap_or_else(|error| panic!("{error}")) else {
@@ -57,7 +57,7 @@ mod measure {
         let mut settings = settings.clone();
         settings.effort.value = Some(Effort::Views(VIEWS));
         let plan =
-            Registry::default().plan(&scene.facts(), &settings).unwrap_or_else(|error| panic!("{error}"));
+            Registry::default().plan(&scene.analyze(), &settings).unwrap_or_else(|error| panic!("{error}"));
         let runs: Vec<Run> = (0..=RUNS).map(|_| on_gpu(gpu, &scene, &plan)).skip(1).collect();
         let middle = |part: fn(&Run) -> f64| 1e3 * median(runs.iter().map(part).collect());
         let (width, height) = scene.picture_size();
@@ -80,7 +80,7 @@ mod measure {
         println!(
             "  paint: {:.2} billion rays a second, {:.0} GB/s at the least",
             1e-9 * rays / paint,
-            1e-9 * LEAST_BYTES_PER_RAY * rays / paint
+            1e-9 * MIN_BYTES_PER_RAY * rays / paint
         );
         println!("  CPU seconds of this process: {:.2}", 1e-3 * middle(|run| run.cpu));
         let (wall, cpu) = on_cpu(scene, &plan);

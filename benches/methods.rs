@@ -34,7 +34,7 @@ fn blur(bencher: Bencher<'_, '_>, method: &str) {
         ..Values::default()
     };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    let plan = methods::Registry::default().plan(&scene.facts(), &settings).expect("defaults make a plan");
+    let plan = methods::Registry::default().plan(&scene.analyze(), &settings).expect("defaults make a plan");
     bencher
         .with_inputs(|| scene.clone())
         .bench_values(|scene| methods::render(scene, &plan, &|_| {}).expect("the CPU does not fail"));

@@ -22,7 +22,7 @@ use thinlens::error::Error;
 use thinlens::methods::{self, METHODS, Plan, Registry};
 use thinlens::output::atomic;
 use thinlens::render::{Job, NamedPreset, prepare};
-use thinlens::scene::{Facts, Scene};
+use thinlens::scene::{Scene, SceneStats};
 use thinlens::settings::{ParameterValues, Preset, Settings, Values};
 use thinlens::stack::Source;
 use thinlens::usage::Stopwatch;
@@ -43,8 +43,8 @@ const CONTENDERS: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 
     gather:64 gather:256 gather:1024 scatter";
 
 /// Rays, and pixels of sprites, past which a case is left out.
-const MOST_RAYS: f64 = 9e6;
-const MOST_SPRITES: f64 = 6e7;
+const MAX_RAYS: f64 = 9e6;
+const MAX_SPRITES: f64 = 6e7;
 
 /// One scene through one lens.
 struct Case {
@@ -163,20 +163,20 @@ fn made(size: (usize, usize), coc_px: f32, lights: usize) -> Case {
 
 /// Measures what of `case` is not in `measurements`.
 fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static str, Sample)>, Error> {
-    let (facts, registry) = (case.scene.facts(), Registry::default());
+    let (stats, registry) = (case.scene.analyze(), Registry::default());
     let mut plans = Vec::new();
     for text in CONTENDERS.split_whitespace() {
         let candidate = Candidate::parse(text, &registry)?;
-        let plan = registry.plan(&facts, &candidate.settings(&case.settings)?)?;
-        let terms = amounts(&facts, &plan);
+        let plan = registry.plan(&stats, &candidate.settings(&case.settings)?)?;
+        let terms = amounts(&stats, &plan);
         if is_affordable(&terms, plan.method.name()) {
             plans.push((candidate.method.name(), format!("{}|{candidate}", case.name), plan, terms));
         }
     }
     let blurless = Settings::resolve(&[], ParameterValues::default());
-    let mut plan = registry.plan(&facts, &blurless)?.forced(thinlens::scene::EffectKind::Blur, false);
+    let mut plan = registry.plan(&stats, &blurless)?.forced(thinlens::scene::EffectKind::Blur, false);
     plan.views = None;
-    let terms = amounts(&facts, &plan);
+    let terms = amounts(&stats, &plan);
     plans.push(("pinhole", format!("{}|pinhole", case.name), plan, terms));
     let mut runs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for _ in 0..3 {
@@ -197,16 +197,16 @@ fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static
 }
 
 /// The amounts of work of `plan`, term by term, with the terms' names.
-fn amounts(facts: &Facts, plan: &Plan) -> Vec<(&'static str, f64)> {
-    let cost = terms(facts, plan).expect("every built-in method says its cost");
+fn amounts(stats: &SceneStats, plan: &Plan) -> Vec<(&'static str, f64)> {
+    let cost = terms(stats, plan).expect("every built-in method says its cost");
     cost.terms.iter().map(|term| (term.name, term.amount)).collect()
 }
 
 fn is_affordable(terms: &[(&'static str, f64)], method: &str) -> bool {
     let of = |wanted: &str| terms.iter().find(|(name, _)| *name == wanted).map_or(0.0, |(_, amount)| *amount);
     match method {
-        "accumulate" | "layer-rays" | "peel-rays" => of("rays") <= MOST_RAYS,
-        "point-splat" => of("area of sprites") <= MOST_SPRITES,
+        "accumulate" | "layer-rays" | "peel-rays" => of("rays") <= MAX_RAYS,
+        "point-splat" => of("area of sprites") <= MAX_SPRITES,
         _ => true,
     }
 }

@@ -52,9 +52,9 @@ fn main() -> Result<(), Error> {
         let values = Values { effort: Some(Effort::Views(256)), ..preset.values.clone() };
         let origin = Origin::Preset(built_in.name.to_owned());
         let settings = Settings::resolve(&[(origin, &values)], preset.parameters);
-        let (scene, facts, plan) =
+        let (scene, stats, plan) =
             methods::Registry::default().prepare(set(built_in.name, &settings)?, &settings)?;
-        let field = facts.field;
+        let field = stats.field;
         let image = finish(methods::render(scene, &plan, &|_| {})?, &plan, field);
         png::write(&folder.join(format!("{}.png", built_in.name)), &image, 0.0)?;
     }

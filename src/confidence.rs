@@ -44,7 +44,7 @@ pub fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<
     }
     let known = known_as_white(scene, plan.does(EffectKind::Fill));
     let [mut light, _, _, alpha] = methods::render(known, &bare(plan), progress)?.planes;
-    let open = plan.does(EffectKind::OpenBackground);
+    let open = plan.does(EffectKind::TransparentBackground);
     for (light, alpha) in light.values_mut().iter_mut().zip(alpha.values()) {
         let transparent = if open { 1.0 - alpha } else { 0.0 };
         // Sums of many views round to a little more than 1.
@@ -57,7 +57,7 @@ pub fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<
 fn bare(plan: &Plan) -> Plan {
     let left_out = [EffectKind::Highlights, EffectKind::Fill, EffectKind::Prefilter, EffectKind::Resolve];
     let bare = left_out.into_iter().fold(plan.clone(), |plan, kind| plan.forced(kind, false));
-    bare.forced(EffectKind::OpenBackground, true)
+    bare.forced(EffectKind::TransparentBackground, true)
 }
 
 /// `scene`, with guessed surfaces if there are `guesses`, its red 1 where something is known and 0 where it is guessed.
@@ -101,7 +101,7 @@ mod tests {
         let effort = (method != "scatter").then_some(Effort::Views(512));
         let values = Values { method: Some(method.to_owned()), effort, ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
+        methods::Registry::default().plan(&scene.analyze(), &settings).unwrap()
     }
 
     fn found(layers: &[fn(usize) -> Option<f32>], method: &str) -> Plane {

@@ -113,8 +113,8 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.what)?;
-        let (help, facts): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
-        for (label, text) in facts {
+        let (help, stats): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
+        for (label, text) in stats {
             write!(f, "\n  {label}: {text}")?;
         }
         if let Some(source) = &self.source {

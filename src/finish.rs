@@ -99,7 +99,7 @@ mod tests {
             let values =
                 Values { method: Some(method.to_owned()), cats_eye, vignetting, ..Values::default() };
             let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-            let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+            let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
             assert!(!plan.does(EffectKind::CatsEye), "{method}: nothing is blurred");
             let image = finish(scene.pinhole(), &plan, scene.field);
             // Nearly the corner, where the rim leaves 39 % and the cosine to the fourth power of 31° 54 %.
@@ -119,7 +119,7 @@ mod tests {
         // 50 mm before 64 px: 2 mm are 2.56 px, in the corners.
         let values = Values { lateral_color_um: Some([2000.0, -2000.0]), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+        let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
         let image = finish(scene.pinhole(), &plan, scene.field);
         // 24 of the 36.7 px to the corner: 1.67 px.
         let [red, green, blue, _] = image.pixel(55, 18);

@@ -32,7 +32,7 @@ pub mod metrics;
 pub mod probes;
 pub mod confidence;
 pub mod cost;
-pub mod dial;
+pub mod sample_budget;
 pub mod render;
 pub mod compare;
 pub mod cli;

@@ -41,7 +41,7 @@ fn plan(method: &dyn Method, scene: &Scene, views: usize) -> Plan {
         ..Values::default()
     };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
+    methods::Registry::default().plan(&scene.analyze(), &settings).unwrap()
 }
 
 /// The frame of `scene`, blurred.
@@ -172,7 +172,7 @@ fn probes_look_at_the_frame_alone() {
         let values = plane.values_mut().iter_mut().enumerate();
         values.filter(|(pixel, _)| !within(*pixel)).for_each(|(_, value)| *value = 9.0);
     }
-    let verdict = |image: &Image| probes::verify(image, &scene, &plan, 200, SEED);
-    assert_eq!(verdict(&spoilt), verdict(&picture), "what is cut off does not count");
-    assert!(verdict(&picture).interval_db.0 > 35.0, "{}", verdict(&picture));
+    let estimate = |image: &Image| probes::verify(image, &scene, &plan, 200, SEED);
+    assert_eq!(estimate(&spoilt), estimate(&picture), "what is cut off does not count");
+    assert!(estimate(&picture).interval_db.0 > 35.0, "{}", estimate(&picture));
 }

@@ -313,7 +313,7 @@ mod the_report {
         let flags = Values { f_number: Some(1.5), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &flags)], ParameterValues::default());
         let nothing = Scene::new(Vec::new(), StackKind::PointSampled, 1, 12.5);
-        let mut plan = Registry::default().plan(&nothing.facts(), &settings).unwrap();
+        let mut plan = Registry::default().plan(&nothing.analyze(), &settings).unwrap();
         plan.effects = vec![Effect::new(EffectKind::Fill, false, "nothing is missing", "with it, no effect")];
         let findings =
             vec![Finding::note("depth", "planar"), Finding::warning("peels", "the last peel is empty")];

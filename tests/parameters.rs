@@ -97,7 +97,7 @@ fn blur(method: &str, changes: &[&Value]) -> Image {
     let values = Values { method: Some(method.to_owned()), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], parameters);
     let scene = scene();
-    let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+    let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
     methods::render(scene, &plan, &|_| {}).unwrap()
 }
 

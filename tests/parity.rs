@@ -391,7 +391,7 @@ fn bands_leave_no_seams() {
 fn a_frame_higher_than_a_texture_is_the_same_picture() {
     let Some(gpu) = gpu() else { return };
     for method in methods_with_twin() {
-        let scene = Scene::new(layers(3, gpu.most_texels() + 90, 1.0), StackKind::PointSampled, 1, 60.0);
+        let scene = Scene::new(layers(3, gpu.max_texels() + 90, 1.0), StackKind::PointSampled, 1, 60.0);
         let (scene, plan) = settle(method, scene, &Values::default(), 4);
         tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a strip");
     }

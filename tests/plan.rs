@@ -9,7 +9,7 @@
 //! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates; of a
 //!   source that ends at white, extrapolation makes such areas;
 //! * `highlight-extrapolation`, where the source is scene-linear: what was never clipped is made brighter;
-//! * `merge` and `translucency` are facts of the stack and cannot be switched.
+//! * `merge` and `translucency` are stats of the stack and cannot be switched.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
@@ -216,7 +216,7 @@ impl Case {
         match kind {
             EffectKind::Blur => !self.is_blurred(),
             EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
-            EffectKind::OpenBackground => !self.complete && !self.shows_nothing_somewhere(),
+            EffectKind::TransparentBackground => !self.complete && !self.shows_nothing_somewhere(),
             EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
             EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
             EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
@@ -350,7 +350,7 @@ fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than
             };
             let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
             let plan = methods::Registry::default()
-                .plan(&case.scene.facts(), &settings)
+                .plan(&case.scene.analyze(), &settings)
                 .unwrap()
                 .forced(EffectKind::Blur, true);
             // A thousandth for the choice of rays.
@@ -406,7 +406,7 @@ fn excess(image: &Image, pinhole: &Image, share: f32) -> f32 {
 #[test]
 fn every_method_carries_out_what_it_can_be_asked_for() {
     let world = Case::new(10);
-    let facts = world.scene.facts();
+    let stats = world.scene.analyze();
     for method in METHODS {
         let info = method.info();
         for kind in EffectKind::ALL {
@@ -419,7 +419,7 @@ fn every_method_carries_out_what_it_can_be_asked_for() {
                 };
                 let values = Values { method: Some(info.name.to_owned()), ..Values::default() };
                 let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-                let plan = match methods::Registry::default().plan(&facts, &Settings { switches, ..settings })
+                let plan = match methods::Registry::default().plan(&stats, &Settings { switches, ..settings })
                 {
                     Ok(plan) => Plan { views: plan.views.map(|_| 8), ..plan },
                     Err(error) => {
@@ -445,9 +445,9 @@ mod what_is_asked_for {
         let switches = Switches { force: owned(force), without: owned(without) };
         let values = Values { method: Some(method.to_owned()), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        let facts = Case::new(10).scene.facts();
+        let stats = Case::new(10).scene.analyze();
         methods::Registry::default()
-            .plan(&facts, &Settings { switches, ..settings })
+            .plan(&stats, &Settings { switches, ..settings })
             .map_err(|error| error.to_string())
     }
 
@@ -456,9 +456,11 @@ mod what_is_asked_for {
         let own = plan("shear", &[], &[]).unwrap();
         assert!(own.does(EffectKind::Blur) && own.effects.iter().all(|effect| !effect.forced));
         let plan = plan("shear", &["open-background"], &["blur", "prefilter"]).unwrap();
-        for (kind, on) in
-            [(EffectKind::OpenBackground, true), (EffectKind::Blur, false), (EffectKind::Prefilter, false)]
-        {
+        for (kind, on) in [
+            (EffectKind::TransparentBackground, true),
+            (EffectKind::Blur, false),
+            (EffectKind::Prefilter, false),
+        ] {
             let effect = plan.effects.iter().find(|effect| effect.name == kind).unwrap();
             assert!(effect.forced && effect.on == on, "{effect:?}");
             assert!(effect.reason.starts_with("asked for; the plan's own choice was "), "{effect:?}");
@@ -494,7 +496,7 @@ mod what_is_asked_for {
     }
 
     #[test]
-    fn against_the_facts_of_the_stack_is_refused() {
+    fn against_the_stats_of_the_stack_is_refused() {
         let error = plan("shear", &["merge"], &[]).unwrap_err();
         assert!(error.contains("nothing to merge"), "{error}");
     }
@@ -507,7 +509,7 @@ mod what_is_asked_for {
         }
         let force = ["prefilter", "resolve", "highlights"].map(str::to_owned).to_vec();
         settings.switches = Switches { force, ..Switches::default() };
-        let plan = methods::Registry::default().plan(&Case::new(10).scene.facts(), &settings).unwrap();
+        let plan = methods::Registry::default().plan(&Case::new(10).scene.analyze(), &settings).unwrap();
         let strengths = [EffectKind::Prefilter, EffectKind::Resolve, EffectKind::Highlights]
             .map(|kind| plan.strength(kind).unwrap());
         assert_eq!(strengths, [1.4, 0.08, 1.0], "the defaults of shear's parameters");

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thinlens::image::{Image, Plane};
 use thinlens::methods;
 use thinlens::methods::Plan;
-use thinlens::probes::{Verdict, verify};
+use thinlens::probes::{ErrorEstimate, verify};
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
@@ -39,7 +39,7 @@ fn picture(scene: &Scene, method: &str, views: Option<usize>) -> (Image, Plan) {
     let values =
         Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
     let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+    let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
     (methods::render(scene.clone(), &plan, &|_| {}).unwrap(), plan)
 }
 
@@ -72,7 +72,7 @@ fn the_interval_holds_the_truth_as_often_as_it_says() {
 fn a_picture_as_good_as_its_truth_has_no_error_to_speak_of() {
     let scene = part("table", [120, 60]);
     let (image, plan) = picture(&scene, "accumulate", Some(16_384));
-    let Verdict { interval_db: (least, _), pixels, rays_per_pixel, .. } =
+    let ErrorEstimate { interval_db: (least, _), pixels, rays_per_pixel, .. } =
         verify(&image, &scene, &plan, 400, 1);
     assert!(least > 48.0, "{least} dB with {rays_per_pixel} rays at {pixels} pixels");
 }

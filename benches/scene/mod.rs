@@ -66,7 +66,7 @@ pub(crate) fn made(width: usize, height: usize) -> Scene {
 
 /// `scene` with its CoC radii scaled so that the largest is `coc` pixels.
 pub(crate) fn scaled(scene: &Scene, coc: f32) -> Scene {
-    let [near, far] = scene.facts().coc_range_px;
+    let [near, far] = scene.analyze().coc_range_px;
     let factor = coc / near.abs().max(far.abs());
     let mut scene = scene.clone();
     for layer in &mut scene.layers {

@@ -1,11 +1,11 @@
 // A-buffer and B-buffers (2003): contributions splatted into two pyramids, before and behind focus, at the level of their blur.
-// CPU twin: src/methods/b_buffer/. Before it: sheet.wgsl, other_sheet.wgsl, pyramid.wgsl, first_level.wgsl.
+// CPU twin: src/methods/b_buffer/. Before it: covered.wgsl, other_sheet.wgsl, pyramid.wgsl, first_level.wgsl.
 //
 // Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
 // One pyramid serves all levels of a field, the coarsest first: what goes to level n is splatted to level 1 and reduced to n,
 // and what was united at n + 1 lies above it.
 //
-// The other sheet has sums. While peels are culled, its colours are the last opaque CoC radius and what is let through.
+// The other covered has sums. While peels are culled, its colours are the last opaque CoC radius and what is let through.
 //
 // cull:         takes from a peel what the A-buffer need not keep.
 // clear:        level 1 without contributions.
@@ -28,7 +28,7 @@ struct Weighing {
     has_levels: u32,
 }
 
-struct PeelFacts {
+struct PeelStats {
     shows: u32,
     first: u32,
     first_row: i32,
@@ -40,7 +40,7 @@ struct PeelFacts {
 // Red, green and blue; coverage and CoC radius.
 @group(0) @binding(4) var<storage, read_write> peel_colors: array<f32>;
 @group(0) @binding(5) var<storage, read_write> peel_rest: array<f32>;
-@group(0) @binding(10) var<uniform> peel: PeelFacts;
+@group(0) @binding(10) var<uniform> peel: PeelStats;
 
 // OPAQUE_ALPHA and LEVEL_SHARE are the program's.
 

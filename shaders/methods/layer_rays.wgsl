@@ -43,10 +43,10 @@ struct Texel {
 // The lists, each in the order of the layers.
 @group(0) @binding(11) var<storage, read> texels: array<Texel>;
 
-// The program's are MOST_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words of a slab, a layer and a level.
+// The program's are MAX_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words of a slab, a layer and a level.
 
 // A cone that is wider than a sample is of this mipmap level at least.
-const LEAST_LEVEL: f32 = 1e-7;
+const MIN_LEVEL: f32 = 1e-7;
 
 // Where a ray meets a layer.
 struct Hit {
@@ -210,7 +210,7 @@ fn bilinear(number: u32, position: vec2f, layer: u32) -> vec4f {
 // Mipmap level of the cone of a ray at CoC radius `at`; 0 where it is no wider than a sample, whatever a logarithm makes of 1.
 fn cone_level(at: f32) -> f32 {
     let diameter = frame.cone_per_coc_px * abs(at);
-    return select(0.0, clamp(log2(diameter), LEAST_LEVEL, f32(frame.levels)), diameter > 1.0 && frame.levels > 0u);
+    return select(0.0, clamp(log2(diameter), MIN_LEVEL, f32(frame.levels)), diameter > 1.0 && frame.levels > 0u);
 }
 
 // What the cone of `ray`, of mipmap level `level`, sees of `layer` where it meets `hit`.
@@ -234,7 +234,7 @@ fn next_slab(slabs: vec2u, first: u32) -> u32 {
     if low != 0u {
         return firstTrailingBit(low);
     }
-    return select(MOST_SLABS, 32u + firstTrailingBit(high), high != 0u);
+    return select(MAX_SLABS, 32u + firstTrailingBit(high), high != 0u);
 }
 
 // The first layer of `slabs` from `first` on in which `ray` can meet anything; past the last one if there is none.
@@ -334,7 +334,7 @@ fn central(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = at.y * stack.width + at.x;
     let sum = saved_sum(index);
-    let is_open = go.open_background != 0u && sum.rays > 0.0;
+    let is_open = go.transparent_background != 0u && sum.rays > 0.0;
     if is_open || !shows_nothing(sum) {
         return;
     }

@@ -1,5 +1,5 @@
 // Opaque image blur (Kraus 2011): sub-images by depth, each blurred and laid over those behind it.
-// CPU twin: src/methods/opaque_blur/mod.rs. Before it: sheet.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
+// CPU twin: src/methods/opaque_blur/mod.rs. Before it: covered.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
 // Channels of a pyramid: content, alpha, glow of alpha. Synthesis writes over the analysis, sample by sample.
 //

@@ -1,6 +1,6 @@
 // `point-splat`: points scattered as sprites into three layers of each pixel, Lee, Kim & Choi 2008.
 //
-// Twin of src/methods/point_splat/splat.rs and layers.rs. There points are scattered; here a thread gathers what reaches its two
+// GpuBackend of src/methods/point_splat/splat.rs and layers.rs. There points are scattered; here a thread gathers what reaches its two
 // neighbouring pixels, since sums must not depend on the order of threads. Points lie in blocks, and a workgroup walks those of its
 // region's window that reach its tile, in their order. A sprite's weights come from a table.
 //

@@ -1,5 +1,5 @@
 // Sub-images by depth, what nearer ones hide filled in from its surroundings (Kraus & Strengert 2007).
-// CPU twin: src/methods/pyramid_disocclusion/mod.rs. Before it: sheet.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
+// CPU twin: src/methods/pyramid_disocclusion/mod.rs. Before it: covered.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
 // Two pyramids: one fills holes, with content, CoC radius and how much is known as its channels, the other blurs, with content
 // and alpha. Samples of level 0 of the filled picture are made where they are wanted, of the picture and of level 1.

@@ -1,15 +1,15 @@
 // Depth layers matted out of the peels, blurred and composed in one cascade of Gaussians (Schedl & Wimmer 2012).
-// CPU twin: src/methods/recursive_gaussian/. Before it: sheet.wgsl, other_sheet.wgsl.
-// The other sheet is a layer in the making, or what is composed with the result.
+// CPU twin: src/methods/recursive_gaussian/. Before it: covered.wgsl, other_sheet.wgsl.
+// The other covered is a layer in the making, or what is composed with the result.
 //
-// Every sheet but the finished one has the rows that the band reads.
+// Every covered but the finished one has the rows that the band reads.
 //
 // see:        how much of a peel is seen through those before it.
 // share:      adds a layer's part of a peel to the layer (eqs. 2 to 4).
-// before:     composes a sheet with a layer before it.
-// behind:     composes a sheet with a layer behind it.
+// before:     composes a covered with a layer before it.
+// behind:     composes a covered with a layer behind it.
 // pass_along: an extended box along every line.
-// finish:     a sheet's rows that the band makes, divided by coverage.
+// finish:     a covered's rows that the band makes, divided by coverage.
 
 struct Matting {
     rise_from: f32,

@@ -35,7 +35,7 @@ struct Params {
     // Views of the picture, and of this go.
     views: u32,
     views_in_go: u32,
-    open_background: u32,
+    transparent_background: u32,
     // A bit for each channel that these views make.
     channels: u32,
     // The rim: how far aside it stands in the frame's corners, in aperture radii; 0 for none.
@@ -75,7 +75,7 @@ struct Params {
 @group(0) @binding(15) var<storage, read_write> sums: array<f32>;
 @group(0) @binding(16) var<storage, read_write> picture: array<f32>;
 
-// OPAQUE_ALPHA, STOPPED_BELOW, LEAST_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
+// OPAQUE_ALPHA, STOPPED_BELOW, MIN_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
 // program's.
 
 // A pipeline's own constants, what a kernel need not ask each ray: whether there are fragments in more layers than a texel of keys has,
@@ -349,15 +349,15 @@ fn show(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
     let pixel = at.y * params.width + at.x;
     let views = f32(params.views) - hidden;
     let hit = views - missed;
-    let share = 1.0 / select(hit, views, params.open_background != 0u);
-    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > LEAST_HIT);
+    let share = 1.0 / select(hit, views, params.transparent_background != 0u);
+    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > MIN_HIT);
     for (var channel = 0u; channel < 4u; channel++) {
         if (params.channels & (1u << channel)) != 0u {
             picture[channel * plane + pixel] = mean[channel];
         }
     }
     if (params.channels & 8u) != 0u {
-        picture[4u * plane + pixel] = sum.a / max(views, LEAST_HIT);
+        picture[4u * plane + pixel] = sum.a / max(views, MIN_HIT);
     }
 }
 

@@ -1,5 +1,5 @@
 // Level 1 of a pyramid from samples of level 0, which are made where they are needed and not stored.
-// Before it: sheet.wgsl, pyramid.wgsl.
+// Before it: covered.wgsl, pyramid.wgsl.
 
 // A sample of level 0: content, and two more channels.
 struct Sample {

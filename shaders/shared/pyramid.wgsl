@@ -1,5 +1,5 @@
 // Image pyramids: analysis and B-spline synthesis between two levels, for a band of rows.
-// CPU twin: src/methods/shared/pyramid/mod.rs. Before it: sheet.wgsl.
+// CPU twin: src/methods/shared/pyramid/mod.rs. Before it: covered.wgsl.
 //
 // A thread makes two by two samples, which share most of what they are made from.
 //

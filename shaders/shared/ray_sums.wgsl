@@ -5,7 +5,7 @@
 // A go is some of the views. Its sum is made apart and added to those before: few additions each, so that single precision does.
 
 // Some of the views of one set.
-struct Go {
+struct Batch {
     // From which view to before which.
     first_view: u32,
     end_view: u32,
@@ -14,7 +14,7 @@ struct Go {
     // Bit k is set where these views make channel k of the picture.
     channels: u32,
     // Whether light that finds nothing is transparent, and not left out of the mean.
-    open_background: u32,
+    transparent_background: u32,
     // Pixels that are made.
     pixels: u32,
 }
@@ -29,13 +29,13 @@ struct Sum {
     rays: f32,
 }
 
-@group(0) @binding(0) var<uniform> go: Go;
+@group(0) @binding(0) var<uniform> go: Batch;
 // [red, green, blue, hit, rays][row][column].
 @group(0) @binding(1) var<storage, read_write> sums: array<f32>;
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
 
-// LEAST_HIT, the share of rays that a pixel must have stopped to show anything, is the program's.
+// MIN_HIT, the share of rays that a pixel must have stopped to show anything, is the program's.
 
 fn saved_sum(pixel: u32) -> Sum {
     let color = vec3f(sums[pixel], sums[go.pixels + pixel], sums[2u * go.pixels + pixel]);
@@ -61,14 +61,14 @@ fn add_go(pixel: u32, sum: Sum) {
 }
 
 fn shows_nothing(sum: Sum) -> bool {
-    return sum.hit <= LEAST_HIT * sum.rays;
+    return sum.hit <= MIN_HIT * sum.rays;
 }
 
 fn mean(sum: Sum) -> vec4f {
     if shows_nothing(sum) {
         return vec4f(0.0);
     }
-    let weight = select(sum.hit, sum.rays, go.open_background != 0u);
+    let weight = select(sum.hit, sum.rays, go.transparent_background != 0u);
     return vec4f(sum.color, sum.hit) / weight;
 }
 

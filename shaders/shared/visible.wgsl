@@ -1,5 +1,5 @@
 // What the camera sees, all of it known: one colour and one CoC radius a pixel, of the rows that a band reads.
-// CPU twin: src/methods/shared/content.rs. Before it: sheet.wgsl.
+// CPU twin: src/methods/shared/content.rs. Before it: covered.wgsl.
 
 // Colour in one buffer, the rest in another: an open background's alpha, if there is one, and CoC radius in pixels.
 @group(0) @binding(4) var<storage, read> visible_colors: array<f32>;

@@ -13,7 +13,7 @@ use thinlens::image::Image;
 use thinlens::methods::Registry;
 use thinlens::metrics::check_size;
 use thinlens::output::png;
-use thinlens::probes::{FEWEST_PROBES, MANY_RAYS, Places, Probes, SEED};
+use thinlens::probes::{MANY_RAYS, MIN_PROBES, Places, Probes, SEED};
 use thinlens::render::{Job, Prepared};
 use thinlens::stack::{Carry, read_picture};
 
@@ -47,7 +47,7 @@ pub(super) struct CompareArgs {
     repeats: u16,
     /// Pixels at which the sampling error is measured
     #[arg(long, value_name = "PIXELS", default_value = DEFAULT_PROBES, help_heading = "Method",
-          value_parser = clap::value_parser!(u32).range(FEWEST_PROBES as i64..))]
+          value_parser = clap::value_parser!(u32).range(MIN_PROBES as i64..))]
     probes: u32,
     /// A true render with the lens on, for the model error
     #[arg(long, value_name = "FILE", help_heading = "Input")]

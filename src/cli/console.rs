@@ -11,7 +11,7 @@ use thinlens::error::Error;
 use thinlens::finding::Finding;
 use thinlens::gpu::Device;
 use thinlens::methods::{Plan, Target};
-use thinlens::probes::Verdict;
+use thinlens::probes::ErrorEstimate;
 use thinlens::scene::EffectKind;
 
 /// Standard error, as talkative as asked for.
@@ -70,15 +70,15 @@ impl Console {
     /// # Errors
     /// Those of measuring.
     pub(super) fn calibration(self, again: bool) -> Result<Calibration, Error> {
-        let (calibration, remarks) = Calibration::of_this_machine(cache_folder().as_deref(), again)?;
+        let (calibration, remarks) = Calibration::load_or_measure(cache_folder().as_deref(), again)?;
         remarks.iter().for_each(|Remark(text)| self.note(format_args!("calibration: {text}")));
         Ok(calibration)
     }
 
     /// The sampling error that was found.
-    pub(super) fn verdict(self, verdict: &Verdict) {
-        let Verdict { pixels, rays_per_pixel, .. } = verdict;
-        self.note(format_args!("sampling error: {verdict}, {pixels} pixels of {rays_per_pixel} rays each"));
+    pub(super) fn estimate(self, estimate: &ErrorEstimate) {
+        let ErrorEstimate { pixels, rays_per_pixel, .. } = estimate;
+        self.note(format_args!("sampling error: {estimate}, {pixels} pixels of {rays_per_pixel} rays each"));
     }
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.

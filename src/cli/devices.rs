@@ -51,8 +51,8 @@ fn of_adapter(adapter: &Adapter) -> String {
     format!(
         "gpu   {adapter}\n      driver {}; bindings of {} MiB, buffers of {} MiB, workgroups of {} threads; {times}\n",
         adapter.driver,
-        mib(adapter.most_binding_bytes),
-        mib(adapter.most_buffer_bytes),
-        adapter.most_workgroup_threads
+        mib(adapter.max_binding_bytes),
+        mib(adapter.max_buffer_bytes),
+        adapter.max_workgroup_threads
     )
 }

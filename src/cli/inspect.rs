@@ -16,7 +16,7 @@ use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Job, Prepared};
-use thinlens::scene::{Facts, FocusShares, PeelFacts};
+use thinlens::scene::{FocusShares, PeelStats, SceneStats};
 use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
@@ -68,7 +68,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
         focus_map::write(path, &prepared.scene, &coc_px)?;
         console.wrote(path);
     }
-    let focus = FocusShares::of(&coc_px);
+    let focus = FocusShares::from_coc(&coc_px);
     let peels = peels_seen(&prepared.scene, &prepared.plan);
     let objects = prepared.stack.objects();
     let inspected = Inspected { prepared, focus, peels, objects };
@@ -82,7 +82,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
 }
 
 fn to_json(Inspected { prepared, focus, peels, objects }: &Inspected) -> serde_json::Value {
-    let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
+    let Prepared { stack, summary, settings, lens, sharpness, stats, plan, device, .. } = prepared;
     let carried: Vec<_> = stack.carried.channels.iter().map(|channel| &channel.name).collect();
     json!({
         "stack": summary,
@@ -97,8 +97,8 @@ fn to_json(Inspected { prepared, focus, peels, objects }: &Inspected) -> serde_j
         "sharpness": sharpness,
         "focus_shares": focus,
         "peels_seen": peels,
-        "facts": facts,
-        "depth_range": depth_range(facts, lens),
+        "facts": stats,
+        "depth_range": depth_range(stats, lens),
         "plan": plan,
         "device": device,
     })
@@ -109,7 +109,7 @@ fn window_json(Window { x, y, width, height }: Window) -> serde_json::Value {
 }
 
 fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<String, fmt::Error> {
-    let Prepared { stack, summary, settings, lens, sharpness, facts, plan, device, .. } = prepared;
+    let Prepared { stack, summary, settings, lens, sharpness, stats, plan, device, .. } = prepared;
     let mut text = String::new();
     write_stack(&mut text, stack, summary)?;
     objects.iter().try_for_each(|objects| write_objects(&mut text, objects))?;
@@ -117,8 +117,8 @@ fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<
     write_lens(&mut text, &settings.lens, lens)?;
     write_picture(&mut text, &settings.picture)?;
     write_focus(&mut text, sharpness, focus)?;
-    write_ranges(&mut text, facts, lens)?;
-    write_peels(&mut text, &facts.peels)?;
+    write_ranges(&mut text, stats, lens)?;
+    write_peels(&mut text, &stats.peels)?;
     if let Some(peels) = peels {
         write_peels_seen(&mut text, peels)?;
     }
@@ -240,24 +240,24 @@ fn write_focus(text: &mut String, sharpness: &Sharpness, focus: &FocusShares) ->
 }
 
 /// Planar depth of the nearest and the farthest fragment; `None` for background.
-fn depth_range(facts: &Facts, lens: &ThinLens) -> [Option<f32>; 2] {
-    facts.coc_range_px.map(|coc_px| lens.depth_planar(coc_px))
+fn depth_range(stats: &SceneStats, lens: &ThinLens) -> [Option<f32>; 2] {
+    stats.coc_range_px.map(|coc_px| lens.depth_planar(coc_px))
 }
 
-fn write_ranges(text: &mut String, facts: &Facts, lens: &ThinLens) -> fmt::Result {
+fn write_ranges(text: &mut String, stats: &SceneStats, lens: &ThinLens) -> fmt::Result {
     writeln!(text, "ranges")?;
-    if facts.fragments == 0 {
+    if stats.fragments == 0 {
         return line(text, "depth", "the stack is empty");
     }
-    let [nearest, farthest] = depth_range(facts, lens)
+    let [nearest, farthest] = depth_range(stats, lens)
         .map(|depth| depth.map_or("background".to_owned(), |depth| format!("{depth:.3}")));
-    let [near, far] = facts.coc_range_px;
+    let [near, far] = stats.coc_range_px;
     line(text, "depth", format_args!("{nearest} … {farthest}"))?;
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
 }
 
 /// What each peel shows, one a line.
-pub(super) fn write_peels(text: &mut String, peels: &[PeelFacts]) -> fmt::Result {
+pub(super) fn write_peels(text: &mut String, peels: &[PeelStats]) -> fmt::Result {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     writeln!(
         text,
@@ -265,7 +265,7 @@ pub(super) fn write_peels(text: &mut String, peels: &[PeelFacts]) -> fmt::Result
         "CoC radius, px", "covered", "translucent", "in focus", "jumps", "light of highlights"
     )?;
     for (number, peel) in peels.iter().enumerate() {
-        let PeelFacts { coc_range_px: [near, far], covered, translucent, in_focus, .. } = *peel;
+        let PeelStats { coc_range_px: [near, far], covered, translucent, in_focus, .. } = *peel;
         let range = format!("{near:.1} … {far:.1}");
         let [covered, translucent, in_focus, jumps] =
             [covered, translucent, in_focus, peel.jumps].map(percent);

@@ -12,11 +12,11 @@ use std::fmt::{self, Write};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
-use thinlens::dial;
 use thinlens::error::Error;
 use thinlens::methods::{Method, Plan, Registry, Target};
-use thinlens::probes::{MANY_RAYS, Places, Probes, SEED, Verdict, with_guesses};
+use thinlens::probes::{ErrorEstimate, MANY_RAYS, Places, Probes, SEED, with_guesses};
 use thinlens::render::{Job, Prepared};
+use thinlens::sample_budget;
 use thinlens::scene::EffectKind;
 use thinlens::settings::{Origin, Settings, Sourced};
 use thinlens::stack::Carry;
@@ -68,7 +68,7 @@ struct Row {
     #[serde(flatten)]
     cost: Option<Prediction>,
     /// How far it is from the stack's truth; none for a method that cannot be asked for single pixels.
-    sampling_error: Option<Verdict>,
+    sampling_error: Option<ErrorEstimate>,
 }
 
 pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
@@ -84,7 +84,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
         print_json(&json!({
             "plan": prepared.plan,
             "device": prepared.device,
-            "peels": prepared.facts.peels,
+            "peels": prepared.stats.peels,
             "costs": rows,
             "calibrated": calibration.measured_at.is_some(),
             "calibration": calibration,
@@ -97,15 +97,15 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
 
 /// Finds the number of lens samples where the plan has a goal instead, as a render would.
 fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<(), Error> {
-    let Prepared { scene, facts, plan, .. } = prepared;
+    let Prepared { scene, stats, plan, .. } = prepared;
     let (views, reason) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
         None => return Ok(()),
         Some(Target::Error { psnr_db, max_views }) => {
-            let outcome = dial::look(scene.clone(), plan, (psnr_db, max_views))?;
+            let outcome = sample_budget::find_views(scene.clone(), plan, (psnr_db, max_views))?;
             (outcome.views, outcome.statement)
         }
         Some(Target::Time { seconds }) => {
-            let views = dial::views_for(facts, plan, seconds, calibration)?;
+            let views = sample_budget::views_within(stats, plan, seconds, calibration)?;
             (views, format!("as many as are expected to fit into {seconds} s"))
         }
     };
@@ -115,7 +115,7 @@ fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<()
 
 /// The settings asked for, and the steps of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
-    let Prepared { scene, facts, plan, .. } = prepared;
+    let Prepared { scene, stats, plan, .. } = prepared;
     let filled = with_guesses(scene, plan);
     let probes =
         plan.does(EffectKind::Blur).then(|| Probes::new(Places::new(&filled, plan, PROBES, SEED), MANY_RAYS));
@@ -133,7 +133,7 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
                 method: step.method.name(),
                 views: step.views,
                 chosen: is_same(&step, plan),
-                cost: predict(facts, &step, calibration),
+                cost: predict(stats, &step, calibration),
                 sampling_error: foreseen.flatten(),
             });
         }
@@ -143,11 +143,11 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
 
 /// The steps of `method`, each with its plan.
 fn steps(method: &'static dyn Method, prepared: &Prepared) -> Result<Vec<(String, Plan)>, Error> {
-    let Prepared { settings, facts, methods, .. } = prepared;
+    let Prepared { settings, stats, methods, .. } = prepared;
     // A step says its own number of views; the requested one is another method's, or no step.
     let effort = Sourced { value: None, origin: Origin::Default };
     let settings = Settings { effort, ..settings.clone() };
-    let plan = |step: &Candidate| methods.plan(facts, &step.settings(&settings)?);
+    let plan = |step: &Candidate| methods.plan(stats, &step.settings(&settings)?);
     Candidate::steps_of(method)?.iter().map(|step| Ok((step.to_string(), plan(step)?))).collect()
 }
 
@@ -166,7 +166,7 @@ fn asked_for(plan: &Plan) -> String {
 
 fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Result<String, fmt::Error> {
     let mut text = String::new();
-    write_peels(&mut text, &prepared.facts.peels)?;
+    write_peels(&mut text, &prepared.stats.peels)?;
     write_plan(&mut text, &prepared.plan)?;
     write_device(&mut text, &prepared.device)?;
     writeln!(text, "expected of the blur, on the CPU")?;

@@ -16,7 +16,7 @@ use thinlens::methods::Registry;
 use thinlens::output::exr::{Codec, ExrOptions};
 use thinlens::output::report::{Confidence, Report};
 use thinlens::output::{exr, png, report};
-use thinlens::probes::FEWEST_PROBES;
+use thinlens::probes::MIN_PROBES;
 use thinlens::render::{Job, Rendered};
 use thinlens::stack::{Carried, Carry, Precision};
 use thinlens::usage::Stage;
@@ -44,7 +44,7 @@ pub(super) struct RenderArgs {
         value_name = "PIXELS",
         num_args = 0..=1,
         default_missing_value = DEFAULT_PROBES,
-        value_parser = clap::value_parser!(u32).range(FEWEST_PROBES as i64..),
+        value_parser = clap::value_parser!(u32).range(MIN_PROBES as i64..),
         help_heading = "Output"
     )]
     verify: Option<u32>,
@@ -128,8 +128,8 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
     console.findings(&rendered.stack.findings[said..]);
-    if let Some(verdict) = &rendered.probe {
-        console.verdict(verdict);
+    if let Some(estimate) = &rendered.probe {
+        console.estimate(estimate);
     }
 
     rendered.clock.skip();

@@ -26,11 +26,11 @@ pub fn files(candidate: &Candidate) -> [String; 2] {
 /// Those of encoding and of [`atomic::write()`].
 pub fn write(folder: &Path, results: &mut Results, gallery: &Gallery) -> Result<(), Error> {
     let mut assets = Assets::default();
-    if let Some(yardstick) = gallery.yardstick(&results.entries) {
-        results.crops = gallery.crops(&yardstick, &results.entries);
+    if let Some(baseline) = gallery.baseline(&results.entries) {
+        results.crops = gallery.crops(&baseline, &results.entries);
         assets = Assets::new(gallery, &results.crops)?;
         let mut mapped = vec![false; results.entries.len()];
-        gallery.maps(&yardstick, &results.entries, |i, map| {
+        gallery.maps(&baseline, &results.entries, |i, map| {
             mapped[i] = true;
             if let Some(file) = &results.entries[i].map {
                 png::write_false_color(&folder.join(file), &map)?;
@@ -40,7 +40,7 @@ pub fn write(folder: &Path, results: &mut Results, gallery: &Gallery) -> Result<
         for (entry, _) in results.entries.iter_mut().zip(mapped).filter(|(_, mapped)| !mapped) {
             entry.map = None;
         }
-        results.yardstick = Some(yardstick);
+        results.baseline = Some(baseline);
     }
     let [json_file, csv_file, page_file] = FILES.map(|file| folder.join(file));
     report::write_json(&json_file, results)?;

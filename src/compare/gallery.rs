@@ -4,7 +4,7 @@
 
 use super::crops::places;
 use super::picture::Picture;
-use super::{Crop, Entry, Yardstick};
+use super::{Baseline, Crop, Entry};
 use crate::error::Error;
 use crate::image::{Image, Plane};
 use crate::metrics::Pair;
@@ -32,33 +32,33 @@ impl Gallery {
     }
 
     /// What error maps and crops are measured against: the reference, or without one the best of `entries`.
-    pub fn yardstick(&self, entries: &[Entry]) -> Option<Yardstick> {
+    pub fn baseline(&self, entries: &[Entry]) -> Option<Baseline> {
         if self.reference.is_some() {
-            return Some(Yardstick::Reference);
+            return Some(Baseline::Reference);
         }
         let best = entries.iter().max_by(|a, b| a.psnr_db().total_cmp(&b.psnr_db()))?;
-        Some(Yardstick::Entry(best.name.clone()))
+        Some(Baseline::Entry(best.name.clone()))
     }
 
-    /// The picture that `yardstick` names.
-    fn find(&self, yardstick: &Yardstick, entries: &[Entry]) -> Option<&Picture> {
-        match yardstick {
-            Yardstick::Reference => self.reference.as_ref(),
-            Yardstick::Entry(name) => self.entries.get(entries.iter().position(|entry| entry.name == *name)?),
+    /// The picture that `baseline` names.
+    fn find(&self, baseline: &Baseline, entries: &[Entry]) -> Option<&Picture> {
+        match baseline {
+            Baseline::Reference => self.reference.as_ref(),
+            Baseline::Entry(name) => self.entries.get(entries.iter().position(|entry| entry.name == *name)?),
         }
     }
 
-    /// Hands `each` the index of every entry but the yardstick itself, and its FLIP at each pixel.
+    /// Hands `each` the index of every entry but the baseline itself, and its FLIP at each pixel.
     ///
     /// # Errors
     /// Those of `each`.
     pub fn maps(
         &self,
-        yardstick: &Yardstick,
+        baseline: &Baseline,
         entries: &[Entry],
         mut each: impl FnMut(usize, Plane) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let Some(truth) = self.find(yardstick, entries) else { return Ok(()) };
+        let Some(truth) = self.find(baseline, entries) else { return Ok(()) };
         let linear = truth.linear();
         for (i, picture) in
             self.entries.iter().enumerate().filter(|(_, picture)| !std::ptr::eq(*picture, truth))
@@ -68,10 +68,10 @@ impl Gallery {
         Ok(())
     }
 
-    /// The places where the entries differ most, and how near each comes to the yardstick there. (One entry alone is
+    /// The places where the entries differ most, and how near each comes to the baseline there. (One entry alone is
     /// looked at where it differs from the pinhole picture and the reference.)
-    pub fn crops(&self, yardstick: &Yardstick, entries: &[Entry]) -> Vec<Crop> {
-        let Some(truth) = self.find(yardstick, entries) else { return Vec::new() };
+    pub fn crops(&self, baseline: &Baseline, entries: &[Entry]) -> Vec<Crop> {
+        let Some(truth) = self.find(baseline, entries) else { return Vec::new() };
         let mut pictures: Vec<&Picture> = self.entries.iter().collect();
         if pictures.len() < 2 {
             pictures.extend(self.reference.iter().chain([&self.pinhole]));
@@ -111,11 +111,11 @@ mod tests {
     #[test]
     fn without_a_reference_the_best_entry_is_the_yardstick_and_has_no_map() {
         let (gallery, entries) = gallery(None);
-        let yardstick = gallery.yardstick(&entries).unwrap();
-        assert_eq!(yardstick, Yardstick::Entry("good".to_owned()));
+        let baseline = gallery.baseline(&entries).unwrap();
+        assert_eq!(baseline, Baseline::Entry("good".to_owned()));
         let mut mapped = Vec::new();
         gallery
-            .maps(&yardstick, &entries, |i, _| {
+            .maps(&baseline, &entries, |i, _| {
                 mapped.push(i);
                 Ok(())
             })
@@ -130,7 +130,7 @@ mod tests {
         let exact = Pair::new(&grey(0.3), &reference, 0).unwrap().flip_map();
         let mut maps = Vec::new();
         gallery
-            .maps(&Yardstick::Reference, &entries, |_, map| {
+            .maps(&Baseline::Reference, &entries, |_, map| {
                 maps.push(map);
                 Ok(())
             })
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_crop_has_a_figure_for_each_entry_but_the_yardstick() {
         let (gallery, entries) = gallery(None);
-        let crops = gallery.crops(&gallery.yardstick(&entries).unwrap(), &entries);
+        let crops = gallery.crops(&gallery.baseline(&entries).unwrap(), &entries);
         assert!(!crops.is_empty());
         for crop in crops {
             assert!(crop.psnr_db[0].is_some() && crop.psnr_db[1].is_none(), "{crop:?}");

@@ -1,8 +1,8 @@
 //! The comparison as one page that holds everything it shows: no network, no other file.
 //!
 //! The page is `report/page.html` with style, script and figures put in their places; the figures are one block of JSON, from
-//! which the script builds chart, table and pictures. Pictures are data URIs: whole ones at most [`MOST_WIDTH_PX`] wide as
-//! JPEG, maps at most [`MOST_MAP_WIDTH_PX`] as JPEG or PNG, crops without loss. Cost: a second of CPU time an entry at
+//! which the script builds chart, table and pictures. Pictures are data URIs: whole ones at most [`MAX_WIDTH_PX`] wide as
+//! JPEG, maps at most [`MAX_MAP_WIDTH_PX`] as JPEG or PNG, crops without loss. Cost: a second of CPU time an entry at
 //! 1080p, FLIP and the files beside it included.
 
 use super::gallery::Gallery;
@@ -17,10 +17,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 /// Whole pictures are shown at most this wide; the folder has them whole.
-const MOST_WIDTH_PX: usize = 1280;
+const MAX_WIDTH_PX: usize = 1280;
 
 /// Error maps are shown at most this wide: they say where, and in noise they are most of the page.
-const MOST_MAP_WIDTH_PX: usize = 960;
+const MAX_MAP_WIDTH_PX: usize = 960;
 
 /// Colours of the maps' scale, from 0 to 1.
 const SCALE_STEPS: usize = 17;
@@ -86,7 +86,7 @@ impl Assets {
     /// # Errors
     /// A map that cannot be encoded.
     pub(super) fn set_map(&mut self, i: usize, map: Plane) -> Result<(), Error> {
-        let map = shrunk(map, MOST_MAP_WIDTH_PX);
+        let map = shrunk(map, MAX_MAP_WIDTH_PX);
         let picture = Rgb8 { width: map.width(), height: map.height(), bytes: png::false_color(&map) };
         self.maps[i] = Some(data_uri::smaller(&picture)?);
         Ok(())
@@ -106,7 +106,7 @@ impl CropAssets {
 }
 
 fn whole(picture: &Picture) -> Result<String, Error> {
-    data_uri::jpeg(&picture.clone().at_most(MOST_WIDTH_PX).to_rgb8())
+    data_uri::jpeg(&picture.clone().at_most(MAX_WIDTH_PX).to_rgb8())
 }
 
 /// The page about `results`, with the pictures `assets`.

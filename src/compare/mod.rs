@@ -31,7 +31,7 @@ use crate::methods;
 use crate::methods::Plan;
 use crate::metrics::{Pair, Score};
 use crate::output::report::{LensReport, Report, StackReport};
-use crate::probes::{Probes, Verdict};
+use crate::probes::{ErrorEstimate, Probes};
 use crate::render::Prepared;
 use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
@@ -64,7 +64,8 @@ pub struct Results {
     /// What became of each candidate.
     pub entries: Vec<Entry>,
     /// What error maps and crops were measured against; `null` where no pictures were kept.
-    pub yardstick: Option<Yardstick>,
+    #[serde(rename = "yardstick")]
+    pub baseline: Option<Baseline>,
     /// The places where the pictures differ most, from the greatest difference down; none where no pictures were kept.
     pub crops: Vec<Crop>,
 }
@@ -98,7 +99,7 @@ pub struct Entry {
     /// What the blur was expected to cost, if that was asked for.
     pub predicted: Option<Prediction>,
     /// The sampling error.
-    pub sampling: Verdict,
+    pub sampling: ErrorEstimate,
     /// The model error, where there is a reference.
     pub model: Option<Score>,
     /// Whether no other entry is both quicker and nearer to the truth.
@@ -107,14 +108,14 @@ pub struct Entry {
     pub command: String,
     /// The picture, a file of the same folder.
     pub picture: Option<String>,
-    /// FLIP at each pixel against the yardstick, a file of the same folder; `null` for the yardstick itself.
+    /// FLIP at each pixel against the baseline, a file of the same folder; `null` for the baseline itself.
     pub map: Option<String>,
 }
 
 /// What error maps and crops are measured against.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind", content = "name")]
-pub enum Yardstick {
+pub enum Baseline {
     /// The true render.
     Reference,
     /// The entry of this name, the nearest to the stack's truth.
@@ -130,9 +131,9 @@ pub struct Crop {
     pub y: usize,
     /// Width and height.
     pub side_px: usize,
-    /// PSNR of the pinhole picture against the yardstick within the square, in dB.
+    /// PSNR of the pinhole picture against the baseline within the square, in dB.
     pub pinhole_psnr_db: Option<f64>,
-    /// PSNR of each entry's picture, in their order; `null` where it is the yardstick's, value for value.
+    /// PSNR of each entry's picture, in their order; `null` where it is the baseline's, value for value.
     pub psnr_db: Vec<Option<f64>>,
 }
 
@@ -166,8 +167,8 @@ impl Comparison<'_> {
     /// # Errors
     /// Those of its settings and of the plan, such as an effect asked for that it has no step for.
     pub fn plan(&self, candidate: &Candidate) -> Result<Plan, Error> {
-        let Prepared { facts, settings, methods, .. } = self.prepared;
-        methods.plan(facts, &candidate.settings(settings)?)
+        let Prepared { stats, settings, methods, .. } = self.prepared;
+        methods.plan(stats, &candidate.settings(settings)?)
     }
 
     /// Runs `candidate` and measures it; gives its picture too.
@@ -175,7 +176,7 @@ impl Comparison<'_> {
     /// # Errors
     /// Those of the plan and of the method, and a reference of another size.
     pub fn run(&self, candidate: &Candidate) -> Result<(Entry, Image), Error> {
-        let Prepared { scene, facts, .. } = self.prepared;
+        let Prepared { scene, stats, .. } = self.prepared;
         let plan = self.plan(candidate)?;
         let mut runs = Vec::with_capacity(self.repeats);
         let mut picture = None;
@@ -186,7 +187,7 @@ impl Comparison<'_> {
             runs.push(Cost { cpu_seconds: watch.cpu_seconds(), seconds: watch.seconds() });
         }
         let painted = picture.unwrap_or_default();
-        let sampling = self.probes.judge_image(&painted);
+        let sampling = self.probes.estimate_image(&painted);
         let image = finish(painted, &plan, scene.field).trimmed(scene.outside_px);
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
@@ -201,7 +202,7 @@ impl Comparison<'_> {
             seconds: blur.seconds,
             runs,
             whole: blur.and(self.prepared_cost()),
-            predicted: self.calibration.and_then(|calibration| cost::predict(facts, &plan, calibration)),
+            predicted: self.calibration.and_then(|calibration| cost::predict(stats, &plan, calibration)),
             sampling,
             model: model.map(|pair| pair.score()),
             on_front: false,
@@ -229,7 +230,7 @@ impl Comparison<'_> {
             probes: self.probes.pixels().len(),
             prepared: self.prepared_cost(),
             entries: Vec::new(),
-            yardstick: None,
+            baseline: None,
             crops: Vec::new(),
         }
     }
@@ -293,7 +294,7 @@ mod tests {
             runs: vec![cost],
             whole: cost,
             predicted: None,
-            sampling: Verdict {
+            sampling: ErrorEstimate {
                 psnr_db: Some(psnr_db),
                 interval_db: (psnr_db, None),
                 pixels: 1,
@@ -339,7 +340,7 @@ mod tests {
             probes: 60,
             prepared: Cost { cpu_seconds: 0.1, seconds: 0.1 },
             entries,
-            yardstick: Some(Yardstick::Entry("shear".to_owned())),
+            baseline: Some(Baseline::Entry("shear".to_owned())),
             crops: vec![Crop {
                 x: 1,
                 y: 2,
@@ -378,8 +379,8 @@ mod tests {
         assert_eq!(read, results.entries);
         let read: Vec<Crop> = serde_json::from_value(json["crops"].clone()).unwrap();
         assert_eq!(read, results.crops);
-        let read: Option<Yardstick> = serde_json::from_value(json["yardstick"].clone()).unwrap();
-        assert_eq!(read, results.yardstick);
+        let read: Option<Baseline> = serde_json::from_value(json["yardstick"].clone()).unwrap();
+        assert_eq!(read, results.baseline);
         let read: Machine = serde_json::from_value(json["machine"].clone()).unwrap();
         assert_eq!(read, results.machine);
         let (kind, stop) = (&json["stack"]["kind"], json["lens"]["f_number"]["value"].as_f64());

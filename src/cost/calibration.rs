@@ -28,7 +28,7 @@ const MADE_SECONDS: [f64; KIND_COUNT] = [0.0318, 0.0190, 0.0140];
 pub const CACHE_VARIABLE: &str = "THINLENS_CACHE_DIR";
 
 /// Each method runs at least so often in a calibration.
-const FEWEST_RUNS: usize = 3;
+const MIN_RUNS: usize = 3;
 
 /// Runs are begun until so many seconds have passed: half a second tells a quick spell from a slow one on a shared machine.
 const ENOUGH_SECONDS: f64 = 0.6;
@@ -92,7 +92,7 @@ impl Calibration {
     ///
     /// # Errors
     /// Those of [`Self::measure`]; what is wrong with the file is a remark.
-    pub fn of_this_machine(folder: Option<&Path>, again: bool) -> Result<(Self, Vec<Remark>), Error> {
+    pub fn load_or_measure(folder: Option<&Path>, again: bool) -> Result<(Self, Vec<Remark>), Error> {
         let machine = Machine::this();
         let file = folder.map(|folder| folder.join(machine.file_name()));
         let mut remarks = Vec::new();
@@ -187,15 +187,15 @@ fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Opt
 /// Those of the methods, which on the CPU have none.
 pub fn timed() -> Result<[(WorkKind, f64, f64); KIND_COUNT], Error> {
     let scene = made(SIZE);
-    let facts = scene.facts();
+    let stats = scene.analyze();
     let threads = rayon::current_num_threads() as f64;
     let mut best = WorkKind::ALL.map(|kind| (kind, f64::INFINITY, 1.0_f64));
     let whole = Stopwatch::start();
     let mut runs = 0;
-    while runs < FEWEST_RUNS || whole.seconds() < ENOUGH_SECONDS {
+    while runs < MIN_RUNS || whole.seconds() < ENOUGH_SECONDS {
         runs += 1;
         for (kind, seconds, speed_up) in &mut best {
-            let plan = Registry::default().plan(&facts, &settings(*kind))?;
+            let plan = Registry::default().plan(&stats, &settings(*kind))?;
             let scene = scene.clone();
             let watch = Stopwatch::start();
             methods::render(scene, &plan, &|_| {})?;
@@ -269,7 +269,7 @@ mod tests {
         let invented = invented();
         invented.save(&folder.path().join("deeper").join(invented.machine.file_name())).unwrap();
         let (kept, remarks) =
-            Calibration::of_this_machine(Some(&folder.path().join("deeper")), false).unwrap();
+            Calibration::load_or_measure(Some(&folder.path().join("deeper")), false).unwrap();
         assert_eq!((kept, remarks), (invented, vec![]));
     }
 
@@ -290,7 +290,7 @@ mod tests {
             (json(&other_table), "another table"),
         ] {
             std::fs::write(&file, text).unwrap();
-            let (measured, remarks) = Calibration::of_this_machine(Some(folder.path()), false).unwrap();
+            let (measured, remarks) = Calibration::load_or_measure(Some(folder.path()), false).unwrap();
             assert!(remarks[0].0.contains(why), "{remarks:?}");
             assert!(measured.factors.iter().all(|factor| factor.cpu > 0.0 && factor.speed_up >= 1.0));
             assert_eq!(Calibration::load(&file, &Machine::this()), Ok(measured), "kept in its place");
@@ -311,7 +311,7 @@ mod tests {
     fn asked_to_it_measures_again() {
         let folder = tempfile::tempdir().unwrap();
         invented().save(&folder.path().join(Machine::this().file_name())).unwrap();
-        let (again, _) = Calibration::of_this_machine(Some(folder.path()), true).unwrap();
+        let (again, _) = Calibration::load_or_measure(Some(folder.path()), true).unwrap();
         assert!(again.measured_at > invented().measured_at);
     }
 
@@ -320,11 +320,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "in the way").unwrap();
-        let (measured, remarks) = Calibration::of_this_machine(Some(&file), false).unwrap();
+        let (measured, remarks) = Calibration::load_or_measure(Some(&file), false).unwrap();
         assert!(measured.measured_at.is_some());
         let says = |remarks: &[Remark], what: &str| remarks.iter().any(|remark| remark.0.contains(what));
         assert!(says(&remarks, "not kept"), "{remarks:?}");
-        let (_, remarks) = Calibration::of_this_machine(None, false).unwrap();
+        let (_, remarks) = Calibration::load_or_measure(None, false).unwrap();
         assert!(says(&remarks, CACHE_VARIABLE), "{remarks:?}");
     }
 

@@ -16,7 +16,7 @@ mod calibration;
 pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
 
 use crate::methods::{Cost, Plan, WorkKind, term};
-use crate::scene::{EffectKind, Facts, Workload};
+use crate::scene::{EffectKind, SceneStats, Workload};
 
 /// What a blur is expected to take.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,9 +27,9 @@ pub struct Prediction {
     pub seconds: f64,
 }
 
-/// The terms of carrying out `plan` on a scene with the statistics `facts`; `None` for a method that does not say its cost.
-pub fn terms(facts: &Facts, plan: &Plan) -> Option<Cost> {
-    let workload = Workload { facts, rays: plan.views.unwrap_or(0) * plan.optics.ray_sets() };
+/// The terms of carrying out `plan` on a scene with the statistics `stats`; `None` for a method that does not say its cost.
+pub fn terms(stats: &SceneStats, plan: &Plan) -> Option<Cost> {
+    let workload = Workload { stats, rays: plan.views.unwrap_or(0) * plan.optics.ray_sets() };
     if plan.does(EffectKind::Blur) { plan.method.cost(plan, &workload) } else { Some(pinhole(&workload)) }
 }
 
@@ -39,10 +39,10 @@ fn pinhole(workload: &Workload<'_>) -> Cost {
     Cost::new(WorkKind::Planes, [term("samples of the picture", 20.795, samples)])
 }
 
-/// What carrying out `plan` on a scene with the statistics `facts` will take on the machine of `calibration`: the blur alone,
+/// What carrying out `plan` on a scene with the statistics `stats` will take on the machine of `calibration`: the blur alone,
 /// [`crate::methods::render`]. `None` for a method that does not say its cost.
-pub fn predict(facts: &Facts, plan: &Plan, calibration: &Calibration) -> Option<Prediction> {
-    let cost = terms(facts, plan)?;
+pub fn predict(stats: &SceneStats, plan: &Plan, calibration: &Calibration) -> Option<Prediction> {
+    let cost = terms(stats, plan)?;
     let Factor { cpu, speed_up } = calibration.of(cost.kind);
     let cpu_seconds = cost.cpu_seconds() * cpu;
     Some(Prediction { cpu_seconds, seconds: cpu_seconds / speed_up })
@@ -50,12 +50,17 @@ pub fn predict(facts: &Facts, plan: &Plan, calibration: &Calibration) -> Option<
 
 /// The most lens samples a pixel with which `plan` is expected to take no more than `seconds` on the wall, 0 where not even
 /// one fits; `None` for a method that does not sample the lens, or does not say its cost.
-pub fn views_within(facts: &Facts, plan: &Plan, calibration: &Calibration, seconds: f64) -> Option<usize> {
+pub fn views_within(
+    stats: &SceneStats,
+    plan: &Plan,
+    calibration: &Calibration,
+    seconds: f64,
+) -> Option<usize> {
     plan.views?;
-    predict(facts, plan, calibration)?;
+    predict(stats, plan, calibration)?;
     let fits = |views: usize| {
         let plan = Plan { views: Some(views), ..plan.clone() };
-        predict(facts, &plan, calibration).is_some_and(|cost| cost.seconds <= seconds)
+        predict(stats, &plan, calibration).is_some_and(|cost| cost.seconds <= seconds)
     };
     // Time grows with the views, so the largest that fits is found by halving.
     let (mut least, mut too_many) = (0, Plan::MAX_VIEWS + 1);
@@ -74,20 +79,20 @@ mod tests {
     use crate::scene::{Layer, Scene};
     use crate::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
-    fn plan(facts: &Facts, method: &str, views: Option<usize>) -> Plan {
+    fn plan(stats: &SceneStats, method: &str, views: Option<usize>) -> Plan {
         let values =
             Values { method: Some(method.to_owned()), effort: views.map(Effort::Views), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        Registry::default().plan(facts, &settings).unwrap()
+        Registry::default().plan(stats, &settings).unwrap()
     }
 
     /// A plan of every method, blur or not.
-    fn plans(facts: &Facts) -> impl Iterator<Item = Plan> {
-        METHODS.iter().map(|method| plan(facts, method.info().name, None).forced(EffectKind::Blur, true))
+    fn plans(stats: &SceneStats) -> impl Iterator<Item = Plan> {
+        METHODS.iter().map(|method| plan(stats, method.info().name, None).forced(EffectKind::Blur, true))
     }
 
-    fn cpu_seconds(facts: &Facts, plan: &Plan) -> f64 {
-        predict(facts, plan, &Calibration::assumed()).unwrap().cpu_seconds
+    fn cpu_seconds(stats: &SceneStats, plan: &Plan) -> f64 {
+        predict(stats, plan, &Calibration::assumed()).unwrap().cpu_seconds
     }
 
     /// `scene` twice, one above the other.
@@ -104,17 +109,17 @@ mod tests {
 
     #[test]
     fn every_method_says_its_cost_in_the_same_terms_for_every_scene() {
-        let names = |facts: &Facts, plan: &Plan| -> Vec<&str> {
-            terms(facts, plan).unwrap().terms.iter().map(|term| term.name).collect()
+        let names = |stats: &SceneStats, plan: &Plan| -> Vec<&str> {
+            terms(stats, plan).unwrap().terms.iter().map(|term| term.name).collect()
         };
-        let [facts, other] = [(96, 64), (64, 48)].map(|size| calibration::made(size).facts());
-        for (plan, elsewhere) in plans(&facts).zip(plans(&other)) {
+        let [stats, other] = [(96, 64), (64, 48)].map(|size| calibration::made(size).analyze());
+        for (plan, elsewhere) in plans(&stats).zip(plans(&other)) {
             assert!(
-                terms(&facts, &plan).unwrap().terms.iter().all(|term| term.nanoseconds >= 0.0),
+                terms(&stats, &plan).unwrap().terms.iter().all(|term| term.nanoseconds >= 0.0),
                 "{}",
                 plan.method
             );
-            assert_eq!(names(&facts, &plan), names(&other, &elsewhere), "{}", plan.method);
+            assert_eq!(names(&stats, &plan), names(&other, &elsewhere), "{}", plan.method);
         }
     }
 
@@ -123,29 +128,29 @@ mod tests {
         let scene = calibration::made((64, 48));
         let mut nothing = scene.clone();
         nothing.layers.iter_mut().for_each(|layer| layer.alpha.values_mut().fill(0.0));
-        for facts in [scene.facts(), nothing.facts()] {
-            let pinhole = plan(&facts, "auto", None).forced(EffectKind::Blur, false);
-            for plan in plans(&facts).chain([pinhole]) {
+        for stats in [scene.analyze(), nothing.analyze()] {
+            let pinhole = plan(&stats, "auto", None).forced(EffectKind::Blur, false);
+            for plan in plans(&stats).chain([pinhole]) {
                 let Prediction { cpu_seconds, seconds } =
-                    predict(&facts, &plan, &Calibration::assumed()).unwrap();
+                    predict(&stats, &plan, &Calibration::assumed()).unwrap();
                 let can_be = |value: f64| value.is_finite() && value > 0.0;
                 assert!(can_be(cpu_seconds) && can_be(seconds), "{}: {cpu_seconds}", plan.method);
             }
         }
         let blank = Scene { layers: Vec::new(), ..scene };
-        for plan in plans(&blank.facts()) {
-            assert_eq!(cpu_seconds(&blank.facts(), &plan), 0.0, "{}: no pixels", plan.method);
+        for plan in plans(&blank.analyze()) {
+            assert_eq!(cpu_seconds(&blank.analyze(), &plan), 0.0, "{}: no pixels", plan.method);
         }
     }
 
     #[test]
     fn twice_the_views_cost_no_less_and_no_more_than_twice() {
-        let facts = calibration::made((256, 144)).facts();
+        let stats = calibration::made((256, 144)).analyze();
         for method in METHODS.iter().map(|method| method.info().name) {
-            if plan(&facts, method, None).views.is_none() {
+            if plan(&stats, method, None).views.is_none() {
                 continue;
             }
-            let cost = |views| cpu_seconds(&facts, &plan(&facts, method, Some(views)));
+            let cost = |views| cpu_seconds(&stats, &plan(&stats, method, Some(views)));
             for views in [1, 4, 16, 32, 256, 4096] {
                 let ratio = cost(2 * views) / cost(views);
                 assert!((1.0..=2.000_001).contains(&ratio), "{method}, {views} views: {ratio}");
@@ -160,12 +165,12 @@ mod tests {
 
     #[test]
     fn colours_with_rays_of_their_own_cost_as_three_times_the_views() {
-        let facts = calibration::made((256, 144)).facts();
+        let stats = calibration::made((256, 144)).analyze();
         for method in ["shear", "accumulate"] {
-            let alike = plan(&facts, method, Some(48));
-            let mut apart = plan(&facts, method, Some(16));
+            let alike = plan(&stats, method, Some(48));
+            let mut apart = plan(&stats, method, Some(16));
             apart.optics.axial_px = [1.0, 0.0, -1.0];
-            assert_eq!(cpu_seconds(&facts, &apart), cpu_seconds(&facts, &alike), "{method}");
+            assert_eq!(cpu_seconds(&stats, &apart), cpu_seconds(&stats, &alike), "{method}");
         }
     }
 
@@ -173,7 +178,7 @@ mod tests {
     fn a_picture_of_twice_the_height_costs_twice_as_much() {
         // Of one width, so that blocks stay as they are.
         let scene = calibration::made((512, 144));
-        let (once, twice) = (scene.facts(), doubled(&scene).facts());
+        let (once, twice) = (scene.analyze(), doubled(&scene).analyze());
         for (a, b) in plans(&once).zip(plans(&twice)) {
             let ratio = cpu_seconds(&twice, &b) / cpu_seconds(&once, &a);
             assert!((ratio - 2.0).abs() < 0.1, "{}: {ratio}", a.method);
@@ -182,32 +187,32 @@ mod tests {
 
     #[test]
     fn a_slower_machine_takes_longer_and_more_threads_less() {
-        let facts = calibration::made((64, 48)).facts();
-        let plan = plan(&facts, "shear", None);
+        let stats = calibration::made((64, 48)).analyze();
+        let plan = plan(&stats, "shear", None);
         let mut calibration = Calibration::assumed();
-        let as_made = predict(&facts, &plan, &calibration).unwrap().cpu_seconds;
+        let as_made = predict(&stats, &plan, &calibration).unwrap().cpu_seconds;
         calibration.factors[WorkKind::Rows as usize] = Factor { cpu: 3.0, speed_up: 1.5 };
-        let Prediction { cpu_seconds, seconds } = predict(&facts, &plan, &calibration).unwrap();
+        let Prediction { cpu_seconds, seconds } = predict(&stats, &plan, &calibration).unwrap();
         assert!((cpu_seconds / as_made - 3.0).abs() < 1e-9, "{cpu_seconds}");
         assert!((seconds / cpu_seconds - 1.0 / 1.5).abs() < 1e-9, "{seconds}");
     }
 
     #[test]
     fn the_most_views_that_fit_fit_and_one_more_does_not() {
-        let facts = calibration::made((512, 288)).facts();
+        let stats = calibration::made((512, 288)).analyze();
         let calibration = Calibration::assumed();
         for method in ["shear", "accumulate", "layer-rays", "peel-rays"] {
-            let plan = plan(&facts, method, None);
-            let seconds = |views| predict(&facts, &plan.with_views(views), &calibration).unwrap().seconds;
+            let plan = plan(&stats, method, None);
+            let seconds = |views| predict(&stats, &plan.with_views(views), &calibration).unwrap().seconds;
             for budget in [0.3, 2.0] {
-                let views = views_within(&facts, &plan, &calibration, budget).unwrap();
+                let views = views_within(&stats, &plan, &calibration, budget).unwrap();
                 assert!(views > 0 && seconds(views) <= budget, "{method}: {views}");
                 assert!(seconds(views + 1) > budget, "{method}: {views}");
             }
-            assert_eq!(views_within(&facts, &plan, &calibration, 0.0), Some(0), "not even one");
-            assert_eq!(views_within(&facts, &plan, &calibration, 1e9), Some(Plan::MAX_VIEWS));
+            assert_eq!(views_within(&stats, &plan, &calibration, 0.0), Some(0), "not even one");
+            assert_eq!(views_within(&stats, &plan, &calibration, 1e9), Some(Plan::MAX_VIEWS));
         }
-        let scatter = plan(&facts, "scatter", None);
-        assert_eq!(views_within(&facts, &scatter, &calibration, 1.0), None, "it does not sample the lens");
+        let scatter = plan(&stats, "scatter", None);
+        assert_eq!(views_within(&stats, &scatter, &calibration, 1.0), None, "it does not sample the lens");
     }
 }

@@ -44,11 +44,11 @@ pub struct Adapter {
     /// Driver and its version.
     pub driver: String,
     /// The largest part of a buffer that a shader can see at once, in bytes: larger frames go in bands.
-    pub most_binding_bytes: u64,
+    pub max_binding_bytes: u64,
     /// The largest buffer in bytes.
-    pub most_buffer_bytes: u64,
+    pub max_buffer_bytes: u64,
     /// Threads of a workgroup.
-    pub most_workgroup_threads: u32,
+    pub max_workgroup_threads: u32,
     /// Whether it can time what it does.
     pub has_timestamps: bool,
 }
@@ -93,9 +93,9 @@ impl Adapter {
             },
             interface: info.backend.to_string(),
             driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
-            most_binding_bytes: limits.max_storage_buffer_binding_size,
-            most_buffer_bytes: limits.max_buffer_size,
-            most_workgroup_threads: limits.max_compute_invocations_per_workgroup,
+            max_binding_bytes: limits.max_storage_buffer_binding_size,
+            max_buffer_bytes: limits.max_buffer_size,
+            max_workgroup_threads: limits.max_compute_invocations_per_workgroup,
             has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
         }
     }

@@ -12,20 +12,20 @@ pub struct Band {
     pub source: Range<usize>,
 }
 
-/// The bands of a picture of `height` rows, each of which is made from what lies up to `reach` rows away, when `most_rows` can be read at
+/// The bands of a picture of `height` rows, each of which is made from what lies up to `reach` rows away, when `max_rows` can be read at
 /// once.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Device`] where not even one row can be made.
-pub fn bands(height: usize, reach: usize, most_rows: usize) -> Result<Vec<Band>, Error> {
-    if height <= most_rows {
+pub fn bands(height: usize, reach: usize, max_rows: usize) -> Result<Vec<Band>, Error> {
+    if height <= max_rows {
         return Ok(vec![Band { rows: 0..height, source: 0..height }]);
     }
-    let rows = most_rows.saturating_sub(2 * reach);
+    let rows = max_rows.saturating_sub(2 * reach);
     if rows == 0 {
         return Err(Error::device("the frame is too large for the GPU")
             .with("found", format!("{height} rows, blurred over {reach} rows either way"))
-            .with("wanted", format!("{} rows at most at once", most_rows))
+            .with("wanted", format!("{} rows at most at once", max_rows))
             .help("use --device cpu"));
     }
     // As many bands as it takes, of one height.

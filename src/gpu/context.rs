@@ -13,14 +13,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// What a frame may take of an adapter, on top of its own limits: bands of this size lose nothing, and leave room for others.
-const MOST_WORKING_BYTES: u64 = 2 << 30;
+const MAX_WORKING_BYTES: u64 = 2 << 30;
 
 /// An adapter, opened.
 pub struct Gpu {
     adapter: Adapter,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    most_binding_bytes: u64,
+    max_binding_bytes: u64,
     pub(super) modules: Mutex<HashMap<&'static str, wgpu::ShaderModule>>,
     pub(super) kernels: Mutex<HashMap<String, Kernel>>,
     /// What failed first of what no scope was there to catch.
@@ -77,13 +77,13 @@ impl Gpu {
         device.set_device_lost_callback(move |reason, text| {
             note(&lost, format!("the device was lost ({reason:?}): {text}"));
         });
-        let most_binding_bytes =
+        let max_binding_bytes =
             device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
         Ok(Self {
             adapter,
             device,
             queue,
-            most_binding_bytes: most_binding_bytes.min(MOST_WORKING_BYTES),
+            max_binding_bytes: max_binding_bytes.min(MAX_WORKING_BYTES),
             modules: Mutex::default(),
             kernels: Mutex::default(),
             fault,
@@ -95,7 +95,7 @@ impl Gpu {
     /// The same with buffers of `bytes` at most, as if the adapter had no more: frames go in smaller bands.
     #[must_use]
     pub fn limited_to(self, bytes: u64) -> Self {
-        Self { most_binding_bytes: self.most_binding_bytes.min(bytes), ..self }
+        Self { max_binding_bytes: self.max_binding_bytes.min(bytes), ..self }
     }
 
     /// The adapter.
@@ -104,18 +104,18 @@ impl Gpu {
     }
 
     /// The largest buffer in bytes: larger frames go in [`super::bands()`].
-    pub fn most_binding_bytes(&self) -> u64 {
-        self.most_binding_bytes
+    pub fn max_binding_bytes(&self) -> u64 {
+        self.max_binding_bytes
     }
 
     /// Most texels of a texture either way.
-    pub fn most_texels(&self) -> usize {
+    pub fn max_texels(&self) -> usize {
         self.device.limits().max_texture_dimension_2d as usize
     }
 
     /// Bytes that all buffers of a band may take together.
-    pub fn most_working_bytes(&self) -> u64 {
-        MOST_WORKING_BYTES
+    pub fn max_working_bytes(&self) -> u64 {
+        MAX_WORKING_BYTES
     }
 
     /// Gives the device back: whatever is asked of it from now on fails.

@@ -56,7 +56,7 @@ impl Gpu {
     }
 
     pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer, Error> {
-        let most = self.most_binding_bytes();
+        let most = self.max_binding_bytes();
         if bytes > most {
             return Err(too_large(label, format!("{bytes} bytes"), format!("{most} bytes at most")));
         }
@@ -79,7 +79,7 @@ impl Gpu {
         (width, height): (usize, usize),
         layers: usize,
     ) -> Result<Texture, Error> {
-        let most = [self.most_texels(), self.device.limits().max_texture_array_layers as usize];
+        let most = [self.max_texels(), self.device.limits().max_texture_array_layers as usize];
         if width.max(height) > most[0] || layers > most[1] {
             let found = format!("{layers} layers of {width} × {height} texels");
             return Err(too_large(label, found, format!("{} of {} either way at most", most[1], most[0])));

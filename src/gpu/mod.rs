@@ -38,7 +38,7 @@ pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
 pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
 #[cfg(feature = "gpu")]
-pub use work::{MOST_ROUNDS, Work, tiles};
+pub use work::{MAX_ROUNDS, Work, tiles};
 
 use crate::error::Error;
 use crate::machine;
@@ -114,16 +114,16 @@ pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Err
     open(true)?.ok_or_else(none).map(Some)
 }
 
-/// Where to carry out a plan that `hindrance`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
+/// Where to carry out a plan that `cpu_only_reason`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
 /// found.
 pub fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
-    hindrance: Option<String>,
+    cpu_only_reason: Option<String>,
     open: Open<'_>,
 ) -> (Device, Option<Gpu>) {
-    if let Some(hindrance) = hindrance {
-        return (Device::cpu(hindrance), None);
+    if let Some(cpu_only_reason) = cpu_only_reason {
+        return (Device::cpu(cpu_only_reason), None);
     }
     let (opened, reason) = match choice {
         DeviceChoice::Cpu => return (Device::cpu("asked for"), None),
@@ -207,7 +207,7 @@ mod tests {
         let has_card = survey.adapters.iter().any(|adapter| adapter.kind != AdapterKind::Software);
         assert_eq!(survey.auto == DeviceKind::Gpu, has_card, "{}", survey.auto_reason);
         assert!(
-            survey.adapters.iter().all(|adapter| !adapter.name.is_empty() && adapter.most_buffer_bytes > 0)
+            survey.adapters.iter().all(|adapter| !adapter.name.is_empty() && adapter.max_buffer_bytes > 0)
         );
     }
 }

@@ -177,7 +177,7 @@ impl Work<'_> {
 }
 
 /// Rounds of all loops of a thread together in one pass. Mesa's software driver ends them without a word after 65 535.
-pub const MOST_ROUNDS: usize = 60_000;
+pub const MAX_ROUNDS: usize = 60_000;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
 pub fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {

@@ -11,7 +11,7 @@
 //! than it is high: `x` divided by the squeeze.
 
 use crate::error::Error;
-use crate::settings::{BLADE_CURVATURES, MOST_BLADES, SQUEEZES};
+use crate::settings::{BLADE_CURVATURES, MAX_BLADES, SQUEEZES};
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
@@ -125,8 +125,8 @@ impl Aperture {
         }
         match blades {
             0 => Ok(Self::DISC),
-            3..=MOST_BLADES => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
-            _ => Err(Error::settings(format!("an aperture has 3 to {MOST_BLADES} blades, or 0 for a disc"))
+            3..=MAX_BLADES => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
+            _ => Err(Error::settings(format!("an aperture has 3 to {MAX_BLADES} blades, or 0 for a disc"))
                 .with("found", format!("{blades} blades"))
                 .help("set it with --blades, or blades in the preset's [aperture]")),
         }

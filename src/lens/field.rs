@@ -15,7 +15,7 @@ pub struct Field {
 
 impl Field {
     /// The field of a picture of `width` × `height` pixels with its axis at the centre, before a lens as long as the picture is wide.
-    pub fn of_picture(width: usize, height: usize) -> Self {
+    pub fn from_picture_size(width: usize, height: usize) -> Self {
         let axis_px = 0.5 * Vec2::new(width as f32, height as f32);
         Self { axis_px, half_diagonal_px: axis_px.length(), focal_length_px: width as f32 }
     }
@@ -43,14 +43,14 @@ mod tests {
 
     #[test]
     fn the_corners_of_a_frame_are_one_from_its_axis() {
-        let field = Field::of_picture(640, 360);
+        let field = Field::from_picture_size(640, 360);
         assert_eq!(field.height(Vec2::new(320.0, 180.0)), Vec2::ZERO);
         assert!((field.height(Vec2::new(640.0, 0.0)).length() - 1.0).abs() < 1e-6);
     }
 
     #[test]
     fn a_lens_sees_at_45_degrees_what_is_its_focal_length_from_the_axis() {
-        let field = Field { focal_length_px: 100.0, ..Field::of_picture(640, 360) };
+        let field = Field { focal_length_px: 100.0, ..Field::from_picture_size(640, 360) };
         assert_eq!(field.cosine(Vec2::new(320.0, 180.0)), 1.0);
         assert!((field.cosine(Vec2::new(320.0, 280.0)) - 0.5f32.sqrt()).abs() < 1e-6);
     }

@@ -109,7 +109,7 @@ impl Optics {
     }
 
     /// A lens without faults and with this aperture.
-    pub fn of(aperture: Aperture) -> Self {
+    pub fn from_aperture(aperture: Aperture) -> Self {
         Self {
             aperture,
             image: None,
@@ -259,14 +259,14 @@ mod tests {
     use super::*;
 
     fn lens(change: impl FnOnce(&mut Optics)) -> Optics {
-        let mut optics = Optics::of(Aperture::DISC);
+        let mut optics = Optics::from_aperture(Aperture::DISC);
         change(&mut optics);
         optics
     }
 
     #[test]
     fn a_lens_without_faults_has_the_views_of_its_aperture_for_all_colours() {
-        let rays = Optics::of(Aperture::DISC).rays(64);
+        let rays = Optics::from_aperture(Aperture::DISC).rays(64);
         assert_eq!(rays, Rays::alike(views(64, Aperture::DISC)));
         assert_eq!(rays.sets().map(|(_, channels)| channels).collect::<Vec<_>>(), [[0, 1, 2, 3]]);
     }
@@ -284,7 +284,7 @@ mod tests {
         };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         // 100 px a millimetre.
-        let field = Field { focal_length_px: 5000.0, ..Field::of_picture(3600, 2400) };
+        let field = Field { focal_length_px: 5000.0, ..Field::from_picture_size(3600, 2400) };
         let optics = Optics::new(&settings, &field).unwrap();
         // A focus 400 µm nearer than the sensor is a disc of 400 / 2 µm there, of radius 100 µm or 10 px, as for what is far behind focus;
         // one that is farther from the lens is blurred as what is before focus.
@@ -325,7 +325,7 @@ mod tests {
     #[test]
     fn the_columns_of_a_view_are_those_from_which_it_passes_the_rim() {
         let optics = lens(|lens| lens.cats_eye = 0.9);
-        let field = Field::of_picture(64, 36);
+        let field = Field::from_picture_size(64, 36);
         for (view, y) in views(32, Aperture::DISC).iter().flat_map(|view| [0, 17, 35].map(|y| (view, y))) {
             for least in [0.0, -0.1, 0.2] {
                 let columns = optics.columns(view.lens, y, &field, least);

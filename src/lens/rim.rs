@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_rim_leaves_of_a_disc_what_two_discs_share_and_of_blades_what_is_counted() {
-        let disc = Optics { cats_eye: 1.0, ..Optics::of(Aperture::DISC) };
+        let disc = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         let polygon = Optics { aperture: Aperture::new(6, 10.0).unwrap(), ..disc.clone() };
         for height in [Vec2::ZERO, Vec2::new(0.5, 0.0), Vec2::new(-0.3, 0.8), Vec2::new(0.0, -1.1)] {
             for optics in [&disc, &polygon] {
@@ -161,8 +161,8 @@ mod tests {
 
     #[test]
     fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_what_the_rim_takes() {
-        let field = Field { focal_length_px: 50.0, ..Field::of_picture(80, 60) };
-        let optics = Optics { vignetting: 1.0, ..Optics::of(Aperture::DISC) };
+        let field = Field { focal_length_px: 50.0, ..Field::from_picture_size(80, 60) };
+        let optics = Optics { vignetting: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         // 50 px from the axis, as far as the picture from the lens: cos⁴ 45° = 1/4.
         assert!((Falloff::new(&optics, field).at(Vec2::ZERO) - 0.25).abs() < 1e-6);
         let rim = Optics { cats_eye: 1.0, ..optics.clone() };

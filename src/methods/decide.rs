@@ -5,17 +5,17 @@ use super::switches;
 use super::target::{MAX_VIEWS, Target};
 use crate::error::Error;
 use crate::lens::Optics;
-use crate::scene::{Effect, EffectKind, Extrapolation, Facts, Inputs, Scene, effects};
+use crate::scene::{Effect, EffectKind, Extrapolation, Inputs, Scene, SceneStats, effects};
 use crate::settings::{Effort, Origin, Parameters, Quality, Settings};
 use crate::stack::StackKind;
 
-/// Decides what `method` is to do about a scene with the statistics `facts`, whatever method `settings` name.
+/// Decides what `method` is to do about a scene with the statistics `stats`, whatever method `settings` name.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] for an aperture that is none, a parameter of the method or of extrapolated highlights out of its
 /// range, a number of views out of range, a flag that asks of the method what it cannot do, and an effect requested by name that is
 /// unknown or cannot be switched.
-pub fn plan_for(method: &'static dyn Method, facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
+pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Settings) -> Result<Plan, Error> {
     let info = method.info();
     let parameters = method.parameters().read(info.name, &settings.parameters)?;
     let Sampling { views, target, reason: views_reason } = Sampling::decide(method, settings, &parameters)?;
@@ -23,12 +23,12 @@ pub fn plan_for(method: &'static dyn Method, facts: &Facts, settings: &Settings)
         "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
         _ => format!("requested by {}", settings.method.origin),
     };
-    let jitter = if facts.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
-    let optics = Optics::new(settings, &facts.field)?;
+    let jitter = if stats.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
+    let optics = Optics::new(settings, &stats.field)?;
     let extrapolation = Extrapolation::new(&settings.picture)?;
     let known_views = if target.is_none() { views } else { None };
     let inputs =
-        Inputs { facts, views: known_views, jitter, optics: &optics, extrapolation, passes: info.effects };
+        Inputs { stats, views: known_views, jitter, optics: &optics, extrapolation, passes: info.effects };
     let own = method.decide(&inputs, &parameters)?;
     let plan = Plan {
         method,
@@ -37,18 +37,18 @@ pub fn plan_for(method: &'static dyn Method, facts: &Facts, settings: &Settings)
         target,
         views_reason,
         jitter,
-        fragment_px: match facts.kind {
-            StackKind::PointSampled | StackKind::Supersampled => 1.0 / facts.supersample as f32,
+        fragment_px: match stats.kind {
+            StackKind::PointSampled | StackKind::Supersampled => 1.0 / stats.supersample as f32,
             StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
         },
         optics: optics.clone(),
         effects: in_order(method, effects::decide(&inputs), own),
         optics_requested: optics,
-        coc_range_px: facts.coc_range_px,
+        coc_range_px: stats.coc_range_px,
         extrapolation,
         parameters,
     };
-    switches::apply(plan.with_lens_effects(), &settings.switches, facts)
+    switches::apply(plan.with_lens_effects(), &settings.switches, stats)
 }
 
 /// The decision about every effect, in the order of [`EffectKind::ALL`]: those of the scene and the method's `own`; passes that the method
@@ -128,23 +128,23 @@ pub(super) fn check_effort(
 }
 
 /// `scene` with what the plan asks to be done to it before any method sees it, its statistics, and the plan by `decide`. The statistics
-/// are those of the scene as it is given back, but for [`Facts::light`], which the plan was decided from.
+/// are those of the scene as it is given back, but for [`SceneStats::light`], which the plan was decided from.
 ///
 /// # Errors
 /// Those of `decide`.
 pub(super) fn prepare(
     scene: Scene,
-    decide: impl Fn(&Facts) -> Result<Plan, Error>,
-) -> Result<(Scene, Facts, Plan), Error> {
-    let facts = scene.facts();
-    let plan = decide(&facts)?;
+    decide: impl Fn(&SceneStats) -> Result<Plan, Error>,
+) -> Result<(Scene, SceneStats, Plan), Error> {
+    let stats = scene.analyze();
+    let plan = decide(&stats)?;
     if !plan.does(EffectKind::HighlightExtrapolation) {
-        return Ok((scene, facts, plan));
+        return Ok((scene, stats, plan));
     }
     let scene = scene.extrapolated(&plan.extrapolation);
-    let facts = Facts { light: facts.light, ..scene.facts() };
-    let plan = decide(&facts)?;
-    Ok((scene, facts, plan))
+    let stats = SceneStats { light: stats.light, ..scene.analyze() };
+    let plan = decide(&stats)?;
+    Ok((scene, stats, plan))
 }
 
 #[cfg(test)]
@@ -158,8 +158,8 @@ mod tests {
     use crate::settings::{ParameterValues, Sourced, Values};
     use crate::stack::ColorRange;
 
-    fn facts() -> Facts {
-        Facts {
+    fn stats() -> SceneStats {
+        SceneStats {
             picture_size: (100, 100),
             layers: 4,
             kind: StackKind::PointSampled,
@@ -168,36 +168,36 @@ mod tests {
             fragments: 20_000,
             translucent_fragments: 0,
             focused_fragments: 500,
-            open_samples: 0,
+            empty_samples: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
             color_range: ColorRange::Unbounded,
             light: Vec::new(),
             limited_fragments: 0,
             spread: Spread::default(),
-            field: Field::of_picture(100, 100),
+            field: Field::from_picture_size(100, 100),
             peels: Vec::new(),
         }
     }
 
-    fn decide(facts: &Facts, values: &Values) -> Result<Plan, Error> {
+    fn decide(stats: &SceneStats, values: &Values) -> Result<Plan, Error> {
         let settings = Settings::resolve(&[(Origin::Flag, values)], ParameterValues::default());
-        plan_for(&Shear, facts, &settings)
+        plan_for(&Shear, stats, &settings)
     }
 
-    fn plan(facts: &Facts) -> Plan {
-        decide(facts, &Values::default()).unwrap()
+    fn plan(stats: &SceneStats) -> Plan {
+        decide(stats, &Values::default()).unwrap()
     }
 
     /// The error of a plan with a parameter of `shear` set.
     fn parameter_refused(key: &str, value: impl Into<serde_json::Value>) -> String {
         let mut settings = Settings::resolve(&[], ParameterValues::default());
         settings.parameters.set("shear", key, value);
-        plan_for(&Shear, &facts(), &settings).unwrap_err().to_string()
+        plan_for(&Shear, &stats(), &settings).unwrap_err().to_string()
     }
 
     #[test]
     fn what_stays_within_its_pixel_is_not_blurred() {
-        let blurs = |range| plan(&Facts { coc_range_px: range, ..facts() }).does(EffectKind::Blur);
+        let blurs = |range| plan(&SceneStats { coc_range_px: range, ..stats() }).does(EffectKind::Blur);
         assert_eq!(
             [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
             [false, true, true],
@@ -213,27 +213,27 @@ mod tests {
             (StackKind::BeautyDepth, 0.5, 0.0),
             (StackKind::RendererAntialiased, 0.5, 0.0),
         ] {
-            let plan = plan(&Facts { kind, ..facts() });
+            let plan = plan(&SceneStats { kind, ..stats() });
             assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{kind:?}");
             assert_eq!(plan.does(EffectKind::Resolve), kind == StackKind::PointSampled, "{kind:?}");
         }
-        let supersampled = plan(&Facts { kind: StackKind::Supersampled, supersample: 4, ..facts() });
+        let supersampled = plan(&SceneStats { kind: StackKind::Supersampled, supersample: 4, ..stats() });
         assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
         assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
     }
 
     #[test]
     fn surfaces_are_guessed_only_where_peels_are_few() {
-        let fills = |layers| plan(&Facts { layers, ..facts() }).does(EffectKind::Fill);
+        let fills = |layers| plan(&SceneStats { layers, ..stats() }).does(EffectKind::Fill);
         assert_eq!([fills(1), fills(2), fills(3), fills(4)], [true, true, false, false], "one and two");
     }
 
-    /// Facts with `fragments` of brightness 2 to 2.8 and one of 1000, whose discs cover 300 px each.
-    fn lights(fragments: usize) -> Facts {
+    /// SceneStats with `fragments` of brightness 2 to 2.8 and one of 1000, whose discs cover 300 px each.
+    fn lights(fragments: usize) -> SceneStats {
         let step = |fragments| BrightStep { fragments, disc_area_px: 300.0 * fragments as f64 };
-        let mut facts = facts();
-        (facts.bright[2], facts.bright[19]) = (step(fragments), step(1));
-        facts
+        let mut stats = stats();
+        (stats.bright[2], stats.bright[19]) = (step(fragments), step(1));
+        stats
     }
 
     #[test]
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn numbers_that_cannot_be_are_refused_by_name() {
-        let refused = |values| decide(&facts(), &values).unwrap_err().to_string();
+        let refused = |values| decide(&stats(), &values).unwrap_err().to_string();
         assert!(
             refused(Values { effort: Some(Effort::Views(0)), ..Values::default() })
                 .contains("number of views"),
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn a_forced_effect_says_that_it_was_requested() {
-        let plan = plan(&facts()).forced(EffectKind::Fill, true);
+        let plan = plan(&stats()).forced(EffectKind::Fill, true);
         assert!(plan.does(EffectKind::Fill), "on");
         assert!(plan.effects.iter().any(|effect| effect.reason.starts_with("requested")), "with the reason");
     }

@@ -4,7 +4,7 @@ use super::contract::{Method, Plan, Role};
 use super::decide::{check_effort, plan_for, prepare};
 use super::{accumulate, published, shear};
 use crate::error::Error;
-use crate::scene::{Facts, Scene};
+use crate::scene::{Scene, SceneStats};
 use crate::settings::{Effort, ParameterValues, Quality, Settings, at, nearest};
 
 /// Every built-in method, in the order they are listed.
@@ -120,14 +120,14 @@ impl Registry {
         })
     }
 
-    /// Decides what the method that `settings` ask for is to do about a scene with the statistics `facts`.
+    /// Decides what the method that `settings` ask for is to do about a scene with the statistics `stats`.
     ///
     /// # Errors
     /// Those of [`Registry::by_name`] and of [`plan_for`], and a flag that asks of the method what it cannot do.
-    pub fn plan(&self, facts: &Facts, settings: &Settings) -> Result<Plan, Error> {
+    pub fn plan(&self, stats: &SceneStats, settings: &Settings) -> Result<Plan, Error> {
         let method = self.chosen(settings)?;
         check_effort(method, settings, self.names_where(|method| method.lens_sampling().is_some()))?;
-        plan_for(method, facts, settings)
+        plan_for(method, stats, settings)
     }
 
     /// Analyzes `scene`, decides as [`Registry::plan`] does, and does to the scene what the plan asks to be done before any method sees
@@ -135,8 +135,8 @@ impl Registry {
     ///
     /// # Errors
     /// Those of [`Registry::plan`].
-    pub fn prepare(&self, scene: Scene, settings: &Settings) -> Result<(Scene, Facts, Plan), Error> {
-        prepare(scene, |facts| self.plan(facts, settings))
+    pub fn prepare(&self, scene: Scene, settings: &Settings) -> Result<(Scene, SceneStats, Plan), Error> {
+        prepare(scene, |stats| self.plan(stats, settings))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::contract::Plan;
 use crate::error::Error;
-use crate::scene::{EffectKind, Facts};
+use crate::scene::{EffectKind, SceneStats};
 use crate::settings::Switches;
 
 /// The effects of `switches`, each with whether it is to be on.
@@ -21,14 +21,14 @@ pub fn requested(switches: &Switches) -> Result<Vec<(EffectKind, bool)>, Error> 
     Ok(on.chain(without.into_iter().map(|kind| (kind, false))).collect())
 }
 
-/// `plan` with what `switches` ask for, for a scene with the statistics `facts`.
+/// `plan` with what `switches` ask for, for a scene with the statistics `stats`.
 ///
 /// # Errors
 /// Those of [`requested`], and an effect that cannot be switched.
-pub(super) fn apply(plan: Plan, switches: &Switches, facts: &Facts) -> Result<Plan, Error> {
+pub(super) fn apply(plan: Plan, switches: &Switches, stats: &SceneStats) -> Result<Plan, Error> {
     let switched = requested(switches)?.into_iter().try_fold(plan, |plan, (kind, on)| {
         if plan.does(kind) != on {
-            check(kind, on, facts, &plan)?;
+            check(kind, on, stats, &plan)?;
         }
         Ok::<_, Error>(plan.forced(kind, on))
     })?;
@@ -50,7 +50,7 @@ fn without_passes(mut plan: Plan) -> Plan {
 }
 
 /// Checks that `kind`, which `plan` has the other way, can be switched.
-fn check(kind: EffectKind, on: bool, facts: &Facts, plan: &Plan) -> Result<(), Error> {
+fn check(kind: EffectKind, on: bool, stats: &SceneStats, plan: &Plan) -> Result<(), Error> {
     let name = kind.name();
     let method = plan.method;
     if on && kind.is_pass() && !method.info().effects.contains(&kind) {
@@ -62,14 +62,14 @@ fn check(kind: EffectKind, on: bool, facts: &Facts, plan: &Plan) -> Result<(), E
         (EffectKind::Merge, false) => {
             format!(
                 "the stack has {0} × {0} samples a pixel, which are not picture pixels",
-                facts.supersample
+                stats.supersample
             )
         }
         (EffectKind::Merge, true) => "the stack has one sample a pixel: there is nothing to merge".to_owned(),
         (EffectKind::Translucency, false) => {
             format!(
                 "{} fragments have an alpha below 1, which is part of the stack",
-                facts.translucent_fragments
+                stats.translucent_fragments
             )
         }
         (EffectKind::Translucency, true) => "no fragment of the stack has an alpha below 1".to_owned(),

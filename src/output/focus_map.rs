@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::path::Path;
 
 /// A change of sign by less than this is rounding, on a surface that lies in the plane of focus.
-const LEAST_STEP_PX: f32 = 1e-3;
+const MIN_STEP_PX: f32 = 1e-3;
 
 /// Hue in front of focus: orange (an sRGB value, as all colours here).
 const NEAR: [f32; 3] = [0.90, 0.50, 0.05];
@@ -142,7 +142,7 @@ impl Step {
 
     fn crosses_focus(self) -> bool {
         let [_, from, to, _] = self.0;
-        (from < 0.0) != (to < 0.0) && (to - from).abs() >= LEAST_STEP_PX
+        (from < 0.0) != (to < 0.0) && (to - from).abs() >= MIN_STEP_PX
     }
 
     fn crosses_contour(self) -> bool {

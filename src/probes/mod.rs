@@ -64,17 +64,17 @@ const SPREAD_RAYS: usize = 8;
 const FLOOR: f32 = 1.0;
 
 /// Fewest probes: two a stratum, below which there is no variance.
-pub const FEWEST_PROBES: usize = 2 * STRATA;
+pub const MIN_PROBES: usize = 2 * STRATA;
 
 /// Rays of each half of a truth that is to serve any picture, however good.
 pub const MANY_RAYS: usize = 1024;
 
 /// What the probes say of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Verdict {
+pub struct ErrorEstimate {
     /// PSNR in dB of sRGB values clipped to 0 … 1 against the stack's truth; `None` if the error is below what can be seen.
     pub psnr_db: Option<f64>,
-    /// 95 % interval of [`Verdict::psnr_db`]; its upper end is `None` where the error may be nothing at all.
+    /// 95 % interval of [`ErrorEstimate::psnr_db`]; its upper end is `None` where the error may be nothing at all.
     pub interval_db: (f64, Option<f64>),
     /// Pixels looked at.
     pub pixels: usize,
@@ -82,7 +82,7 @@ pub struct Verdict {
     pub rays_per_pixel: usize,
 }
 
-impl Verdict {
+impl ErrorEstimate {
     /// For tables: `44.1 dB (43.2 … 45.0)`.
     pub fn in_short(&self) -> String {
         let (found, interval) = self.in_words();
@@ -96,7 +96,7 @@ impl Verdict {
     }
 }
 
-impl fmt::Display for Verdict {
+impl fmt::Display for ErrorEstimate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (found, interval) = self.in_words();
         let found = found.unwrap_or_else(|| "an error not to be told from nothing".to_owned());
@@ -118,7 +118,7 @@ impl<'a> Places<'a> {
     /// About `count` pixels of `scene` as `plan` has it. The same `seed` chooses the same pixels.
     pub fn new(scene: &'a Scene, plan: &'a Plan, count: usize, seed: u64) -> Self {
         let mut rng = Rng::with_seed(seed);
-        let count = count.max(FEWEST_PROBES);
+        let count = count.max(MIN_PROBES);
         let look = Look { scene, volume: Volume::new(scene, plan), plan };
         let candidates = look.candidates(count * CANDIDATES, &mut rng);
         let sum: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
@@ -175,7 +175,7 @@ impl Probes {
     }
 
     /// What is to be said of a picture whose [`Probes::pixels`] have these `values`: scene-linear red, green, blue, alpha.
-    pub fn judge(&self, values: &[[f32; 4]]) -> Verdict {
+    pub fn estimate(&self, values: &[[f32; 4]]) -> ErrorEstimate {
         let mut rest = values;
         let errors = self.strata.iter().map(|stratum| {
             let (own, others) = rest.split_at(stratum.pixels.len());
@@ -183,7 +183,7 @@ impl Probes {
             StratumErrors { size: stratum.size, errors: stratum.errors(own) }
         });
         let (psnr_db, interval_db) = interval(&errors.collect::<Vec<_>>());
-        Verdict { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
+        ErrorEstimate { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
     }
 
     /// What is to be said of the picture that `plan` would make of `scene`, without making it; `None` where its method cannot be asked
@@ -191,12 +191,12 @@ impl Probes {
     ///
     /// # Errors
     /// An unknown method.
-    pub fn foresee(&self, scene: &Scene, plan: &Plan) -> Result<Option<Verdict>, Error> {
+    pub fn foresee(&self, scene: &Scene, plan: &Plan) -> Result<Option<ErrorEstimate>, Error> {
         let Some(sampling) = plan.method.lens_sampling() else {
             return Ok(None);
         };
         let values = sampling.begin(scene.clone(), plan).pixels(plan.lens_samples(), &self.pixels());
-        Ok(Some(self.judge(&values)))
+        Ok(Some(self.estimate(&values)))
     }
 
     /// About how many rays a pixel bring the truth itself to `target_db`, if its squared error falls with the power `power` of their
@@ -217,11 +217,11 @@ impl Probes {
     }
 
     /// What is to be said of `image`.
-    pub fn judge_image(&self, image: &Image) -> Verdict {
+    pub fn estimate_image(&self, image: &Image) -> ErrorEstimate {
         let width = image.width();
         let value =
             |pixel: usize| image.planes.each_ref().map(|plane| plane.get(pixel % width, pixel / width));
-        self.judge(&self.pixels().into_iter().map(value).collect::<Vec<_>>())
+        self.estimate(&self.pixels().into_iter().map(value).collect::<Vec<_>>())
     }
 }
 
@@ -232,9 +232,9 @@ pub fn with_guesses<'a>(scene: &'a Scene, plan: &Plan) -> Cow<'a, Scene> {
 
 /// Looks at about `probes` pixels of `image`, the picture of `scene` as `plan` has it, guesses included. The same `seed` looks
 /// at the same pixels.
-pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> Verdict {
+pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> ErrorEstimate {
     let scene = &*with_guesses(scene, plan);
-    Probes::new(Places::new(scene, plan, probes, seed), MANY_RAYS).judge_image(image)
+    Probes::new(Places::new(scene, plan, probes, seed), MANY_RAYS).estimate_image(image)
 }
 
 /// `color` as a display shows it.

@@ -64,8 +64,9 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
         return None;
     }
     let Places { look, strata, mut rng, .. } = Places::new(scene, plan, PIXELS, SEED);
-    let fewer: Vec<Look<'_>> =
-        (1..layers).map(|count| Look { scene, plan, volume: Volume::of_first(count, scene, plan) }).collect();
+    let fewer: Vec<Look<'_>> = (1..layers)
+        .map(|count| Look { scene, plan, volume: Volume::from_first_layers(count, scene, plan) })
+        .collect();
     let strata: Vec<(f64, Vec<Seen>)> = strata
         .into_iter()
         .map(|(size, pixels)| {
@@ -147,7 +148,7 @@ mod tests {
         };
         let scene = Scene::new(layers.iter().map(layer).collect(), StackKind::PointSampled, 1, 20.0);
         let settings = Settings::resolve(&[], ParameterValues::default());
-        let plan = methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+        let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
         super::peels_seen(&scene, &plan)
     }
 

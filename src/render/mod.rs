@@ -7,7 +7,6 @@ mod paint;
 
 use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
-use crate::dial::Outcome;
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::finish;
@@ -18,8 +17,9 @@ use crate::methods::{self, Progress, Registry};
 use crate::methods::{Plan, Target};
 use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
-use crate::probes::{self, Verdict};
-use crate::scene::{self, Facts, Focused, FrameNumber, Scene};
+use crate::probes::{self, ErrorEstimate};
+use crate::sample_budget::Outcome;
+use crate::scene::{self, Focused, FrameNumber, Scene, SceneStats};
 use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Settings, Switches, Values};
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
@@ -82,7 +82,7 @@ pub struct Prepared {
     /// The stack in CoC space, with what lies beyond the frame ([`Scene::outside_px`]) and with what the plan has had done to it.
     pub scene: Scene,
     /// What the scene shows, what lies beyond the frame included.
-    pub facts: Facts,
+    pub stats: SceneStats,
     /// What will be simulated, and why.
     pub plan: Plan,
     /// Where.
@@ -121,7 +121,7 @@ pub struct Rendered {
     /// How the number of lens samples was found, if it was not given.
     pub outcome: Option<Outcome>,
     /// The sampling error, if it was to be verified.
-    pub probe: Option<Verdict>,
+    pub probe: Option<ErrorEstimate>,
     /// The share of each pixel's light that comes from what the stack knows, if that was asked for.
     pub confidence: Option<Plane>,
     /// What it has cost; writing goes on its account too.
@@ -155,7 +155,7 @@ pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
         // What was kept to find the focus by has served.
         stack.mattes = Vec::new();
     }
-    let (scene, facts, plan) = decide(&mut stack, &settings, &lens, &job.methods)?;
+    let (scene, stats, plan) = decide(&mut stack, &settings, &lens, &job.methods)?;
     if job.confidence {
         confidence::check(&plan)?;
     }
@@ -170,7 +170,7 @@ pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
         lens,
         sharpness,
         scene,
-        facts,
+        stats,
         plan,
         device,
         gpu,
@@ -188,7 +188,7 @@ impl Prepared {
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self {
-            mut stack, summary, settings, lens, scene, facts, plan, mut device, gpu, mut clock, ..
+            mut stack, summary, settings, lens, scene, stats, plan, mut device, gpu, mut clock, ..
         } = self;
         let outside_px = scene.outside_px;
         let calibration = calibration(&plan, &mut stack)?;
@@ -197,7 +197,7 @@ impl Prepared {
         clock.skip();
         let Painted { image, outcome, fault } = match &gpu {
             Some(gpu) => paint::on_gpu(gpu, scene, &plan, progress)?,
-            None => paint::on_cpu(scene, (&facts, &plan), &calibration, progress)?,
+            None => paint::on_cpu(scene, (&stats, &plan), &calibration, progress)?,
         };
         clock.lap(Stage::Blur);
         stack.findings.extend(outcome.as_ref().map(Outcome::finding));
@@ -254,8 +254,8 @@ pub fn render(job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
 
 impl Rendered {
     /// The sampling error, where it was measured: on its own account, or to find the number of lens samples.
-    pub fn sampling_error(&self) -> Option<Verdict> {
-        self.probe.or_else(|| self.outcome.as_ref()?.verdict())
+    pub fn sampling_error(&self) -> Option<ErrorEstimate> {
+        self.probe.or_else(|| self.outcome.as_ref()?.estimate())
     }
 
     /// The report of the run so far, which read `input` and wrote `output`, and nothing else.
@@ -283,7 +283,7 @@ impl Rendered {
             threads: rayon::current_num_threads(),
             peak_memory_bytes: usage::peak_memory_bytes(),
             confidence: None,
-            probe: self.sampling_error().and_then(|verdict| serde_json::to_value(verdict).ok()),
+            probe: self.sampling_error().and_then(|estimate| serde_json::to_value(estimate).ok()),
             findings: self.stack.findings.clone(),
             warnings: Report::warnings(&self.stack.findings),
         }
@@ -312,7 +312,7 @@ fn decide(
     settings: &Settings,
     lens: &ThinLens,
     methods: &Registry,
-) -> Result<(Scene, Facts, Plan), Error> {
+) -> Result<(Scene, SceneStats, Plan), Error> {
     let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
     if scene.limited_fragments > 0 {
         let (width, height) = scene.picture_size();
@@ -360,7 +360,7 @@ fn calibration(plan: &Plan, stack: &mut Stack) -> Result<Calibration, Error> {
     if !matches!(plan.target, Some(Target::Time { .. })) {
         return Ok(Calibration::assumed());
     }
-    let (calibration, remarks) = Calibration::of_this_machine(cost::cache_folder().as_deref(), false)?;
+    let (calibration, remarks) = Calibration::load_or_measure(cost::cache_folder().as_deref(), false)?;
     stack.findings.extend(remarks.into_iter().map(|Remark(text)| Finding::note("calibration", text)));
     Ok(calibration)
 }

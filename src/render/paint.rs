@@ -1,13 +1,13 @@
 //! From plan to picture: where it is carried out, and how many lens samples it takes.
 
 use crate::cost::Calibration;
-use crate::dial::{self, Outcome};
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice, Gpu};
 use crate::image::Image;
 use crate::methods::{self, METHODS, Progress};
 use crate::methods::{Plan, Target};
-use crate::scene::{EffectKind, Facts, Scene};
+use crate::sample_budget::{self, Outcome};
+use crate::scene::{EffectKind, Scene, SceneStats};
 
 /// A picture by a plan.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ pub(super) fn on_gpu(
 ) -> Result<Painted, Error> {
     let outcome = match plan.target {
         Some(Target::Error { psnr_db, max_views }) => {
-            Some(dial::look(scene.clone(), plan, (psnr_db, max_views))?)
+            Some(sample_budget::find_views(scene.clone(), plan, (psnr_db, max_views))?)
         }
         _ => None,
     };
@@ -40,15 +40,17 @@ pub(super) fn on_gpu(
 /// The same on the CPU.
 pub(super) fn on_cpu(
     scene: Scene,
-    (facts, plan): (&Facts, &Plan),
+    (stats, plan): (&SceneStats, &Plan),
     calibration: &Calibration,
     progress: &Progress<'_>,
 ) -> Result<Painted, Error> {
     let (image, outcome) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
         Some(Target::Error { psnr_db, max_views }) => {
-            dial::reach(scene, plan, (psnr_db, max_views), progress)?
+            sample_budget::render_to_target(scene, plan, (psnr_db, max_views), progress)?
         }
-        Some(Target::Time { seconds }) => dial::fit(scene, (facts, plan), seconds, calibration, progress)?,
+        Some(Target::Time { seconds }) => {
+            sample_budget::render_within(scene, (stats, plan), seconds, calibration, progress)?
+        }
         None => {
             let image = methods::render(scene, plan, progress)?;
             return Ok(Painted { image, outcome: None, fault: None });
@@ -67,12 +69,12 @@ pub(super) fn device(
     if !plan.does(EffectKind::Blur) {
         return Ok((Device::cpu("there is nothing to blur"), None));
     }
-    let hindrance = methods::cpu_only_reason(plan);
-    if let (DeviceChoice::Gpu, Some(hindrance)) = (choice, &hindrance) {
+    let cpu_only_reason = methods::cpu_only_reason(plan);
+    if let (DeviceChoice::Gpu, Some(cpu_only_reason)) = (choice, &cpu_only_reason) {
         let able = METHODS.iter().filter(|method| method.gpu().is_some());
         let able: Vec<&str> = able.map(|method| method.info().name).collect();
-        return Err(Error::unsupported(hindrance.clone())
+        return Err(Error::unsupported(cpu_only_reason.clone())
             .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
     }
-    Ok(gpu::choose(choice, demanded, hindrance, open))
+    Ok(gpu::choose(choice, demanded, cpu_only_reason, open))
 }

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::methods;
-    use crate::scene::{Effect, EffectKind, Facts};
+    use crate::scene::{Effect, EffectKind, SceneStats};
     use crate::settings::{Origin, ParameterValues, Settings, Switches, Values};
     use crate::stack::{ColorRange, StackKind};
 
@@ -196,19 +196,19 @@ mod tests {
     }
 
     /// The scene as a method sees it, what it shows, and the decision.
-    fn settled(scene: Scene, force: &[&str]) -> (Scene, Facts, Effect) {
+    fn settled(scene: Scene, force: &[&str]) -> (Scene, SceneStats, Effect) {
         let force = force.iter().map(|name| (*name).to_owned()).collect();
         let settings = Settings::resolve(&[], ParameterValues::default());
         let settings = Settings { switches: Switches { force, ..Switches::default() }, ..settings };
-        let (scene, facts, plan) = methods::Registry::default().prepare(scene, &settings).unwrap();
+        let (scene, stats, plan) = methods::Registry::default().prepare(scene, &settings).unwrap();
         let mut effects = plan.effects.into_iter();
-        (scene, facts, effects.find(|effect| effect.name == EffectKind::HighlightExtrapolation).unwrap())
+        (scene, stats, effects.find(|effect| effect.name == EffectKind::HighlightExtrapolation).unwrap())
     }
 
     #[test]
     fn a_source_that_ends_at_white_has_its_blurred_highlights_extrapolated_and_the_plan_says_by_how_much() {
         let given = scene(ColorRange::UpToWhite, 5.0);
-        let (found, facts, effect) = settled(given.clone(), &[]);
+        let (found, stats, effect) = settled(given.clone(), &[]);
         assert!(effect.on && effect.reason.contains("8 blurred fragments (25.0 %)"), "{effect:?}");
         assert!(
             effect.reason.contains("gain 100 % of light") && effect.change.contains("50 % less"),
@@ -217,8 +217,8 @@ mod tests {
         let [light, before] = [&found, &given].map(|scene| scene.layers[0].color[1].get(0, 0));
         assert!((light - 2.0 * before).abs() < 1e-5, "{light}");
         assert_eq!(found.layers[0].color[1].get(5, 0), 0.25, "grey is not changed");
-        assert_eq!(facts.light, given.facts().light, "decided from what the source had");
-        assert_eq!(facts.bright, found.facts().bright, "all else is of what methods see");
+        assert_eq!(stats.light, given.analyze().light, "decided from what the source had");
+        assert_eq!(stats.bright, found.analyze().bright, "all else is of what methods see");
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub struct FocusShares {
 
 impl FocusShares {
     /// Of the picture whose [`Scene::seen_coc_px`] is `coc_px`.
-    pub fn of(coc_px: &Plane) -> Self {
+    pub fn from_coc(coc_px: &Plane) -> Self {
         let share = |counts: fn(f32) -> bool| {
             let count = coc_px.values().iter().filter(|&&coc| counts(coc)).count();
             count as f64 / coc_px.values().len().max(1) as f64
@@ -94,8 +94,8 @@ mod tests {
     #[test]
     fn every_pixel_is_counted_once() {
         let row = [-7.0, -1.0, -0.9, 0.0, 0.9, 1.0, 3.0, 9.0, f32::NAN, 2.0];
-        let shares = FocusShares::of(&Plane::from_fn(10, 1, |x, _| row[x]));
+        let shares = FocusShares::from_coc(&Plane::from_fn(10, 1, |x, _| row[x]));
         assert_eq!(shares, FocusShares { in_front: 0.2, in_focus: 0.3, behind: 0.4, empty: 0.1 });
-        assert_eq!(FocusShares::of(&Plane::zeros(0, 0)), FocusShares::default());
+        assert_eq!(FocusShares::from_coc(&Plane::zeros(0, 0)), FocusShares::default());
     }
 }

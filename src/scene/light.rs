@@ -12,7 +12,7 @@ pub(super) fn share_of_gain(coc_px: f32) -> f32 {
     (coc_px.abs() - 1.0).clamp(0.0, 1.0)
 }
 
-/// Steps of luminance of [`super::Facts::light`]: one below 2⁻⁸, [`LIGHT_STEPS_AN_OCTAVE`] in each octave up to white, and white.
+/// Steps of luminance of [`super::SceneStats::light`]: one below 2⁻⁸, [`LIGHT_STEPS_AN_OCTAVE`] in each octave up to white, and white.
 pub(super) const LIGHT_STEPS: usize = 2 + 8 * LIGHT_STEPS_AN_OCTAVE;
 
 /// So many that none is wider than a sixteenth.
@@ -36,24 +36,24 @@ const fn light_bits(luminance: f32) -> u32 {
     luminance.to_bits() >> DROPPED
 }
 
-/// Luminance of the first step of [`super::Facts::light`] after the darkest.
-const LEAST_LIGHT: f32 = 1.0 / 256.0;
+/// Luminance of the first step of [`super::SceneStats::light`] after the darkest.
+const MIN_LIGHT: f32 = 1.0 / 256.0;
 
-/// The step of [`super::Facts::light`] that `luminance` falls into.
+/// The step of [`super::SceneStats::light`] that `luminance` falls into.
 #[inline(always)]
 pub(super) fn light_step(luminance: f32) -> usize {
     let bits = light_bits(luminance.max(0.0));
-    ((bits + 1).saturating_sub(light_bits(LEAST_LIGHT)) as usize).min(LIGHT_STEPS - 1)
+    ((bits + 1).saturating_sub(light_bits(MIN_LIGHT)) as usize).min(LIGHT_STEPS - 1)
 }
 
-/// The luminances between which step `step` of [`super::Facts::light`] lies.
+/// The luminances between which step `step` of [`super::SceneStats::light`] lies.
 pub(super) fn light_step_ends(step: usize) -> [f32; 2] {
     let from = |step: usize| {
         let (octave, part) = ((step - 1) / LIGHT_STEPS_AN_OCTAVE, (step - 1) % LIGHT_STEPS_AN_OCTAVE);
-        LEAST_LIGHT * (octave as f32).exp2() * (1.0 + part as f32 / LIGHT_STEPS_AN_OCTAVE as f32)
+        MIN_LIGHT * (octave as f32).exp2() * (1.0 + part as f32 / LIGHT_STEPS_AN_OCTAVE as f32)
     };
     match step {
-        0 => [0.0, LEAST_LIGHT],
+        0 => [0.0, MIN_LIGHT],
         step if step + 1 < LIGHT_STEPS => [from(step), from(step + 1)],
         _ => [1.0, 1.0],
     }

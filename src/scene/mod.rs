@@ -1,4 +1,4 @@
-//! LOOK and DECIDE: the stack in CoC space, the facts it shows, and the plan that follows from them.
+//! LOOK and DECIDE: the stack in CoC space, the stats it shows, and the plan that follows from them.
 //!
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
@@ -6,25 +6,25 @@
 mod border;
 pub mod effects;
 mod extrapolation;
-mod facts;
+mod stats;
 mod fill;
 mod focus;
 mod focus_distance;
 mod light;
 mod merge;
-mod peel_facts;
+mod peel_stats;
 mod spread;
 pub mod surface;
 mod workload;
 
 pub use effects::{Effect, EffectKind, Inputs, percent};
 pub use extrapolation::Extrapolation;
-pub use facts::{BRIGHT_STEPS, BrightStep, Facts, bright_step_floor};
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use light::LightStep;
-pub use peel_facts::PeelFacts;
+pub use peel_stats::PeelStats;
 pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
+pub use stats::{BRIGHT_STEPS, BrightStep, SceneStats, bright_step_floor};
 pub use workload::{Depths, Discs, Workload};
 
 use crate::image::{Image, Plane};
@@ -97,7 +97,7 @@ impl Scene {
     pub fn new(layers: Vec<Layer>, kind: StackKind, supersample: usize, coc_infinity_px: f32) -> Self {
         let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
         let [width, height] = size.map(|samples| samples / supersample);
-        let field = Field::of_picture(width, height);
+        let field = Field::from_picture_size(width, height);
         Self {
             layers,
             kind,

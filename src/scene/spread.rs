@@ -1,6 +1,6 @@
 //! How far what a scene shows spreads, and where: what the cost of a blur is predicted from.
 //!
-//! Taken in the pass of [`super::facts`], a row of one layer at a time, and of every fourth row only: prediction needs no more, and
+//! Taken in the pass of [`super::stats`], a row of one layer at a time, and of every fourth row only: prediction needs no more, and
 //! it costs a few milliseconds at 1080p. Counts and sums are estimates for all rows.
 
 use super::surface;
@@ -10,10 +10,10 @@ use std::ops::Range;
 pub const COC_STEPS: usize = 32;
 
 /// Blocks along the longer side of the picture, at most.
-const MOST_BLOCKS: usize = 32;
+const MAX_BLOCKS: usize = 32;
 
 /// Least side of a block in picture pixels.
-const LEAST_BLOCK_PX: usize = 16;
+const MIN_BLOCK_PX: usize = 16;
 
 /// One row of so many is looked at.
 const ROWS_FOR_ONE: usize = 4;
@@ -105,8 +105,8 @@ impl Default for Block {
 impl Blocks {
     /// Blank blocks for a picture of this size.
     fn blank((width, height): (usize, usize)) -> Self {
-        let side_px = width.max(height).div_ceil(MOST_BLOCKS).next_multiple_of(LEAST_BLOCK_PX);
-        let side_px = side_px.max(LEAST_BLOCK_PX);
+        let side_px = width.max(height).div_ceil(MAX_BLOCKS).next_multiple_of(MIN_BLOCK_PX);
+        let side_px = side_px.max(MIN_BLOCK_PX);
         let columns = width.div_ceil(side_px);
         Self { side_px, columns, blocks: vec![Block::default(); columns * height.div_ceil(side_px)] }
     }

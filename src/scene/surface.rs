@@ -31,7 +31,7 @@ pub fn continues([before, from, to, after]: [f32; 4]) -> bool {
 
 /// Neighbours whose colours may be averaged differ by less than this in CoC radius, in picture pixels.
 ///
-/// `shear`'s prefilter averages, and the facts of a peel say how often it cannot.
+/// `shear`'s prefilter averages, and the stats of a peel say how often it cannot.
 pub const AVERAGE_PX: f32 = 0.6;
 
 /// Whether the colours of neighbours of these CoC radii, in picture pixels, may be averaged.

@@ -2,15 +2,15 @@
 //!
 //! Figures are of the picture, not of samples: a supersampled stack is merged before most methods look at it.
 
-use super::facts::{Facts, bright_step_floor};
 use super::spread::{Block, Blocks, COC_STEPS, coc_step};
+use super::stats::{SceneStats, bright_step_floor};
 use std::f64::consts::PI;
 
 /// The statistics of a scene and how often its lens is sampled, and what follows from them for the work of a blur.
 #[derive(Debug, Clone, Copy)]
 pub struct Workload<'a> {
     /// The scene's statistics.
-    pub facts: &'a Facts,
+    pub stats: &'a SceneStats,
     /// Lens rays a pixel: those of all colours, where colours have rays of their own; 0 where the lens is not sampled.
     pub rays: usize,
 }
@@ -42,12 +42,12 @@ fn middle(step: usize) -> f64 {
 impl<'a> Workload<'a> {
     /// Samples a pixel along each axis.
     pub fn supersample(&self) -> f64 {
-        self.facts.supersample as f64
+        self.stats.supersample as f64
     }
 
     /// Width and height of the picture.
     pub fn size(&self) -> [f64; 2] {
-        [self.facts.picture_size.0 as f64, self.facts.picture_size.1 as f64]
+        [self.stats.picture_size.0 as f64, self.stats.picture_size.1 as f64]
     }
 
     /// Pixels of the picture.
@@ -57,7 +57,7 @@ impl<'a> Workload<'a> {
 
     /// Layers of the stack.
     pub fn layers(&self) -> f64 {
-        self.facts.layers as f64
+        self.stats.layers as f64
     }
 
     /// Samples of all layers.
@@ -67,7 +67,7 @@ impl<'a> Workload<'a> {
 
     /// Samples of all layers, where they have to be merged first.
     pub fn merged(&self) -> f64 {
-        if self.facts.supersample > 1 { self.samples() } else { 0.0 }
+        if self.stats.supersample > 1 { self.samples() } else { 0.0 }
     }
 
     /// Lens samples a pixel, those of every set.
@@ -77,7 +77,7 @@ impl<'a> Workload<'a> {
 
     /// Size of the largest CoC radii in front of and behind focus.
     pub fn reach_px(&self) -> [f64; 2] {
-        let [near, far] = self.facts.coc_range_px.map(f64::from);
+        let [near, far] = self.stats.coc_range_px.map(f64::from);
         [(-near).max(0.0), far.max(0.0)]
     }
 
@@ -85,7 +85,7 @@ impl<'a> Workload<'a> {
     /// pixel's worth.
     pub fn sums(&self, figure: impl Fn(f64) -> f64) -> [f64; 2] {
         let mut sums = [0.0; 2];
-        for (number, step) in self.facts.spread.steps.iter().enumerate() {
+        for (number, step) in self.stats.spread.steps.iter().enumerate() {
             let each = figure(middle(number)) / self.supersample().powi(2);
             for (sum, counts) in sums.iter_mut().zip([step.front, step.behind]) {
                 *sum += each * counts.iter().sum::<usize>() as f64;
@@ -107,7 +107,7 @@ impl<'a> Workload<'a> {
     /// How often a pixel of the nearest layer differs from the one before it in its row.
     pub fn edge_density(&self) -> f64 {
         let front: f64 = self.sums(|_| 1.0)[0];
-        let edges = self.facts.spread.edges[0] / self.supersample();
+        let edges = self.stats.spread.edges[0] / self.supersample();
         if front > 0.0 { (edges / front).min(1.0) } else { 0.0 }
     }
 
@@ -116,7 +116,7 @@ impl<'a> Workload<'a> {
         let mut discs = Discs::default();
         // A threshold within a step takes part of it; the whole of it is near enough.
         let bright = self
-            .facts
+            .stats
             .bright
             .iter()
             .enumerate()
@@ -131,7 +131,7 @@ impl<'a> Workload<'a> {
 
     /// The blocks of the picture.
     fn blocks(&self) -> &'a Blocks {
-        &self.facts.spread.blocks
+        &self.stats.spread.blocks
     }
 
     /// Calls `look` with every block and all blocks within `reach(block)` pixels of it; `reach` may be infinite.
@@ -151,7 +151,7 @@ impl<'a> Workload<'a> {
 
     /// What lies before the pixels of the picture, as the rays of each can meet it.
     pub fn depths(&self) -> Depths {
-        let whole = self.facts.coc_range_px.map(f64::from);
+        let whole = self.stats.coc_range_px.map(f64::from);
         let mut sum = Depths::default();
         let blocks = &self.blocks().blocks;
         for (at, block) in blocks.iter().enumerate() {
@@ -230,8 +230,8 @@ impl<'a> Workload<'a> {
     /// For each step of CoC radii on either side of focus that some fragment is in: how many slices it has, and its signed
     /// ends.
     fn occupied(&self, width_px: f64) -> impl Iterator<Item = (f64, [f64; 2])> {
-        let [near, far] = self.facts.coc_range_px.map(f64::from);
-        let steps = &self.facts.spread.steps;
+        let [near, far] = self.stats.coc_range_px.map(f64::from);
+        let steps = &self.stats.spread.steps;
         (0..COC_STEPS).flat_map(move |step| [(step, 0), (step, 1)]).filter_map(move |(step, side)| {
             let count = steps[step].front[side] + steps[step].behind[side];
             let span = coc_step(step);

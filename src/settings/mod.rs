@@ -68,7 +68,7 @@ pub enum SensorDistance {
 }
 
 /// The most blades that an aperture may have.
-pub const MOST_BLADES: u32 = 100;
+pub const MAX_BLADES: u32 = 100;
 
 /// The least and the most curvature of blades: see [`Values::blade_curvature`].
 pub const BLADE_CURVATURES: [f32; 2] = [0.0, 1.0];

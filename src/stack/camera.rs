@@ -2,7 +2,7 @@
 
 use crate::finding::Finding;
 use crate::settings::{
-    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Focus, MOST_BLADES, SQUEEZES,
+    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Focus, MAX_BLADES, SQUEEZES,
     SensorDistance, VIGNETTINGS, Values,
 };
 use exr::meta::attribute::{AttributeValue, Text};
@@ -134,7 +134,7 @@ impl Lookup<'_> {
     /// A number of blades: 0, or 3 and more.
     fn blades(&mut self, name: &'static str) -> Option<u32> {
         let blades = u32::from(self.whole(name)?);
-        if matches!(blades, 0 | 3..=MOST_BLADES) {
+        if matches!(blades, 0 | 3..=MAX_BLADES) {
             return Some(blades);
         }
         self.ignore(name, &blades.to_string());

@@ -1,7 +1,7 @@
 //! Which depth convention a stack is written in, and why that is believed.
 
 use super::camera;
-use super::kind::Facts;
+use super::kind::SceneStats;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
@@ -60,8 +60,8 @@ pub(super) fn conclude(evidence: Evidence<'_>) -> (Conclusion, Finding) {
 }
 
 /// A doubt about a guessed convention, from the values themselves.
-pub(super) fn doubt(conclusion: Conclusion, facts: &Facts) -> Option<Finding> {
-    let [nearest, farthest] = facts.depth_range?;
+pub(super) fn doubt(conclusion: Conclusion, stats: &SceneStats) -> Option<Finding> {
+    let [nearest, farthest] = stats.depth_range?;
     (conclusion.guessed && farthest <= 1.0).then(|| {
         let text = format!(
             "all depths lie between {nearest} and {farthest}, which looks normalised or inverse; taken as planar: \

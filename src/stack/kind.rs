@@ -27,7 +27,7 @@ const DISORDER_SHARE: f64 = 0.5;
 
 /// What was counted in one peel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PeelFacts {
+pub(super) struct PeelStats {
     /// Pixels with depth.
     with_depth: usize,
     /// Fractional alpha with depth.
@@ -44,14 +44,14 @@ pub(super) struct PeelFacts {
 
 /// What was counted in all peels.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Facts {
-    peels: Vec<PeelFacts>,
+pub(super) struct SceneStats {
+    peels: Vec<PeelStats>,
     pixels: usize,
     /// Smallest and largest depth value that is no background.
     pub(super) depth_range: Option<[f32; 2]>,
 }
 
-impl PeelFacts {
+impl PeelStats {
     const NONE: Self = Self {
         with_depth: 0,
         fractional: 0,
@@ -74,10 +74,10 @@ impl PeelFacts {
 }
 
 /// Counts what the kind is recognised by. All peels are of one size.
-pub(super) fn look(peels: &[Peel], convention: DepthConvention) -> Facts {
+pub(super) fn look(peels: &[Peel], convention: DepthConvention) -> SceneStats {
     let nearer_is_larger = convention == DepthConvention::Inverse;
     let sight = Sight { foreground: foreground(convention), sign: if nearer_is_larger { -1.0 } else { 1.0 } };
-    let facts: Vec<PeelFacts> = (0..peels.len())
+    let stats: Vec<PeelStats> = (0..peels.len())
         .map(|i| {
             let before = i.checked_sub(1).map(|before| &peels[before].depth);
             let count = |y| {
@@ -85,14 +85,14 @@ pub(super) fn look(peels: &[Peel], convention: DepthConvention) -> Facts {
                 sight.look_at_row(alpha, depth, before.map(|before| before.row(y)))
             };
             let rows = (0..peels[i].depth.height()).into_par_iter();
-            rows.with_min_len(64).map(count).reduce(|| PeelFacts::NONE, PeelFacts::plus)
+            rows.with_min_len(64).map(count).reduce(|| PeelStats::NONE, PeelStats::plus)
         })
         .collect();
-    let all = facts.iter().copied().fold(PeelFacts::NONE, PeelFacts::plus);
+    let all = stats.iter().copied().fold(PeelStats::NONE, PeelStats::plus);
     let [low, high] = all.range;
     let range = if nearer_is_larger { [-high, -low] } else { [low, high] };
     let pixels = peels.first().map_or(0, |peel| peel.depth.values().len());
-    Facts { peels: facts, pixels, depth_range: (all.with_depth > 0).then_some(range) }
+    SceneStats { peels: stats, pixels, depth_range: (all.with_depth > 0).then_some(range) }
 }
 
 /// How to tell what is seen, and what is farther.
@@ -104,8 +104,8 @@ struct Sight {
 
 impl Sight {
     /// Counts in one row; branch-free, so that it becomes vector code.
-    fn look_at_row(&self, alpha: &[f32], depth: &[f32], before: Option<&[f32]>) -> PeelFacts {
-        let mut facts = PeelFacts::NONE;
+    fn look_at_row(&self, alpha: &[f32], depth: &[f32], before: Option<&[f32]>) -> PeelStats {
+        let mut stats = PeelStats::NONE;
         let (mut with_depth, mut fractional, mut depthless) = (0u32, 0u32, 0u32);
         for (&alpha, &depth) in alpha.iter().zip(depth) {
             let seen = self.sees(depth);
@@ -120,20 +120,20 @@ impl Sight {
             both += u32::from(seen);
             disordered += u32::from(seen & (self.sign * depth < self.sign * front));
         }
-        facts.behind_another = both as usize;
-        facts.disordered = disordered as usize;
-        facts.with_depth = with_depth as usize;
-        facts.fractional = fractional as usize;
-        facts.depthless = depthless as usize;
-        facts.range = self.range(depth);
-        facts
+        stats.behind_another = both as usize;
+        stats.disordered = disordered as usize;
+        stats.with_depth = with_depth as usize;
+        stats.fractional = fractional as usize;
+        stats.depthless = depthless as usize;
+        stats.range = self.range(depth);
+        stats
     }
 
     /// Nearest and farthest of what is seen, as values that grow with distance.
     fn range(&self, depth: &[f32]) -> [f32; 2] {
         // Each lane has its own extremes: a single one would make every step wait for the last.
         const LANES: usize = 16;
-        let [none_low, none_high] = PeelFacts::NONE.range;
+        let [none_low, none_high] = PeelStats::NONE.range;
         let (mut low, mut high) = ([none_low; LANES], [none_high; LANES]);
         let mut widen = |values: &[f32]| {
             for ((low, high), &depth) in low.iter_mut().zip(&mut high).zip(values) {
@@ -154,20 +154,20 @@ impl Sight {
 }
 
 /// The kind of a stack of `supersample` samples a pixel, and why.
-pub(super) fn recognise(facts: &Facts, supersample: usize) -> (StackKind, Finding) {
-    let first = facts.peels.first().copied().unwrap_or(PeelFacts::NONE);
-    let all = facts.peels.iter().copied().fold(PeelFacts::NONE, PeelFacts::plus);
+pub(super) fn recognise(stats: &SceneStats, supersample: usize) -> (StackKind, Finding) {
+    let first = stats.peels.first().copied().unwrap_or(PeelStats::NONE);
+    let all = stats.peels.iter().copied().fold(PeelStats::NONE, PeelStats::plus);
     let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
     let percent = |share: f64| format!("{:.1} %", share * 100.0);
     let depthless = share(all.depthless, all.depthless + all.fractional);
-    let fractional = share(first.fractional, facts.pixels);
-    let some_fractional = share(all.depthless + all.fractional, facts.pixels) > FRACTIONAL_SHARE;
+    let fractional = share(first.fractional, stats.pixels);
+    let some_fractional = share(all.depthless + all.fractional, stats.pixels) > FRACTIONAL_SHARE;
     let note = |kind, text: String| (kind, Finding::note("kind", text));
     if supersample > 1 {
         let text =
             format!("supersampled peels: {supersample}×{supersample} samples a picture pixel, as said");
         note(StackKind::Supersampled, text)
-    } else if facts.peels.len() <= 1 {
+    } else if stats.peels.len() <= 1 {
         let text = "one picture with depth: nothing is known behind it, so blurred foregrounds show a guess";
         note(StackKind::BeautyDepth, text.to_owned())
     } else if some_fractional && depthless > DEPTHLESS_SHARE {
@@ -191,8 +191,8 @@ pub(super) fn recognise(facts: &Facts, supersample: usize) -> (StackKind, Findin
 }
 
 /// A warning if the peels are not nearest first.
-pub(super) fn disorder(facts: &Facts) -> Option<Finding> {
-    facts.peels.iter().enumerate().find_map(|(i, peel)| {
+pub(super) fn disorder(stats: &SceneStats) -> Option<Finding> {
+    stats.peels.iter().enumerate().find_map(|(i, peel)| {
         let share = peel.disordered as f64 / peel.behind_another.max(1) as f64;
         (share > DISORDER_SHARE).then(|| {
             let before = i - 1;

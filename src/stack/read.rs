@@ -177,16 +177,16 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     };
     let (conclusion, finding) = convention::conclude(evidence);
     findings.push(finding);
-    let facts = kind::look(&peels, conclusion.convention);
-    if facts.depth_range.is_none()
+    let stats = kind::look(&peels, conclusion.convention);
+    if stats.depth_range.is_none()
         && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
     {
         return Err(in_file(no_depth_at_all()));
     }
-    findings.extend(convention::doubt(conclusion, &facts));
-    findings.extend(kind::disorder(&facts));
+    findings.extend(convention::doubt(conclusion, &stats));
+    findings.extend(kind::disorder(&stats));
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
-    let (kind, finding) = kind::recognise(&facts, supersample);
+    let (kind, finding) = kind::recognise(&stats, supersample);
     findings.push(finding);
     if kind == StackKind::RendererAntialiased {
         findings.extend(kind::repair_depth(&mut peels, conclusion.convention));

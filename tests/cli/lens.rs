@@ -30,8 +30,8 @@ fn what_lies_beyond_the_frame_is_said_and_shows_at_its_edge_alone() {
         assert_eq!(report["picture"]["border"]["origin"]["from"], "flag");
         let findings = report["findings"].as_array().unwrap();
         assert!(findings.iter().any(|finding| finding["about"] == "border"), "{findings:?}");
-        let least_db = report["probe"]["interval_db"][0].as_f64().unwrap();
-        assert!(least_db > 30.0, "the stack's truth has the border too: {least_db} dB");
+        let min_db = report["probe"]["interval_db"][0].as_f64().unwrap();
+        assert!(min_db > 30.0, "the stack's truth has the border too: {min_db} dB");
         let off = |x, y| {
             let pairs = own.pixel(x, y).into_iter().zip(found.pixel(x, y));
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)

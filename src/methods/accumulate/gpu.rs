@@ -13,7 +13,7 @@ use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
-use crate::methods::shared::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
+use crate::methods::shared::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
 use crate::scene::surface::JOIN_PX;
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
@@ -33,7 +33,7 @@ static SHADER: Shader = Shader {
         ("SLABS", Constant::Uint(SLABS)),
     ],
     parts: &[RAY_SUMS, include_str!("../../../shaders/methods/accumulate.wgsl")],
-    structs: &[Go::LAYOUT, Frame::LAYOUT, View::LAYOUT],
+    structs: &[Batch::LAYOUT, Frame::LAYOUT, View::LAYOUT],
 };
 
 mirrored! {
@@ -238,9 +238,9 @@ fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usi
 }
 
 /// Rows of the picture that `gpu` holds at once.
-fn most_rows(gpu: &Gpu, scene: &Scene) -> usize {
+fn max_rows(gpu: &Gpu, scene: &Scene) -> usize {
     let fragments = scene.supersample.pow(2) * scene.layers.len();
-    Goes::most_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
+    Batches::max_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
 }
 
 impl GpuBackend for Accumulate {
@@ -248,13 +248,14 @@ impl GpuBackend for Accumulate {
         let volume = Volume::new(scene, plan);
         let lens = Lens::new(gpu, &volume, &plan.optics.rays(plan.lens_samples()))?;
         let (width, height) = scene.picture_size();
-        picture_of_goes(
+        picture_of_batches(
             (width, height),
-            [lens.reach_rows, most_rows(gpu, scene)],
+            [lens.reach_rows, max_rows(gpu, scene)],
             progress,
             |band, progress| {
                 let rows = Rows::new(gpu, &volume, width, band)?;
-                let goes = Goes::new(gpu, &SHADER, width * band.rows.len(), volume.open_background)?;
+                let goes =
+                    Batches::new(gpu, &SHADER, width * band.rows.len(), volume.transparent_background)?;
                 follow(gpu, (&rows, &lens), &goes, tiles(width, band.rows.len(), TILE as usize), progress)?;
                 Ok(goes)
             },
@@ -270,7 +271,7 @@ impl GpuBackend for Accumulate {
 fn follow(
     gpu: &Gpu,
     (rows, lens): (&Rows, &Lens),
-    goes: &Goes<'_>,
+    goes: &Batches<'_>,
     groups: [u32; 3],
     progress: &dyn Fn(f32),
 ) -> Result<(), Error> {

@@ -19,7 +19,7 @@ pub struct Volume<L> {
     pub(super) supersample: f32,
     pub(super) coc_range_px: [f32; 2],
     pub(super) jitter: f32,
-    pub(super) open_background: bool,
+    pub(super) transparent_background: bool,
     pub(super) optics: Optics,
     pub(super) field: Field,
 }
@@ -81,11 +81,11 @@ fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
     pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
-        Self::of_first(scene.layers.len(), scene, plan)
+        Self::from_first_layers(scene.layers.len(), scene, plan)
     }
 
     /// The boxes of the first `count` layers of `scene`.
-    pub fn of_first(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
+    pub fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
         Self::of(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
     }
 }
@@ -108,7 +108,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
             jitter: if supersample > 1 { 1.0 } else { plan.jitter },
-            open_background: plan.does(EffectKind::OpenBackground),
+            transparent_background: plan.does(EffectKind::TransparentBackground),
             optics: plan.optics.clone(),
             field,
         }
@@ -133,7 +133,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
             rays += 1;
         }
-        sum.mean(rays, self.open_background)
+        sum.mean(rays, self.transparent_background)
     }
 
     /// Whether the ray of `view` passes the lens's rim from picture pixel `x, y`.
@@ -357,9 +357,9 @@ mod tests {
                 supersample: 1.0,
                 coc_range_px: [-1.0, 2.0],
                 jitter: 0.0,
-                open_background: false,
-                optics: Optics::of(Aperture::DISC),
-                field: Field::of_picture(3, 3),
+                transparent_background: false,
+                optics: Optics::from_aperture(Aperture::DISC),
+                field: Field::from_picture_size(3, 3),
             };
             let view = View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO, shift: Vec2::ZERO };
             let seen = volume.pixel(1, 1, &Rays::alike(vec![view]));

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// A picture of which some is known.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::methods) struct Sheet {
+pub(in crate::methods) struct CoveragePlanes {
     /// Red, green, blue and, where the background is open, alpha; premultiplied by coverage.
     pub content: Vec<Plane>,
     /// How much of each pixel is known, 0 … 1.
@@ -23,7 +23,7 @@ pub(in crate::methods) struct Sheet {
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Peel {
     /// What it shows, and where.
-    pub sheet: Sheet,
+    pub covered: CoveragePlanes,
     /// Signed CoC radius in pixels, where coverage is over 0.
     pub coc_px: Plane,
 }
@@ -46,16 +46,16 @@ fn backdrop_coc_px(plan: &Plan) -> f32 {
 /// Least and greatest CoC radius in pixels of what the peels hold, an open background's included.
 pub(in crate::methods) fn coc_range_px(plan: &Plan) -> [f32; 2] {
     let [near, far] = plan.coc_range_px;
-    [near, if plan.does(EffectKind::OpenBackground) { backdrop_coc_px(plan) } else { far }]
+    [near, if plan.does(EffectKind::TransparentBackground) { backdrop_coc_px(plan) } else { far }]
 }
 
 /// The layers of `scene` at one sample a pixel, nearest first, and the backdrop of an open background.
 pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
     let scene = scene.merged();
-    let open = plan.does(EffectKind::OpenBackground);
+    let open = plan.does(EffectKind::TransparentBackground);
     let (width, height) = (scene.width(), scene.height());
     let backdrop = open.then(|| Peel {
-        sheet: Sheet {
+        covered: CoveragePlanes {
             content: vec![Plane::zeros(width, height); 4],
             coverage: Plane::filled(width, height, 1.0),
         },
@@ -64,7 +64,7 @@ pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
     let layers = scene.layers.into_iter().map(|layer| {
         let alpha = open.then(|| layer.alpha.clone());
         let content = layer.color.into_iter().chain(alpha).collect();
-        Peel { sheet: Sheet { content, coverage: layer.alpha }, coc_px: layer.coc_px }
+        Peel { covered: CoveragePlanes { content, coverage: layer.alpha }, coc_px: layer.coc_px }
     });
     layers.chain(backdrop).collect()
 }
@@ -72,7 +72,7 @@ pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
 /// What the camera sees of `scene`, at one sample a pixel.
 pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
     let scene = scene.merged();
-    let open = plan.does(EffectKind::OpenBackground);
+    let open = plan.does(EffectKind::TransparentBackground);
     let (width, height) = scene.picture_size();
     let Image { planes: [mut red, mut green, mut blue, alpha] } = scene.pinhole();
     let coc_px = Plane::from_fn(width, height, |x, y| {
@@ -99,8 +99,8 @@ pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
     Visible { content: vec![red, green, blue], coc_px }
 }
 
-impl Sheet {
-    /// A sheet of which nothing is known, `channels` planes of content.
+impl CoveragePlanes {
+    /// A covered of which nothing is known, `channels` planes of content.
     pub(in crate::methods) fn unknown(width: usize, height: usize, channels: usize) -> Self {
         Self { content: vec![Plane::zeros(width, height); channels], coverage: Plane::zeros(width, height) }
     }
@@ -120,7 +120,7 @@ impl Sheet {
         self.content = planes;
     }
 
-    /// Lays this sheet over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
+    /// Lays this covered over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
     pub(in crate::methods) fn over(&mut self, behind: &Self) {
         for (front, back) in self.content.iter_mut().zip(&behind.content) {
             lay_over(front, &self.coverage, back);
@@ -197,7 +197,7 @@ mod tests {
     fn plan(scene: &Scene) -> Plan {
         let values = Values { method: Some("scatter".to_owned()), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        crate::methods::Registry::default().plan(&scene.facts(), &settings).unwrap()
+        crate::methods::Registry::default().plan(&scene.analyze(), &settings).unwrap()
     }
 
     #[test]
@@ -206,9 +206,9 @@ mod tests {
         let plan = plan(&scene);
         let peels = peels(scene, &plan);
         assert_eq!(peels.len(), 2);
-        assert_eq!(peels[0].sheet.content[3].values(), [1.0, 0.0], "what there is, is opaque");
-        assert_eq!(peels[1].sheet.coverage.values(), [1.0; 2], "known behind the object too");
-        assert_eq!(peels[1].sheet.content[3].values(), [0.0; 2], "and transparent");
+        assert_eq!(peels[0].covered.content[3].values(), [1.0, 0.0], "what there is, is opaque");
+        assert_eq!(peels[1].covered.coverage.values(), [1.0; 2], "known behind the object too");
+        assert_eq!(peels[1].covered.content[3].values(), [0.0; 2], "and transparent");
         assert_eq!(coc_range_px(&plan), [-6.0, 0.0], "in focus, as nothing lies behind focus");
     }
 
@@ -217,7 +217,7 @@ mod tests {
         let scene = scene(&[[(0.5, 1.0, -6.0), (0.2, 1.0, 3.0)]]);
         let plan = plan(&scene);
         let peels = peels(scene, &plan);
-        assert_eq!((peels.len(), peels[0].sheet.content.len()), (1, 3));
+        assert_eq!((peels.len(), peels[0].covered.content.len()), (1, 3));
         assert_eq!(coc_range_px(&plan), [-6.0, 3.0]);
     }
 
@@ -233,15 +233,15 @@ mod tests {
 
     #[test]
     fn a_sheet_over_another_lets_through_what_it_does_not_know_and_is_divided_by_what_is_known() {
-        let sheet = |content, coverage| Sheet {
+        let covered = |content, coverage| CoveragePlanes {
             content: vec![Plane::filled(1, 1, content); 3],
             coverage: Plane::filled(1, 1, coverage),
         };
-        let mut front = sheet(0.1, 0.5);
-        front.over(&sheet(0.4, 0.5));
+        let mut front = covered(0.1, 0.5);
+        front.over(&covered(0.4, 0.5));
         assert_eq!((front.content[0].get(0, 0), front.coverage.get(0, 0)), (0.1 + 0.5 * 0.4, 0.75));
         let pixel = front.into_picture().pixel(0, 0);
         assert!((pixel[0] - 0.4).abs() < 1e-6 && pixel[3] == 1.0, "{pixel:?}");
-        assert_eq!(Sheet::unknown(1, 1, 4).into_picture().pixel(0, 0), [0.0; 4], "nothing known");
+        assert_eq!(CoveragePlanes::unknown(1, 1, 4).into_picture().pixel(0, 0), [0.0; 4], "nothing known");
     }
 }

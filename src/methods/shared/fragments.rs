@@ -52,7 +52,7 @@ impl Fragments {
     /// `width × height` samples, each with the CoC radii that `list(x, y)` gives, nearest first; all opaque, and as bright as
     /// their CoC radius is long.
     #[cfg(test)]
-    pub(in crate::methods) fn of_lists(
+    pub(in crate::methods) fn from_lists(
         (width, height): (usize, usize),
         list: impl Fn(usize, usize) -> Vec<f32>,
     ) -> Self {

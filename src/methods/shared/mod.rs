@@ -9,7 +9,7 @@ mod nbuffer;
 mod planes;
 mod pyramid;
 #[cfg(feature = "gpu")]
-mod ray_goes;
+mod ray_batches;
 #[cfg(feature = "gpu")]
 mod ray_stack;
 mod ray_sum;
@@ -18,7 +18,7 @@ mod rows;
 mod sub_image_work;
 mod sub_images;
 
-pub(super) use content::{Peel, Sheet, Visible, coc_range_px, peels, picture, visible};
+pub(super) use content::{CoveragePlanes, Peel, Visible, coc_range_px, peels, picture, visible};
 pub(super) use disc::{DiscAreas, soft_area};
 #[cfg(test)]
 pub(super) use fragments::noise;
@@ -26,20 +26,20 @@ pub(super) use fragments::{Blocks, Fragments};
 pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
 pub(super) use planes::{
-    Frame, OTHER_SHEET_WGSL, Planes, RowNeeds, SHEET_WGSL, VISIBLE_WGSL, at_pixels, bands_of,
-    picture_in_bands, picture_of_bands,
+    COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, VISIBLE_WGSL, at_pixels,
+    bands_of, picture_in_bands, picture_of_bands,
 };
-pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, most_levels};
+pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, max_levels};
 #[cfg(feature = "gpu")]
 pub(super) use pyramid::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
-pub(super) use ray_goes::{Go, Goes, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_goes};
+pub(super) use ray_batches::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
 #[cfg(feature = "gpu")]
 pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
     nbuffer_words,
 };
-pub(super) use ray_sum::{LEAST_HIT, RaySum};
+pub(super) use ray_sum::{MIN_HIT, RaySum};
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use rows::planes_from_rows;
 pub(super) use sub_image_work::sub_image_pixels;

@@ -1,18 +1,19 @@
 //! Planes of a band of rows on a GPU: colour in one buffer, all else in another, so that no buffer holds more than three.
 
-use super::content::Sheet;
+use super::content::CoveragePlanes;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::methods::Progress;
 use std::ops::Range;
 
-/// Text of `shaders/shared/sheet.wgsl`.
-pub(in crate::methods) const SHEET_WGSL: &str = include_str!("../../../shaders/shared/sheet.wgsl");
+/// Text of `shaders/shared/coverage_planes.wgsl`.
+pub(in crate::methods) const COVERAGE_PLANES_WGSL: &str =
+    include_str!("../../../shaders/shared/coverage_planes.wgsl");
 
-/// Text of `shaders/shared/other_sheet.wgsl`.
-pub(in crate::methods) const OTHER_SHEET_WGSL: &str =
-    include_str!("../../../shaders/shared/other_sheet.wgsl");
+/// Text of `shaders/shared/other_coverage_planes.wgsl`.
+pub(in crate::methods) const OTHER_COVERAGE_PLANES_WGSL: &str =
+    include_str!("../../../shaders/shared/other_coverage_planes.wgsl");
 
 /// Text of `shaders/shared/visible.wgsl`.
 pub(in crate::methods) const VISIBLE_WGSL: &str = include_str!("../../../shaders/shared/visible.wgsl");
@@ -97,14 +98,14 @@ impl Planes {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub(in crate::methods) fn of_peel(
+    pub(in crate::methods) fn from_peel(
         gpu: &Gpu,
-        sheet: &Sheet,
+        covered: &CoveragePlanes,
         coc_px: &Plane,
         rows: &Range<usize>,
     ) -> Result<Self, Error> {
         let planes: Vec<&Plane> =
-            sheet.content.iter().take(IN_A_BUFFER).chain([&sheet.coverage, coc_px]).collect();
+            covered.content.iter().take(IN_A_BUFFER).chain([&covered.coverage, coc_px]).collect();
         Self::upload(gpu, &planes, rows)
     }
 
@@ -172,8 +173,8 @@ pub(in crate::methods) fn bands_of(
     let value_bytes = size_of::<f32>() as u64;
     let row_bytes = value_bytes * needs.values.max(IN_A_BUFFER * width) as u64;
     let working_row_bytes = value_bytes * (needs.planes * width + needs.values) as u64;
-    let most_rows = (gpu.most_binding_bytes() / row_bytes).min(gpu.most_working_bytes() / working_row_bytes);
-    bands(height, reach, most_rows as usize)
+    let max_rows = (gpu.max_binding_bytes() / row_bytes).min(gpu.max_working_bytes() / working_row_bytes);
+    bands(height, reach, max_rows as usize)
 }
 
 /// The same as [`picture_in_bands`] for bands that are known.

@@ -6,7 +6,7 @@
 
 use super::fragments::{Blocks, Fragments};
 use super::nbuffer::NBuffer;
-use super::ray_goes::Goes;
+use super::ray_batches::Batches;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, mirrored};
 use crate::lens;
@@ -142,10 +142,10 @@ impl RayStack<'_> {
     }
 
     /// Rows of the picture that `gpu` holds at once, if there are `beside` bytes beside each fragment.
-    pub(in crate::methods) fn most_rows(&self, gpu: &Gpu, beside: usize) -> usize {
+    pub(in crate::methods) fn max_rows(&self, gpu: &Gpu, beside: usize) -> usize {
         let [largest, all] = FRAGMENT_BYTES;
         let fragments = self.supersample.pow(2) * self.fragments.depth();
-        Goes::most_rows(gpu, self.picture_size().0, [largest, all + beside].map(|bytes| bytes * fragments))
+        Batches::max_rows(gpu, self.picture_size().0, [largest, all + beside].map(|bytes| bytes * fragments))
     }
 
     /// The rows of samples that `band` reads.

@@ -1,7 +1,7 @@
 //! What the lens rays of one pixel add up to.
 
 /// A pixel of whose rays no more than this share hit anything shows nothing.
-pub(in crate::methods) const LEAST_HIT: f64 = 1e-9;
+pub(in crate::methods) const MIN_HIT: f64 = 1e-9;
 
 /// What the rays of one pixel bring home, summed in double precision: thousands of samples would drift in single.
 #[derive(Debug, Clone, Copy, Default)]
@@ -20,11 +20,11 @@ impl RaySum {
 
     /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of
     /// the mean where it is closed.
-    pub(in crate::methods) fn mean(&self, rays: usize, open_background: bool) -> [f32; 4] {
+    pub(in crate::methods) fn mean(&self, rays: usize, transparent_background: bool) -> [f32; 4] {
         let known = rays as f64 - self.discarded;
         let hit = known - self.missed;
-        let weight = if open_background { known } else { hit };
-        if hit <= LEAST_HIT * rays as f64 {
+        let weight = if transparent_background { known } else { hit };
+        if hit <= MIN_HIT * rays as f64 {
             return [0.0; 4];
         }
         let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);

@@ -9,7 +9,7 @@ pub(in crate::methods) fn sub_image_pixels(workload: &Workload<'_>, first_radius
     let enough =
         |reach: f64| if reach <= 0.0 { 0 } else { ((reach / first).log2().ceil() as i32 + 1).max(1) };
     let [near, far] = workload.reach_px().map(|reach| enough(reach).min(most));
-    let infinity = f64::from(workload.facts.spread.coc_infinity_px);
+    let infinity = f64::from(workload.stats.spread.coc_infinity_px);
     let possible = (1..=most).take_while(|&i| first * f64::from(i - 1).exp2() < infinity).count() as i32;
     // A pyramid of n levels has sides that are multiples of 2ⁿ, and a border.
     let padded = |levels: i32| {

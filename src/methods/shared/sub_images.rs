@@ -11,7 +11,7 @@
 //!
 //! GPU twin: `shaders/shared/sub_images.wgsl`.
 
-use super::pyramid::most_levels;
+use super::pyramid::max_levels;
 #[cfg(feature = "gpu")]
 use crate::gpu::mirrored;
 use pulp::{Arch, NullaryFnOnce};
@@ -59,7 +59,7 @@ impl SubImages {
         coc_infinity_px: f32,
         frame: (usize, usize),
     ) -> Self {
-        let most = most_levels(frame) as i32;
+        let most = max_levels(frame) as i32;
         let enough =
             |limit_px: f32| (0..most).find(|&i| radius_px(i, first_radius_px) >= limit_px).unwrap_or(most);
         let first = -enough(-coc_range_px[0]);
@@ -76,7 +76,7 @@ impl SubImages {
     }
 
     /// Levels of the largest pyramid among them.
-    pub(in crate::methods) fn most_levels(&self) -> usize {
+    pub(in crate::methods) fn max_levels(&self) -> usize {
         self.far_to_near().map(|i| i.unsigned_abs() as usize).max().unwrap_or(0)
     }
 

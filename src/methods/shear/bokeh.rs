@@ -18,7 +18,7 @@ const EDGE_ROWS: usize = 16;
 const GRID: usize = 6;
 
 /// Least CoC radius of a shape, in picture pixels: what is sharper is a dot of about a pixel all the same.
-const LEAST_COC_PX: f32 = 0.7;
+const MIN_COC_PX: f32 = 0.7;
 
 /// The shapes of blurred points.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl<'a> Bokeh<'a> {
             if self.optics.has_axial_color() { &[&[0], &[1], &[2]] } else { &[&[0, 1, 2]] };
         let shape = |colors: &&'static [usize]| {
             let axial_px = self.optics.axial_px[colors[0]];
-            let coc_px = (coc_px + axial_px).abs().max(LEAST_COC_PX).copysign(coc_px + axial_px);
+            let coc_px = (coc_px + axial_px).abs().max(MIN_COC_PX).copysign(coc_px + axial_px);
             Shape { colors, axial_px, coc_px, radial: self.radial(coc_px) }
         };
         sets.iter().map(shape).collect()
@@ -239,7 +239,7 @@ mod tests {
 
     /// The sums of the light of a point of CoC radius `coc_px` at `place`, times 1, x and y from it, and its second moments.
     fn moments(optics: &Optics, coc_px: f32, place: Vec2) -> (f32, Vec2, Vec2) {
-        let bokeh = Bokeh::new(optics, Field::of_picture(SIZE, SIZE), 1.0);
+        let bokeh = Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), 1.0);
         let shape = &bokeh.shapes(coc_px)[0];
         let pixels = (0..SIZE * SIZE).map(|i| Vec2::new((i % SIZE) as f32, (i / SIZE) as f32));
         pixels.fold((0.0, Vec2::ZERO, Vec2::ZERO), |(sum, first, second), pixel| {
@@ -255,7 +255,7 @@ mod tests {
             [(Aperture::DISC, -5.0), (Aperture::DISC, 4.0), (hexagon, 3.0), (hexagon, -4.0)]
         {
             for coc in [-19.0f32, 12.0, 22.5] {
-                let optics = Optics { spherical_px, ..Optics::of(aperture) };
+                let optics = Optics { spherical_px, ..Optics::from_aperture(aperture) };
                 let (sum, _, second) = moments(&optics, coc, Vec2::splat(47.3));
                 let name = format!("{aperture:?}, {spherical_px} px, c = {coc}");
                 assert!((sum - 1.0).abs() < 0.02, "{name}: {sum}");
@@ -287,10 +287,11 @@ mod tests {
         let values = (0..side * side).map(at).collect();
         let mask = crate::settings::Mask { name: "polygon".to_owned(), width: side, height: side, values };
         let image = crate::lens::ApertureImage::new(&mask, 0.0).unwrap();
-        let drawn = Optics { image: Some(std::sync::Arc::new(image)), ..Optics::of(Aperture::DISC) };
-        let exact = Optics::of(polygon);
+        let drawn =
+            Optics { image: Some(std::sync::Arc::new(image)), ..Optics::from_aperture(Aperture::DISC) };
+        let exact = Optics::from_aperture(polygon);
         assert!((drawn.area() / exact.area() - 1.0).abs() < 5e-3, "{} and {}", drawn.area(), exact.area());
-        let field = Field::of_picture(SIZE, SIZE);
+        let field = Field::from_picture_size(SIZE, SIZE);
         let [drawn, exact] = [&drawn, &exact].map(|optics| Bokeh::new(optics, field, 0.0));
         for coc in [25.0, -18.0] {
             let (a, b) = (drawn.shapes(coc).remove(0), exact.shapes(coc).remove(0));
@@ -306,8 +307,8 @@ mod tests {
 
     #[test]
     fn in_the_corners_the_rim_leaves_a_cats_eye_and_its_light_per_pixel_is_that_of_a_mean_over_it() {
-        let optics = Optics { cats_eye: 1.0, ..Optics::of(Aperture::DISC) };
-        let bokeh = Bokeh::new(&optics, Field::of_picture(SIZE, SIZE), 0.0);
+        let optics = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
+        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 0.0);
         let shape = &bokeh.shapes(12.0)[0];
         let place = Vec2::splat(20.0);
         let light = |x: f32, y: f32| bokeh.share(shape, place, Vec2::new(x, y));
@@ -321,11 +322,11 @@ mod tests {
 
     #[test]
     fn colours_that_focus_elsewhere_have_shapes_of_other_sizes() {
-        let optics = Optics { axial_px: [-2.0, 0.0, 1.0], ..Optics::of(Aperture::DISC) };
-        let bokeh = Bokeh::new(&optics, Field::of_picture(SIZE, SIZE), 1.0);
+        let optics = Optics { axial_px: [-2.0, 0.0, 1.0], ..Optics::from_aperture(Aperture::DISC) };
+        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 1.0);
         let sizes = |coc: f32| bokeh.shapes(coc).iter().map(|shape| shape.coc_px).collect::<Vec<_>>();
         assert_eq!(sizes(10.0), [8.0, 10.0, 11.0]);
         assert_eq!(sizes(-10.0), [-12.0, -10.0, -9.0]);
-        assert_eq!(sizes(2.0)[0], LEAST_COC_PX, "no smaller than a dot");
+        assert_eq!(sizes(2.0)[0], MIN_COC_PX, "no smaller than a dot");
     }
 }

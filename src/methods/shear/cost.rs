@@ -7,13 +7,13 @@ use crate::scene::{Discs, EffectKind, Workload};
 
 /// What carrying out `plan` costs.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
-    let facts = workload.facts;
+    let stats = workload.stats;
     let views = workload.views();
     let width_px = f64::from(bin_width_px(plan.views.unwrap_or(0)));
-    let [edges, changes] = [facts.spread.edges, facts.spread.changes].map(|sums| sums.iter().sum::<f64>());
+    let [edges, changes] = [stats.spread.edges, stats.spread.changes].map(|sums| sums.iter().sum::<f64>());
     // Half as wide slices cut slopes twice as often, and edges as often as before.
     let runs = (edges + (changes - edges) * 0.5 / width_px) / workload.supersample() + workload.size()[1];
-    let translucent = facts.translucent_fragments as f64 / workload.supersample().powi(2);
+    let translucent = stats.translucent_fragments as f64 / workload.supersample().powi(2);
     let discs = plan
         .strength(EffectKind::Highlights)
         .map_or_else(Discs::default, |threshold| workload.discs(threshold));

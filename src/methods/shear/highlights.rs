@@ -14,7 +14,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 /// A fragment with a smaller CoC radius is no disc, in picture pixels.
-const LEAST_COC_PX: f32 = 1.0;
+const MIN_COC_PX: f32 = 1.0;
 
 /// Half the side of the square whose unflagged fragments give a highlight its surroundings, in samples.
 const SURROUNDINGS: usize = 4;
@@ -71,7 +71,7 @@ fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
     let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
     let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
     let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
-    (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > LEAST_COC_PX).collect()
+    (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > MIN_COC_PX).collect()
 }
 
 /// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, never more than the fragment's own;
@@ -296,14 +296,14 @@ mod tests {
         draw(
             &mut image,
             &[highlight],
-            &Bokeh::new(optics, Field::of_picture(SIZE, SIZE), size_px),
+            &Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), size_px),
             &Occluders { width: SIZE, runs: &runs, bins: &bins, layers: &layers },
         );
         image
     }
 
     fn disc() -> Optics {
-        Optics::of(Aperture::DISC)
+        Optics::from_aperture(Aperture::DISC)
     }
 
     fn energy(image: &Image) -> f32 {
@@ -319,7 +319,7 @@ mod tests {
         {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
-                    let sum = energy(&drawn(coc, size, &Optics::of(aperture), |_| 0.0));
+                    let sum = energy(&drawn(coc, size, &Optics::from_aperture(aperture), |_| 0.0));
                     // Rows 2/16 px high, midpoint rule: the smallest disc, all edge, is off by less than their square.
                     assert!((sum - 1.0).abs() < 5e-3, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
                 }

@@ -111,7 +111,7 @@ impl Method for Shear {
 
     #[cfg(feature = "gpu")]
     fn gpu(&self) -> Option<&dyn GpuBackend> {
-        Some(&gpu::ShearTwin)
+        Some(&gpu::ShearGpu)
     }
 }
 

@@ -30,7 +30,7 @@ type Mask = u16;
 pub(super) const STOPPED_BELOW: f32 = 0.002;
 
 /// A pixel of whose rays less than this hit anything is empty.
-pub(super) const LEAST_HIT: f32 = 1e-3;
+pub(super) const MIN_HIT: f32 = 1e-3;
 
 /// 16 neighbouring pixels of one channel.
 #[derive(Debug, Clone, Copy, Default)]
@@ -179,14 +179,14 @@ impl RowSums {
 
     /// The mean of pixel `x` over all views so far: rays that met nothing are transparent where the background is open,
     /// and left out of the mean where it is closed.
-    pub(super) fn pixel(&self, x: usize, open_background: bool) -> [f32; 4] {
+    pub(super) fn pixel(&self, x: usize, transparent_background: bool) -> [f32; 4] {
         let (word, lane) = (x / LANES, x % LANES);
         let views = self.views_at(x);
         let hit = views - (self.settled.missed[word].0[lane] + self.sums.missed[word].0[lane]);
-        if hit <= LEAST_HIT {
+        if hit <= MIN_HIT {
             return [0.0; 4];
         }
-        let weight = if open_background { views } else { hit };
+        let weight = if transparent_background { views } else { hit };
         let color = |k: usize| self.settled.color[word][k].0[lane] + self.sums.color[word][k].0[lane];
         [color(0) / weight, color(1) / weight, color(2) / weight, hit / weight]
     }
@@ -195,7 +195,7 @@ impl RowSums {
     pub(super) fn focused_share(&self, x: usize) -> f32 {
         let (word, lane) = (x / LANES, x % LANES);
         let focused = self.settled.focused[word].0[lane] + self.sums.focused[word].0[lane];
-        focused / self.views_at(x).max(LEAST_HIT)
+        focused / self.views_at(x).max(MIN_HIT)
     }
 
     /// Lets all rays of the row go, and says how many words have any.

@@ -1,9 +1,9 @@
 //! DECIDE, for the passes of this method: exact discs, disocclusion fill, prefilter and resolve.
 
 use super::parameters::ShearParameters;
-use super::prefilter::LEAST_VARIANCE;
+use super::prefilter::MIN_VARIANCE;
 use crate::error::Error;
-use crate::scene::{BrightStep, Effect, EffectKind, Facts, Inputs, bright_step_floor, percent};
+use crate::scene::{BrightStep, Effect, EffectKind, Inputs, SceneStats, bright_step_floor, percent};
 use crate::stack::StackKind;
 use std::f32::consts::PI;
 
@@ -44,8 +44,8 @@ pub(super) fn decide(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Resul
 }
 
 /// The blurred fragments that are brighter than `threshold`, to within half a stop.
-fn brighter(facts: &Facts, threshold: f32) -> BrightStep {
-    let steps = facts.bright.iter().enumerate().filter(|(step, _)| bright_step_floor(step + 1) > threshold);
+fn brighter(stats: &SceneStats, threshold: f32) -> BrightStep {
+    let steps = stats.bright.iter().enumerate().filter(|(step, _)| bright_step_floor(step + 1) > threshold);
     steps.fold(BrightStep::default(), |sum, (_, step)| BrightStep {
         fragments: sum.fragments + step.fragments,
         disc_area_px: sum.disc_area_px + step.disc_area_px,
@@ -53,16 +53,16 @@ fn brighter(facts: &Facts, threshold: f32) -> BrightStep {
 }
 
 /// The threshold that keeps the discs within their budget, and the discs above it.
-fn affordable(facts: &Facts, requested: f32) -> (f32, BrightStep) {
-    let pixels = (facts.picture_size.0 * facts.picture_size.1) as f64;
+fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
+    let pixels = (stats.picture_size.0 * stats.picture_size.1) as f64;
     let (mut discs, mut threshold) = (BrightStep::default(), f32::INFINITY);
-    for (step, bright) in facts.bright.iter().enumerate().rev() {
+    for (step, bright) in stats.bright.iter().enumerate().rev() {
         let with = BrightStep {
             fragments: discs.fragments + bright.fragments,
             disc_area_px: discs.disc_area_px + bright.disc_area_px,
         };
         let affordable = with.disc_area_px <= HIGHLIGHT_COVER * pixels
-            && with.fragments as f64 <= HIGHLIGHT_SHARE * pixels * (facts.supersample as f64).powi(2);
+            && with.fragments as f64 <= HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
         if bright_step_floor(step + 1) <= requested || !affordable {
             break;
         }
@@ -72,12 +72,12 @@ fn affordable(facts: &Facts, requested: f32) -> (f32, BrightStep) {
 }
 
 fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
-    let facts = inputs.facts;
+    let stats = inputs.stats;
     let requested = parameters.highlight_threshold;
     let if_forced = if requested > 0.0 { requested } else { ShearParameters::default().highlight_threshold };
-    let pixels = (facts.picture_size.0 * facts.picture_size.1).max(1) as f64;
+    let pixels = (stats.picture_size.0 * stats.picture_size.1).max(1) as f64;
     let off = |reason: &str| {
-        let all = brighter(facts, if_forced);
+        let all = brighter(stats, if_forced);
         let change = match all.fragments {
             0 => "with it, no effect: there is none to draw".to_owned(),
             count => format!(
@@ -90,9 +90,9 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     if requested == 0.0 {
         return off("switched off: highlight_threshold is 0");
     }
-    let (threshold, discs) = affordable(facts, requested);
+    let (threshold, discs) = affordable(stats, requested);
     if discs.fragments == 0 {
-        return off(if brighter(facts, requested).fragments > 0 {
+        return off(if brighter(stats, requested).fragments > 0 {
             "the bright parts are areas, not points: the views are enough for them"
         } else {
             "no blurred fragment is brighter than the threshold"
@@ -125,12 +125,12 @@ fn without_discs(discs: BrightStep, views: Option<usize>) -> String {
 }
 
 fn fill(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
-    let layers = inputs.facts.layers;
+    let layers = inputs.stats.layers;
     let (on, reason) = if !parameters.fill {
         (false, "switched off".to_owned())
     } else if layers >= COMPLETE_LAYERS {
         (false, format!("{layers} layers know what lies behind"))
-    } else if inputs.facts.coc_range_px[0] > -NEAR_BLUR_FROM_PX {
+    } else if inputs.stats.coc_range_px[0] > -NEAR_BLUR_FROM_PX {
         (true, format!("{layers} layer(s): what far edges uncover is guessed from their surroundings"))
     } else {
         (true, format!("{layers} layer(s): what the near blur uncovers is guessed from its surroundings"))
@@ -161,7 +161,7 @@ fn prefilter(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     };
     let gap = gap_px(inputs, views);
     // A margin, so that rounding never makes a filter where the plan expects none.
-    let idle = (0.5 * strength * gap).powi(2) / 3.0 < 0.999 * LEAST_VARIANCE;
+    let idle = (0.5 * strength * gap).powi(2) / 3.0 < 0.999 * MIN_VARIANCE;
     if strength > 0.0 && !idle {
         let change = format!("without it, what is blurred most would be {views} copies {gap:.2} px apart");
         return decided(true, filter, change);
@@ -175,27 +175,27 @@ fn prefilter(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
 }
 
 fn resolve(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
-    let facts = inputs.facts;
+    let stats = inputs.stats;
     let weight = parameters.resolve;
     let if_forced = if weight > 0.0 { weight } else { ShearParameters::default().resolve };
     let decided = |on, reason: String, change: String| {
         Effect::new(EffectKind::Resolve, on, reason, change).with_strength(if_forced)
     };
-    let [near, far] = facts.coc_range_px;
+    let [near, far] = stats.coc_range_px;
     if near >= OUT_OF_FOCUS_FROM_PX || far <= -OUT_OF_FOCUS_FROM_PX {
         let smallest = near.abs().min(far.abs());
         let reason = format!("nothing is in focus: the smallest CoC radius is {smallest:.1} px");
         return decided(false, reason, "with it, no effect".to_owned());
     }
     let by = format!("by up to {:.0} % of their difference from their neighbours", 400.0 * if_forced);
-    let share = percent(facts.focused_fragments, facts.fragments);
+    let share = percent(stats.focused_fragments, stats.fragments);
     let with = format!("with it, {share:.1} % of the fragments would be softened {by}");
     if weight <= 0.0 {
         decided(false, "switched off: resolve is 0".to_owned(), with)
-    } else if facts.kind != StackKind::PointSampled {
+    } else if stats.kind != StackKind::PointSampled {
         decided(false, "the input is anti-aliased already".to_owned(), with)
     } else {
-        let reason = format!("one sample a pixel, {} fragments in focus", facts.focused_fragments);
+        let reason = format!("one sample a pixel, {} fragments in focus", stats.focused_fragments);
         let change = format!("without it, {share:.1} % of the fragments would not be softened {by}");
         decided(true, reason, change)
     }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// A filter of less variance than this, in squared pixels, is not worth the work.
-pub(super) const LEAST_VARIANCE: f32 = 0.03;
+pub(super) const MIN_VARIANCE: f32 = 0.03;
 
 /// Columns that one task smooths.
 const STRIP: usize = 128;
@@ -73,7 +73,7 @@ fn weight(coc: f32, other_coc: f32, same_surface: bool, radius_per_coc: f32) -> 
     let variance = radius * radius * (1.0 / 3.0);
     let v = variance.max(1e-4);
     let a = (v + 1.0 - (1.0 + 2.0 * v).sqrt()) / v;
-    let smooth = same_surface & surface::may_average(coc, other_coc) & (variance > LEAST_VARIANCE);
+    let smooth = same_surface & surface::may_average(coc, other_coc) & (variance > MIN_VARIANCE);
     if smooth { a } else { 0.0 }
 }
 

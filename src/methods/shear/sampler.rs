@@ -231,7 +231,7 @@ impl Sampler for ShearSampler<'_> {
             Work::Ready(ready, saved) => (ready.again(&saved, self.plan, views), saved),
         };
         let (width, height) = self.size;
-        let open = self.plan.does(EffectKind::OpenBackground);
+        let open = self.plan.does(EffectKind::TransparentBackground);
         let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
         let reach = Reach::of(&ready.runs, &ready.bins, self.size);
         let canvas = ready.canvas(self.plan, self.field);
@@ -270,7 +270,7 @@ impl Sampler for ShearSampler<'_> {
             Work::Loaded(layers) => Ready::new(layers, plan, views),
             Work::Ready(ready, saved) => ready.again(&saved, plan, views),
         };
-        let open = plan.does(EffectKind::OpenBackground);
+        let open = plan.does(EffectKind::TransparentBackground);
         let (mut image, focused_share) = ready.paint(&ready.canvas(plan, field), size, open, progress);
         ready.draw(&mut image, &highlights, plan, field);
         if plan.does(EffectKind::Resolve) {

@@ -6,18 +6,18 @@ use crate::scene::extrapolation::Extrapolation;
 use crate::stack::ColorRange;
 
 pub(super) fn highlight_extrapolation(inputs: &Inputs<'_>) -> Effect {
-    let Inputs { facts, extrapolation, .. } = inputs;
+    let Inputs { stats, extrapolation, .. } = inputs;
     let Extrapolation { threshold, gain, .. } = extrapolation;
     let new = |on, reason: String, change: String| {
         Effect::new(EffectKind::HighlightExtrapolation, on, reason, change)
     };
-    if facts.color_range == ColorRange::Unbounded {
+    if stats.color_range == ColorRange::Unbounded {
         let change = format!(
             "with it, blurred fragments of a displayed luminance above {threshold} would be up to {gain} times as bright"
         );
         return new(false, "the source is scene-linear: nothing was clipped".to_owned(), change);
     }
-    let gained = extrapolation.gained(&facts.light);
+    let gained = extrapolation.gained(&stats.light);
     if gained.added <= 0.0 {
         let reason = match gained.fragments {
             0 => format!("no blurred fragment has a displayed luminance above {threshold}"),
@@ -25,7 +25,7 @@ pub(super) fn highlight_extrapolation(inputs: &Inputs<'_>) -> Effect {
         };
         return new(false, reason, "with it, nothing".to_owned());
     }
-    let share = percent(gained.fragments, facts.fragments);
+    let share = percent(gained.fragments, stats.fragments);
     let more = 100.0 * gained.added / gained.light;
     let reason = format!(
         "the source ends at white, and {} blurred fragments ({share:.1} %) have a displayed luminance above {threshold}: they gain \

@@ -3,13 +3,13 @@
 use super::words::EffectKind;
 use crate::lens::Optics;
 use crate::scene::extrapolation::Extrapolation;
-use crate::scene::facts::Facts;
+use crate::scene::stats::SceneStats;
 
 /// What effects are decided from: every decision is a pure function of this.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs<'a> {
     /// The scene's statistics.
-    pub facts: &'a Facts,
+    pub stats: &'a SceneStats,
     /// Lens samples a pixel, where their number is known already.
     pub views: Option<usize>,
     /// Where in the pixel the views lie, as a share of its width.
@@ -25,7 +25,7 @@ pub struct Inputs<'a> {
 impl Inputs<'_> {
     /// The larger of the two ends of the CoC range.
     pub fn max_coc_px(&self) -> f32 {
-        let [near, far] = self.facts.coc_range_px;
+        let [near, far] = self.stats.coc_range_px;
         far.abs().max(near.abs())
     }
 

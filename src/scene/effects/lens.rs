@@ -6,10 +6,10 @@ use crate::lens::Optics;
 use glam::Vec2;
 
 /// A change of the aperture's outline by less than this shows nowhere: in pixels, at the largest CoC radius.
-const LEAST_OUTLINE_PX: f32 = 0.01;
+const MIN_OUTLINE_PX: f32 = 0.01;
 
 /// A place that keeps more of its light than this is as bright as ever.
-const MOST_LIGHT: f32 = 0.999;
+const MAX_LIGHT: f32 = 0.999;
 
 pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
     let aperture = inputs.optics.aperture;
@@ -18,10 +18,7 @@ pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
     let (on, reason) = if curved == straight {
         (false, "the aperture is a disc or has straight sides".to_owned())
     } else {
-        (
-            bulge_px > LEAST_OUTLINE_PX,
-            format!("at the largest CoC radius the sides bulge by {bulge_px:.2} px"),
-        )
+        (bulge_px > MIN_OUTLINE_PX, format!("at the largest CoC radius the sides bulge by {bulge_px:.2} px"))
     };
     let larger = 100.0 * (curved.area() / straight.area() - 1.0);
     let change = match (curved == straight, on) {
@@ -35,7 +32,7 @@ pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
 pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
     let ratio = inputs.optics.aperture.squeeze();
     let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_coc_px();
-    let on = narrower_px > LEAST_OUTLINE_PX;
+    let on = narrower_px > MIN_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
         ("the aperture is as wide as high".to_owned(), "with it, nothing".to_owned())
     } else {
@@ -59,7 +56,7 @@ pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
     let light = 100.0 * image.mean();
     let reason = format!("its picture lets {light:.0} % of the light of a full disc through");
     let change = "without it, every blurred point would have the outline of the blades, or of a disc";
-    Effect::new(EffectKind::ApertureImage, inputs.max_coc_px() > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(EffectKind::ApertureImage, inputs.max_coc_px() > MIN_OUTLINE_PX, reason, change)
 }
 
 pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
@@ -78,7 +75,7 @@ pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
         "the rim leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
     );
     let change = "without it, blurred points would be as round in the corners as in the middle";
-    Effect::new(EffectKind::CatsEye, cut_px > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(EffectKind::CatsEye, cut_px > MIN_OUTLINE_PX, reason, change)
 }
 
 /// How far a lens with spherical aberration alone moves a ray.
@@ -99,7 +96,7 @@ pub(super) fn spherical_aberration(inputs: &Inputs<'_>) -> Effect {
         "without it, discs would be even, and what is in focus sharper by {:.2} px",
         size.abs() / 6.0
     );
-    Effect::new(kind, shift > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(kind, shift > MIN_OUTLINE_PX, reason, change)
 }
 
 pub(super) fn axial_color(inputs: &Inputs<'_>) -> Effect {
@@ -112,7 +109,7 @@ pub(super) fn axial_color(inputs: &Inputs<'_>) -> Effect {
         "where green is in focus, the CoC radius of red is {red:.2} px and that of blue {blue:.2} px"
     );
     let change = "without it, no colour fringes, and one set of lens samples in place of three";
-    Effect::new(kind, red.abs().max(blue.abs()) > LEAST_OUTLINE_PX, reason, change)
+    Effect::new(kind, red.abs().max(blue.abs()) > MIN_OUTLINE_PX, reason, change)
 }
 
 pub(super) fn lateral_color(inputs: &Inputs<'_>) -> Effect {
@@ -127,7 +124,7 @@ pub(super) fn lateral_color(inputs: &Inputs<'_>) -> Effect {
 }
 
 pub(super) fn vignetting(inputs: &Inputs<'_>) -> Effect {
-    let (optics, field) = (inputs.optics, inputs.facts.field);
+    let (optics, field) = (inputs.optics, inputs.stats.field);
     if optics.vignetting == 0.0 {
         let full = Optics { vignetting: 1.0, ..optics.clone() };
         let left = 100.0 * full.brightness(&field, field.far_out());
@@ -142,5 +139,5 @@ pub(super) fn vignetting(inputs: &Inputs<'_>) -> Effect {
     let left = optics.brightness(&field, field.far_out());
     let reason = format!("the corners keep {:.1} % of their light", 100.0 * left);
     let change = "without it, they would be as bright as the middle";
-    Effect::new(EffectKind::Vignetting, left < MOST_LIGHT, reason, change)
+    Effect::new(EffectKind::Vignetting, left < MAX_LIGHT, reason, change)
 }

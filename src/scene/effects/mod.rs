@@ -16,10 +16,10 @@ pub use words::{Effect, EffectKind};
 pub fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
     vec![
         scene::blur(inputs),
-        scene::merge(inputs.facts),
+        scene::merge(inputs.stats),
         extrapolation::highlight_extrapolation(inputs),
-        scene::translucency(inputs.facts),
-        scene::open_background(inputs.facts),
+        scene::translucency(inputs.stats),
+        scene::transparent_background(inputs.stats),
         lens::blade_curvature(inputs),
         lens::squeeze(inputs),
         lens::aperture_image(inputs),

@@ -2,17 +2,17 @@
 
 use super::inputs::{Inputs, percent};
 use super::words::{Effect, EffectKind};
-use crate::scene::facts::Facts;
+use crate::scene::stats::SceneStats;
 use std::f32::consts::PI;
 
 /// No fragment reaches beyond its own pixel below this CoC radius.
 const BLUR_FROM_PX: f32 = 0.5;
 
 pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
-    let facts = inputs.facts;
+    let stats = inputs.stats;
     let shift = inputs.longest_shift_px();
     let largest = inputs.max_coc_px() + shift;
-    let [near, far] = facts.coc_range_px;
+    let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason =
             format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
@@ -20,7 +20,7 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
         let change = format!("with it, at most {share:.1} % of a pixel's lens rays would end in a neighbour");
         return Effect::new(EffectKind::Blur, false, reason, change);
     }
-    let counts = facts.spread.steps.map(|step| step.front.iter().chain(&step.behind).sum::<usize>());
+    let counts = stats.spread.steps.map(|step| step.front.iter().chain(&step.behind).sum::<usize>());
     let all: usize = counts.iter().sum();
     let share = percent(all - counts[0], all);
     let change = format!(
@@ -48,8 +48,8 @@ fn share_astray(coc_px: f32, jitter: f32) -> f32 {
     (0..STEPS).map(ring).sum::<f32>() / STEPS as f32
 }
 
-pub(super) fn merge(facts: &Facts) -> Effect {
-    match facts.supersample {
+pub(super) fn merge(stats: &SceneStats) -> Effect {
+    match stats.supersample {
         1 => Effect::new(EffectKind::Merge, false, "one sample a pixel", "nothing could be merged"),
         s => Effect::new(
             EffectKind::Merge,
@@ -60,10 +60,10 @@ pub(super) fn merge(facts: &Facts) -> Effect {
     }
 }
 
-pub(super) fn translucency(facts: &Facts) -> Effect {
-    let count = facts.translucent_fragments;
+pub(super) fn translucency(stats: &SceneStats) -> Effect {
+    let count = stats.translucent_fragments;
     let reason = format!("{count} fragments let light through");
-    let share = percent(count, facts.fragments);
+    let share = percent(count, stats.fragments);
     let change = match count {
         0 => "it cannot be put in: every alpha is 1".to_owned(),
         _ => format!("it cannot be left out: {share:.1} % of the fragments have an alpha below 1"),
@@ -71,19 +71,19 @@ pub(super) fn translucency(facts: &Facts) -> Effect {
     Effect::new(EffectKind::Translucency, count > 0, reason, change)
 }
 
-pub(super) fn open_background(facts: &Facts) -> Effect {
-    let count = facts.open_samples;
+pub(super) fn transparent_background(stats: &SceneStats) -> Effect {
+    let count = stats.empty_samples;
     if count == 0 {
         return Effect::new(
-            EffectKind::OpenBackground,
+            EffectKind::TransparentBackground,
             false,
             "something is behind every pixel: lens rays that find nothing are left out of the mean",
             "with it, such rays would make the picture transparent; how many is not known before painting",
         );
     }
-    let share = percent(count, facts.picture_size.0 * facts.picture_size.1 * facts.supersample.pow(2));
+    let share = percent(count, stats.picture_size.0 * stats.picture_size.1 * stats.supersample.pow(2));
     Effect::new(
-        EffectKind::OpenBackground,
+        EffectKind::TransparentBackground,
         true,
         format!("{count} pixels show nothing at all: the picture keeps its transparency"),
         format!("without it, blurred edges before the {share:.1} % that show nothing would turn opaque"),

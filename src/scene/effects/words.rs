@@ -21,7 +21,7 @@ pub enum EffectKind {
     /// Fragments with an alpha below 1.
     Translucency,
     /// Transparent background: lens rays that hit nothing make the picture transparent.
-    OpenBackground,
+    TransparentBackground,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
     /// Anti-aliasing of point-sampled, in-focus pixels.
@@ -53,7 +53,7 @@ impl EffectKind {
         Self::Highlights,
         Self::Fill,
         Self::Translucency,
-        Self::OpenBackground,
+        Self::TransparentBackground,
         Self::Prefilter,
         Self::Resolve,
         Self::BladeCurvature,
@@ -75,7 +75,7 @@ impl EffectKind {
             Self::Highlights => "highlights",
             Self::Fill => "fill",
             Self::Translucency => "translucency",
-            Self::OpenBackground => "open-background",
+            Self::TransparentBackground => "open-background",
             Self::Prefilter => "prefilter",
             Self::Resolve => "resolve",
             Self::BladeCurvature => "blade-curvature",
@@ -89,13 +89,13 @@ impl EffectKind {
         }
     }
 
-    /// The effect called `name`; `transparent-background` is another name of [`Self::OpenBackground`].
+    /// The effect called `name`; `transparent-background` is another name of [`Self::TransparentBackground`].
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one and all of them.
     pub fn by_name(name: &str) -> Result<Self, Error> {
         if name == "transparent-background" {
-            return Ok(Self::OpenBackground);
+            return Ok(Self::TransparentBackground);
         }
         Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name);
@@ -114,7 +114,7 @@ impl EffectKind {
             Self::Blur
             | Self::HighlightExtrapolation
             | Self::Translucency
-            | Self::OpenBackground
+            | Self::TransparentBackground
             | Self::LateralColor
             | Self::Vignetting => false,
             Self::Merge

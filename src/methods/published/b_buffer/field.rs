@@ -4,7 +4,7 @@ use super::parameters::BBufferParameters;
 #[cfg(feature = "gpu")]
 use crate::gpu::mirrored;
 use crate::methods::contract::Plan;
-use crate::methods::shared::{Rows, most_levels};
+use crate::methods::shared::{Rows, max_levels};
 use pulp::{Arch, NullaryFnOnce};
 
 /// A side of the focal plane.
@@ -59,7 +59,7 @@ impl Field {
             Side::Near => nearest.min(0.0),
             Side::Far => farthest.max(0.0),
         };
-        let most = most_levels(frame);
+        let most = max_levels(frame);
         let top = (0..most).find(|&n| level_variance(n) >= second_moment * largest.powi(2)).unwrap_or(most);
         Self { side, top, in_focus_px: plan.parameters.get::<BBufferParameters>().in_focus_px, second_moment }
     }

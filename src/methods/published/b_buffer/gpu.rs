@@ -11,8 +11,8 @@ use crate::image::Image;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    self, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_SHEET_WGSL, PYRAMID_WGSL, Peel, Planes,
-    RowNeeds, SHEET_WGSL, SPLAT, Step, at_pixels, corners, picture_in_bands,
+    self, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_COVERAGE_PLANES_WGSL,
+    PYRAMID_WGSL, Peel, Planes, RowNeeds, SPLAT, Step, at_pixels, corners, picture_in_bands,
 };
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, surface};
 use std::ops::Range;
@@ -24,18 +24,18 @@ static SHADER: Shader = Shader {
         ("LEVEL_SHARE", Constant::Float(surface::LEVEL_SHARE)),
     ],
     parts: &[
-        SHEET_WGSL,
-        OTHER_SHEET_WGSL,
+        COVERAGE_PLANES_WGSL,
+        OTHER_COVERAGE_PLANES_WGSL,
         PYRAMID_WGSL,
         FIRST_LEVEL_WGSL,
         include_str!("../../../../shaders/methods/b_buffer.wgsl"),
     ],
-    structs: &[Step::LAYOUT, Frame::LAYOUT, Weighing::LAYOUT, PeelFacts::LAYOUT],
+    structs: &[Step::LAYOUT, Frame::LAYOUT, Weighing::LAYOUT, PeelStats::LAYOUT],
 };
 
 mirrored! {
     /// What a pass has to know of a peel.
-    struct PeelFacts {
+    struct PeelStats {
         /// Whether it is opaque where it covers: all but the backdrop of an open background are.
         shows: u32,
         /// Whether it is the nearest.
@@ -55,7 +55,7 @@ impl GpuBackend for BBuffer {
         let top = fields.iter().map(|field| field.top).max().unwrap_or(0).max(1);
         let peels = shared::peels(scene.clone(), plan);
         let ranges_px = peels.iter().map(ranges_px).collect();
-        let open = plan.does(EffectKind::OpenBackground);
+        let open = plan.does(EffectKind::TransparentBackground);
         let painter = Painter { gpu, plan, kernels: Kernels::new(gpu)?, peels, ranges_px, fields, top, open };
         let channels = painter.channels();
         let widest = Grid::new(size, top, Edge::Repeat).sizes[0].0;
@@ -162,7 +162,7 @@ impl Painter<'_> {
         let (gpu, channels) = (self.gpu, self.channels());
         let levels = Levels::new(Grid::new(size, self.top, Edge::Repeat), &band.rows, channels + 2);
         let peels =
-            self.peels.iter().map(|peel| Planes::of_peel(gpu, &peel.sheet, &peel.coc_px, &band.source));
+            self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.covered, &peel.coc_px, &band.source));
         Ok(Canvas {
             band,
             width: size.0,
@@ -176,9 +176,9 @@ impl Painter<'_> {
     }
 
     /// What a pass that begins at a row has to know of peel `i`.
-    fn facts(&self, i: usize, first_row: usize) -> Result<Buffer, Error> {
+    fn stats(&self, i: usize, first_row: usize) -> Result<Buffer, Error> {
         let parameters = self.plan.parameters.get::<BBufferParameters>();
-        self.gpu.uniform(&PeelFacts {
+        self.gpu.uniform(&PeelStats {
             shows: u32::from(!self.open || i + 1 < self.peels.len()),
             first: u32::from(i == 0),
             first_row: first_row as i32,
@@ -204,9 +204,9 @@ impl Painter<'_> {
         let source = (canvas.width, canvas.band.source.len());
         self.gpu.submit(|work| {
             for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate() {
-                let facts = self.facts(i, 0)?;
+                let stats = self.stats(i, 0)?;
                 let bindings =
-                    [(2, &canvas.frame), (4, colors), (5, rest), (8, &canvas.sums.colors), (10, &facts)];
+                    [(2, &canvas.frame), (4, colors), (5, rest), (8, &canvas.sums.colors), (10, &stats)];
                 at_pixels(work, &self.kernels.cull, &bindings, source)?;
             }
             Ok(())
@@ -278,7 +278,7 @@ impl Painter<'_> {
         let has = |range| field.has(n, range);
         let Some(rows) = self.rows_with(i, &canvas.band.source, has) else { return Ok(()) };
         let (step, [across, down, _]) = canvas.levels.analysis_of_rows(self.gpu, SPLAT, &rows)?;
-        let (facts, Planes { colors, rest }) = (self.facts(i, rows.start)?, &canvas.peels[i]);
+        let (stats, Planes { colors, rest }) = (self.stats(i, rows.start)?, &canvas.peels[i]);
         let bindings = [
             (0, &step),
             (1, &canvas.pyramid),
@@ -286,7 +286,7 @@ impl Painter<'_> {
             (3, weighing),
             (4, colors),
             (5, rest),
-            (10, &facts),
+            (10, &stats),
         ];
         work.pass(&self.kernels.splat, &bindings, [across, down, 1])
     }
@@ -300,8 +300,8 @@ impl Painter<'_> {
         let weighing = self.gpu.uniform(&field.weighing(0))?;
         for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate() {
             let Some(rows) = self.rows_with(i, &band.rows, |range| field.has(0, range)) else { continue };
-            let facts = self.facts(i, rows.start)?;
-            let peel = [(2, frame), (3, &weighing), (4, colors), (5, rest), (10, &facts)];
+            let stats = self.stats(i, rows.start)?;
+            let peel = [(2, frame), (3, &weighing), (4, colors), (5, rest), (10, &stats)];
             let bindings = [&peel[..], &sums].concat();
             at_pixels(work, &self.kernels.gather, &bindings, (*width, rows.len()))?;
         }
@@ -316,14 +316,14 @@ impl Painter<'_> {
         self.gpu.submit(|work| {
             for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate().rev() {
                 let Some(rows) = self.rows_with(i, &canvas.band.rows, wanted) else { continue };
-                let facts = self.facts(i, rows.start)?;
+                let stats = self.stats(i, rows.start)?;
                 let bindings = [
                     (2, frame),
                     (4, colors),
                     (5, rest),
                     (6, &result.colors),
                     (7, &result.rest),
-                    (10, &facts),
+                    (10, &stats),
                 ];
                 at_pixels(work, &self.kernels.lay_in_focus, &bindings, (canvas.width, rows.len()))?;
             }

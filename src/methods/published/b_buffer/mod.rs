@@ -40,7 +40,7 @@ use crate::methods::contract::Plan;
 use crate::methods::contract::{Method, MethodInfo, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{self, Edge, Grid, Peel, Rows, SPLAT, Sheet};
+use crate::methods::shared::{self, CoveragePlanes, Edge, Grid, Peel, Rows, SPLAT};
 use crate::scene::surface;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
@@ -157,13 +157,13 @@ impl Culling {
 fn cull(peels: &mut [Peel], (width, height): (usize, usize), same_surface_px: f32) {
     let mut pixels = vec![Culling::OPEN; width * height];
     let mut kept = vec![0.0; width * height];
-    for Peel { sheet, coc_px } in peels {
-        let contributions = sheet.coverage.values().par_iter().zip(coc_px.values());
+    for Peel { covered, coc_px } in peels {
+        let contributions = covered.coverage.values().par_iter().zip(coc_px.values());
         let pixels = pixels.par_iter_mut().zip(&mut kept);
         pixels.zip(contributions).for_each(|((pixel, kept), (&alpha, &coc_px))| {
             *kept = pixel.keep(alpha, coc_px, same_surface_px);
         });
-        for plane in sheet.content.iter_mut().chain([&mut sheet.coverage]) {
+        for plane in covered.content.iter_mut().chain([&mut covered.coverage]) {
             plane.values_mut().par_iter_mut().zip(&kept).for_each(|(value, kept)| *value *= kept);
         }
     }
@@ -182,7 +182,7 @@ fn normalise(planes: &mut [Plane]) {
 /// For each row of `peel`, the range of its CoC radii; an empty one where the row is empty.
 fn ranges_px(peel: &Peel) -> Vec<[f32; 2]> {
     let range = |y: usize| {
-        let contributions = peel.sheet.coverage.row(y).iter().zip(peel.coc_px.row(y));
+        let contributions = peel.covered.coverage.row(y).iter().zip(peel.coc_px.row(y));
         let present = contributions.filter(|(coverage, _)| **coverage > 0.0);
         present
             .fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], (_, &coc)| [near.min(coc), far.max(coc)])
@@ -202,7 +202,7 @@ struct ABuffer {
 impl ABuffer {
     fn new(peels: Vec<Peel>) -> Self {
         let ranges_px = peels.iter().map(ranges_px).collect();
-        let channels = peels.first().map_or(0, |peel| peel.sheet.content.len()) + 1;
+        let channels = peels.first().map_or(0, |peel| peel.covered.content.len()) + 1;
         Self { peels, ranges_px, channels }
     }
 
@@ -240,13 +240,15 @@ impl ABuffer {
             let coc_px = peel.coc_px.row(y);
             weights.resize(coc_px.len(), 0.0);
             field.weigh(n, coc_px, &mut weights);
-            for (row, plane) in rows.iter_mut().zip(peel.sheet.content.iter().chain([&peel.sheet.coverage])) {
+            for (row, plane) in
+                rows.iter_mut().zip(peel.covered.content.iter().chain([&peel.covered.coverage]))
+            {
                 let values = grid.frame_part_mut(row).iter_mut().zip(plane.row(y)).zip(&weights);
                 values.for_each(|((sum, &value), &weight)| *sum += value * weight);
             }
             if let Some(row) = rows.get_mut(self.channels) {
                 field.share_of_finer(n, coc_px, &mut weights);
-                let occupancy = peel.sheet.coverage.row(y).iter().zip(&weights);
+                let occupancy = peel.covered.coverage.row(y).iter().zip(&weights);
                 let values = grid.frame_part_mut(row).iter_mut().zip(occupancy);
                 values.for_each(|(sum, (&occupancy, &weight))| *sum += occupancy * weight);
             }
@@ -254,10 +256,10 @@ impl ABuffer {
     }
 
     /// Near over in-focus over far.
-    fn matte(&self, fields: &[Field; 2], pyramids: &[Option<Vec<Plane>>; 2], grid: &Grid) -> Sheet {
+    fn matte(&self, fields: &[Field; 2], pyramids: &[Option<Vec<Plane>>; 2], grid: &Grid) -> CoveragePlanes {
         let (width, height) =
             self.peels.first().map_or((0, 0), |peel| (peel.coc_px.width(), peel.coc_px.height()));
-        let mut result = Sheet::unknown(width, height, self.channels - 1);
+        let mut result = CoveragePlanes::unknown(width, height, self.channels - 1);
         let rows = || vec![vec![0.0; grid.sizes[0].0]; self.channels];
         let [near, far] = fields;
         result.for_rows(
@@ -289,9 +291,9 @@ impl ABuffer {
             if near > in_focus_px || far < -in_focus_px {
                 continue;
             }
-            let planes = peel.sheet.content.iter().chain([&peel.sheet.coverage]);
+            let planes = peel.covered.content.iter().chain([&peel.covered.coverage]);
             for (back, plane) in result.iter_mut().zip(planes) {
-                let front = plane.row(y).iter().zip(peel.sheet.coverage.row(y)).zip(peel.coc_px.row(y));
+                let front = plane.row(y).iter().zip(peel.covered.coverage.row(y)).zip(peel.coc_px.row(y));
                 for (back, ((&front, &coverage), &coc_px)) in back.iter_mut().zip(front) {
                     let in_focus = coc_px.abs() <= in_focus_px;
                     *back = if in_focus { front + (1.0 - coverage) * *back } else { *back };
@@ -338,7 +340,7 @@ mod tests {
     fn single(coc_px: f32) -> ABuffer {
         let plane = |value: f32| Plane::from_fn(64, 64, |x, y| if (x, y) == (17, 30) { value } else { 0.0 });
         ABuffer::new(vec![Peel {
-            sheet: Sheet { content: vec![plane(0.4); 3], coverage: plane(0.8) },
+            covered: CoveragePlanes { content: vec![plane(0.4); 3], coverage: plane(0.8) },
             coc_px: plane(coc_px),
         }])
     }

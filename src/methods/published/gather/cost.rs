@@ -12,7 +12,7 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
         if reach <= 0.5 { 0.0 } else { disc.min(most) }
     };
     // Eight levels of radius an octave, four a step, each a pass over the picture.
-    let steps = workload.facts.spread.steps.iter().skip(1);
+    let steps = workload.stats.spread.steps.iter().skip(1);
     let levels = 4.0 * steps.filter(|step| step.front[0] > 0).count() as f64;
     let pixels = workload.pixels();
     Cost::new(

@@ -25,7 +25,7 @@ pub(super) struct Reach {
     levels: Vec<u8>,
     present: [bool; Self::LAST as usize + 1],
     /// The frame's diagonal: nothing is farther away.
-    most_px: f32,
+    max_px: f32,
 }
 
 impl Reach {
@@ -35,9 +35,9 @@ impl Reach {
     /// The reach of each pixel of a picture with signed CoC radii `coc_px`.
     pub(super) fn new(coc_px: &Plane) -> Self {
         let (width, height) = (coc_px.width(), coc_px.height());
-        let most_px = (width as f32).hypot(height as f32);
+        let max_px = (width as f32).hypot(height as f32);
         let mut levels: Vec<u8> =
-            coc_px.values().par_iter().map(|coc| level(coc.abs().min(most_px))).collect();
+            coc_px.values().par_iter().map(|coc| level(coc.abs().min(max_px))).collect();
         let own = levels.clone();
         let mut near = [false; Self::LAST as usize + 1];
         for (&level, &coc) in own.iter().zip(coc_px.values()) {
@@ -55,7 +55,7 @@ impl Reach {
         });
         let mut present = [false; Self::LAST as usize + 1];
         levels.iter().for_each(|&level| present[usize::from(level)] = true);
-        Self { width, levels, present, most_px }
+        Self { width, levels, present, max_px }
     }
 
     /// Whether any pixel has `level`.
@@ -65,7 +65,7 @@ impl Reach {
 
     /// The largest radius of `level` that the frame has room for.
     pub(super) fn radius_px(&self, level: u8) -> f32 {
-        radius_px(level).min(self.most_px)
+        radius_px(level).min(self.max_px)
     }
 
     /// Row `y` as stretches of one level each.

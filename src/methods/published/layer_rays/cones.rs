@@ -214,7 +214,7 @@ mod tests {
         // Left, every other column of a near layer before a far one; right, the near layer whole.
         let near = |x: usize| x >= 32 || x.is_multiple_of(2);
         let list = |x: usize, _| if near(x) { vec![32.0, 40.0] } else { vec![40.0] };
-        let fragments = Fragments::of_lists((64, 64), list);
+        let fragments = Fragments::from_lists((64, 64), list);
         let spacing = Spacing::new([32.0, 40.0], 3.0, 0.1);
         let cones = Cones::new(&fragments, spacing, 0.137);
         let read = |x: f32| {

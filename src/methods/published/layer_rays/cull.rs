@@ -8,7 +8,7 @@ use crate::methods::shared::{Blocks, Fragments, NBuffer};
 use glam::Vec2;
 
 /// Most N-buffers of a picture.
-pub(super) const MOST_SLABS: usize = 64;
+pub(super) const MAX_SLABS: usize = 64;
 
 /// Where the layers of a stack have fragments.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl Cull {
     /// The N-buffers of all layers.
     pub(super) fn new(fragments: &Fragments, spacing: Spacing, supersample: f32) -> Self {
         let blocks = Blocks::of(fragments);
-        let layers_per_slab = spacing.count.div_ceil(MOST_SLABS);
+        let layers_per_slab = spacing.count.div_ceil(MAX_SLABS);
         let mut cull = Self { blocks, spacing, layers_per_slab, slabs: Vec::new(), supersample };
         let slab = |index: usize| {
             let [near, far] = cull.interval(index);
@@ -84,7 +84,7 @@ mod tests {
 
     /// Sparse fragments of many depths.
     fn sparse() -> Fragments {
-        Fragments::of_lists((70, 50), |x, y| match noise(x / 3, y / 3, 1) {
+        Fragments::from_lists((70, 50), |x, y| match noise(x / 3, y / 3, 1) {
             v if v < 0.9 => vec![],
             v => vec![(v - 0.95) * 400.0, (v - 0.95) * 400.0 + 4.0],
         })
@@ -122,6 +122,6 @@ mod tests {
     #[test]
     fn however_thin_the_layers_their_n_buffers_are_few() {
         let cull = Cull::new(&sparse(), Spacing::new([-20.0, 24.0], 0.001, 0.1), 1.0);
-        assert!(cull.slabs.len() <= MOST_SLABS, "{} N-buffers", cull.slabs.len());
+        assert!(cull.slabs.len() <= MAX_SLABS, "{} N-buffers", cull.slabs.len());
     }
 }

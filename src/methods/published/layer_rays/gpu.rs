@@ -7,7 +7,7 @@
 //! which must fit into one buffer.
 
 use super::cones::{Level, Texel as ConeTexel};
-use super::cull::MOST_SLABS;
+use super::cull::MAX_SLABS;
 use super::{LayerRays, LayerTracer};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
@@ -15,8 +15,8 @@ use crate::image::Image;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    Go, Goes, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews,
-    Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_goes,
+    Batch, Batches, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack,
+    RayViews, Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_batches,
 };
 use crate::scene::Scene;
 use std::ops::Range;
@@ -45,13 +45,13 @@ static SHADER: Shader = Shader {
         RAY_STACK_CONSTANTS[0],
         RAY_STACK_CONSTANTS[1],
         RAY_STACK_CONSTANTS[2],
-        ("MOST_SLABS", Constant::Uint(MOST_SLABS as u32)),
+        ("MAX_SLABS", Constant::Uint(MAX_SLABS as u32)),
         ("SLAB_WORDS", Constant::Uint(SLAB_WORDS as u32)),
         ("LAYER_WORDS", Constant::Uint(LAYER_WORDS as u32)),
         ("LEVEL_WORDS", Constant::Uint(LEVEL_WORDS as u32)),
     ],
     parts: &[RAY_SUMS, RAY_STACK, include_str!("../../../../shaders/methods/layer_rays.wgsl")],
-    structs: &[Go::LAYOUT, Stack::LAYOUT, View::LAYOUT, Frame::LAYOUT, Texel::LAYOUT],
+    structs: &[Batch::LAYOUT, Stack::LAYOUT, View::LAYOUT, Frame::LAYOUT, Texel::LAYOUT],
 };
 
 mirrored! {
@@ -159,15 +159,15 @@ impl LayerTracer {
     }
 
     /// Rows of the picture that `gpu` holds at once.
-    fn most_rows(&self, gpu: &Gpu) -> usize {
-        let by_fragments = self.stack().most_rows(gpu, MIPMAP_BYTES);
+    fn max_rows(&self, gpu: &Gpu) -> usize {
+        let by_fragments = self.stack().max_rows(gpu, MIPMAP_BYTES);
         let (mut row, mut ends) = (1.0, 0);
         for (level, number) in self.levels().iter().zip(1..) {
-            let most = level.most_bytes_of_row();
+            let most = level.max_bytes_of_row();
             row += most as f64 / f64::from(1 << number);
             ends += 2 * PARTIAL_ROWS * most;
         }
-        let rows = gpu.most_binding_bytes().saturating_sub(ends as u64) as f64 / row;
+        let rows = gpu.max_binding_bytes().saturating_sub(ends as u64) as f64 / row;
         by_fragments.min(rows as usize / self.supersample as usize)
     }
 
@@ -195,7 +195,7 @@ impl Level {
     }
 
     /// Bytes of the fullest row, of its lists or of where they begin.
-    fn most_bytes_of_row(&self) -> usize {
+    fn max_bytes_of_row(&self) -> usize {
         let row = |y: usize| self.starts[(y + 1) * self.width] - self.starts[y * self.width];
         let most = (0..self.height).map(row).max().unwrap_or(0);
         (most * TEXEL_BYTES).max((self.width + 1) * size_of::<u32>())
@@ -232,10 +232,10 @@ impl<'g> Tables<'g> {
     }
 
     /// Makes the rows of `band`.
-    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Goes<'g>, Error> {
+    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let rows = Rows::new(self, band)?;
         let (width, height) = (self.tracer.stack().picture_size().0, band.rows.len());
-        let goes = Goes::new(self.gpu, &SHADER, width * height, self.tracer.open_background)?;
+        let goes = Batches::new(self.gpu, &SHADER, width * height, self.tracer.transparent_background)?;
         let groups = tiles(width, height, SIDE);
         let own = rows.bindings(self);
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
@@ -286,8 +286,8 @@ impl GpuBackend for LayerRays {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let tracer = LayerTracer::new(scene.clone(), plan, plan.lens_samples());
         let tables = Tables::new(gpu, &tracer)?;
-        let rows = [tables.views.reach_rows, tracer.most_rows(gpu)];
-        picture_of_goes(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
+        let rows = [tables.views.reach_rows, tracer.max_rows(gpu)];
+        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
     }
 
     fn shader(&self) -> &'static Shader {

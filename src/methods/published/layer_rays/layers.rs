@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn false_position_meets_a_plane_exactly() {
         // Level at 1.25: both ends lie 1.25 and 1.75 from it, so the first guess is the plane itself.
-        let fragments = Fragments::of_lists((40, 40), |_, _| vec![1.25]);
+        let fragments = Fragments::from_lists((40, 40), |_, _| vec![1.25]);
         let ray = Ray { start: Vec2::new(20.5, 20.5), step: Vec2::new(0.7, -0.6) };
         let hit = meet(&fragments, ray, 1).unwrap();
         assert_eq!((hit.at, hit.coc_px), (1.25, 1.25));
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn three_steps_of_false_position_meet_a_curved_surface() {
         // Over x = 200 c the surface is 1 + (x / 600)² = 1 + c²/9, which the ray meets at c = (9 − √45) / 2.
-        let fragments = Fragments::of_lists((640, 1), |x, _| vec![1.0 + (x as f32 / 600.0).powi(2)]);
+        let fragments = Fragments::from_lists((640, 1), |x, _| vec![1.0 + (x as f32 / 600.0).powi(2)]);
         let ray = Ray { start: Vec2::new(0.0, 0.5), step: Vec2::new(200.0, 0.0) };
         let hit = meet(&fragments, ray, 3).unwrap();
         let expected = 0.5 * (9.0 - 45f32.sqrt());
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn no_hit_lies_outside_the_layer_or_on_nothing() {
         let height = |x, y| 5.0 * noise(x, y, 1) - 1.0;
-        let fragments = Fragments::of_lists((24, 24), |x, y| vec![height(x, y), height(x, y) + 2.0]);
+        let fragments = Fragments::from_lists((24, 24), |x, y| vec![height(x, y), height(x, y) + 2.0]);
         let mut hits = 0;
         for i in 0..4000 {
             let random = |k| noise(i, k, 7);

@@ -138,7 +138,7 @@ struct LayerTracer {
     iterations: usize,
     /// Whether rays that leave the frame are left out.
     discard: bool,
-    open_background: bool,
+    transparent_background: bool,
 }
 
 impl Tracer for LayerTracer {
@@ -161,7 +161,7 @@ impl Tracer for LayerTracer {
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
             iterations: parameters.iterations,
             discard: parameters.discard,
-            open_background: plan.does(EffectKind::OpenBackground),
+            transparent_background: plan.does(EffectKind::TransparentBackground),
         }
     }
 
@@ -174,14 +174,14 @@ impl Tracer for LayerTracer {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.follow(Ray { start, step: self.supersample * view.lens }, layers, &mut sum);
         }
-        let mean = sum.mean(samples.len(), self.open_background);
-        if mean[3] > 0.0 || (self.open_background && sum.discarded < samples.len() as f64) {
+        let mean = sum.mean(samples.len(), self.transparent_background);
+        if mean[3] > 0.0 || (self.transparent_background && sum.discarded < samples.len() as f64) {
             return mean;
         }
         // Nothing is known of any ray but the central one, which never leaves.
         let mut central = RaySum::default();
         self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
-        central.mean(1, self.open_background)
+        central.mean(1, self.transparent_background)
     }
 }
 

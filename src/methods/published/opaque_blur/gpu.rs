@@ -7,8 +7,8 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    self, BOX, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds,
-    SHEET_WGSL, SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, corners,
+    self, BOX, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL,
+    Planes, RowNeeds, SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, corners,
     picture_in_bands,
 };
 use crate::scene::Scene;
@@ -17,7 +17,7 @@ static SHADER: Shader = Shader {
     name: "opaque_blur",
     constants: &[("NOTHING", Constant::Float(NOTHING))],
     parts: &[
-        SHEET_WGSL,
+        COVERAGE_PLANES_WGSL,
         VISIBLE_WGSL,
         PYRAMID_WGSL,
         FIRST_LEVEL_WGSL,
@@ -33,12 +33,12 @@ impl GpuBackend for OpaqueBlur {
         let images = sub_images(scene, plan);
         let visible = shared::visible(scene.clone(), plan);
         let channels = visible.content.len();
-        let most_levels = images.most_levels();
+        let max_levels = images.max_levels();
         // Source, result and CoC radii; a pyramid has a third of the samples of its level 0.
-        let widest = Grid::new(size, most_levels, Edge::Clear).sizes[0].0;
+        let widest = Grid::new(size, max_levels, Edge::Clear).sizes[0].0;
         let needs = RowNeeds { planes: 2 * channels + 2, values: (channels + 2) * widest.div_ceil(2) };
         let painter = Painter { gpu, kernels: Kernels::new(gpu)?, images: &images, visible: &visible, size };
-        let reach = shared::reach(most_levels);
+        let reach = shared::reach(max_levels);
         picture_in_bands(gpu, (size, channels > 3), (reach, needs), progress, |band, progress| {
             painter.band(band, progress)
         })

@@ -33,7 +33,7 @@ use crate::methods::contract::Plan;
 use crate::methods::contract::{Method, MethodInfo, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{self, BOX, Edge, Grid, Rows, Sheet, SubImages, Visible};
+use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use parameters::OpaqueBlurParameters;
@@ -68,7 +68,7 @@ impl Method for OpaqueBlur {
         let frame = scene.picture_size();
         let images = sub_images(&scene, plan);
         let visible = shared::visible(scene, plan);
-        let mut result = Sheet::unknown(frame.0, frame.1, visible.content.len());
+        let mut result = CoveragePlanes::unknown(frame.0, frame.1, visible.content.len());
         let count = images.far_to_near().count();
         for (done, i) in images.far_to_near().enumerate() {
             lay(&visible, &images, i, &mut result);
@@ -129,7 +129,7 @@ const DEVIATIONS: &[Deviation] = &[
 ];
 
 /// Mattes sub-image `i`, blurs it opaquely and lays it over `result`.
-fn lay(visible: &Visible, images: &SubImages, i: i32, result: &mut Sheet) {
+fn lay(visible: &Visible, images: &SubImages, i: i32, result: &mut CoveragePlanes) {
     let frame = (result.coverage.width(), result.coverage.height());
     let grid = Grid::new(frame, i.unsigned_abs() as usize, Edge::Clear);
     let channels = visible.content.len();

@@ -11,8 +11,8 @@ use crate::image::Image;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    Go, Goes, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews, Stack, Tracer,
-    View, nbuffer_words, picture_of_goes,
+    Batch, Batches, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews, Stack,
+    Tracer, View, nbuffer_words, picture_of_batches,
 };
 use crate::scene::Scene;
 use crate::scene::surface::JOIN_PX;
@@ -31,7 +31,7 @@ static SHADER: Shader = Shader {
         ("STEPS_PER_SAMPLE", Constant::Float(STEPS_PER_SAMPLE)),
     ],
     parts: &[RAY_SUMS, RAY_STACK, include_str!("../../../../shaders/methods/peel_rays.wgsl")],
-    structs: &[Go::LAYOUT, Stack::LAYOUT, View::LAYOUT, March::LAYOUT],
+    structs: &[Batch::LAYOUT, Stack::LAYOUT, View::LAYOUT, March::LAYOUT],
 };
 
 mirrored! {
@@ -111,11 +111,11 @@ impl<'g> Tables<'g> {
     }
 
     /// Makes the rows of `band`.
-    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Goes<'g>, Error> {
+    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let stack = self.marcher.stack();
         let rows = stack.rows(self.gpu, band)?;
         let (width, height) = (stack.picture_size().0, band.rows.len());
-        let goes = Goes::new(self.gpu, &SHADER, width * height, self.marcher.open_background)?;
+        let goes = Batches::new(self.gpu, &SHADER, width * height, self.marcher.transparent_background)?;
         let own = [(4, &self.views.buffer), (8, &self.nbuffers), (9, &self.march)];
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
             let bindings: Vec<_> = sums.into_iter().chain(rows.bindings()).chain(own).collect();
@@ -136,8 +136,8 @@ impl GpuBackend for PeelRays {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let marcher = Marcher::new(scene.clone(), plan, plan.lens_samples());
         let tables = Tables::new(gpu, &marcher)?;
-        let rows = [tables.views.reach_rows, marcher.stack().most_rows(gpu, 0)];
-        picture_of_goes(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
+        let rows = [tables.views.reach_rows, marcher.stack().max_rows(gpu, 0)];
+        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
     }
 
     fn shader(&self) -> &'static Shader {

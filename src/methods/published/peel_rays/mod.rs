@@ -104,7 +104,7 @@ struct Marcher {
     jitter: f32,
     linear_steps: usize,
     binary_steps: usize,
-    open_background: bool,
+    transparent_background: bool,
 }
 
 /// Between which CoC radii there is anything in some part of the picture.
@@ -200,7 +200,7 @@ impl Tracer for Marcher {
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
             linear_steps: parameters.linear_steps,
             binary_steps: parameters.binary_steps,
-            open_background: plan.does(EffectKind::OpenBackground),
+            transparent_background: plan.does(EffectKind::TransparentBackground),
         }
     }
 
@@ -212,7 +212,7 @@ impl Tracer for Marcher {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.march(Ray { start, step: self.supersample * view.lens }, range, &mut sum);
         }
-        sum.mean(self.samples.len(), self.open_background)
+        sum.mean(self.samples.len(), self.transparent_background)
     }
 }
 
@@ -339,7 +339,7 @@ mod tests {
             jitter: 1.0,
             linear_steps: 100,
             binary_steps: 5,
-            open_background: false,
+            transparent_background: false,
         }
     }
 
@@ -358,7 +358,7 @@ mod tests {
     fn a_ray_that_slips_behind_an_edge_goes_on_to_what_is_behind() {
         // A bar at −4 over the right half, a wall at 6 behind it all.
         let list = |x, _| if x >= 8 { vec![-4.0, 6.0] } else { vec![6.0] };
-        let marcher = marcher(Fragments::of_lists((24, 1), list), [-4.0, 6.0]);
+        let marcher = marcher(Fragments::from_lists((24, 1), list), [-4.0, 6.0]);
         assert_eq!(met(&marcher, ray(11.0, 0.5)), -4.0, "over 9 at −4: meets the bar");
         assert_eq!(met(&marcher, ray(9.0, 0.5)), 6.0, "over 7 at −4, over 9 at 0: behind the bar");
         assert_eq!(met(&marcher, ray(7.0, -0.6)), -4.0, "over 9.4 at −4, leaving: meets the bar");
@@ -370,7 +370,7 @@ mod tests {
         let floor = |x: usize| 0.4 * (x as f32 - 20.0);
         let list =
             |x, _| if (18..24).contains(&x) { vec![-9.0, floor(x), 30.0] } else { vec![floor(x), 30.0] };
-        let marcher = marcher(Fragments::of_lists((48, 1), list), [-9.0, 30.0]);
+        let marcher = marcher(Fragments::from_lists((48, 1), list), [-9.0, 30.0]);
         for i in 0..200 {
             // x = p + 0.9 c meets c = 0.4 (x − 20) at c = 0.4 (p − 20) / (1 − 0.36); the bar, at −9, is 8 samples off.
             let start = 20.0 + 0.03 * i as f32;
@@ -385,7 +385,7 @@ mod tests {
         let list = |x, y| {
             if noise(x / 4, y / 4, 3) < 0.8 { vec![] } else { vec![24.0 * noise(x / 4, y / 4, 4) - 12.0] }
         };
-        let fragments = Fragments::of_lists((60, 60), list);
+        let fragments = Fragments::from_lists((60, 60), list);
         let range = Range::new(&fragments, [-12.0, 12.0], 1.0);
         for (px, py) in (0..60).step_by(7).flat_map(|x| (0..60).step_by(5).map(move |y| (x, y))) {
             let centre = Vec2::new(px as f32 + 0.5, py as f32 + 0.5);

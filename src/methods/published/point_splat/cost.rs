@@ -18,7 +18,7 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let area = |coc_px: f64| workload.disc_px(coc_px.max(0.5));
     let visible = workload.sums(|coc| points(coc) * area(coc))[0];
     let rows = workload.sums(|coc| points(coc) * workload.disc_rows(coc))[0];
-    let hides = parameters.hidden && workload.facts.layers > 1;
+    let hides = parameters.hidden && workload.stats.layers > 1;
     let hidden = if hides { workload.pixels() } else { 0.0 };
     Cost::new(
         WorkKind::Rows,

@@ -30,7 +30,7 @@ const NEIGHBOURS: [Vec2; 12] = [
 const REDUCED_REACH: f32 = 0.95;
 
 /// Coverage below this is no knowledge: it could not be divided by.
-const LEAST_COVERAGE: f32 = 1e-6;
+const MIN_COVERAGE: f32 = 1e-6;
 
 /// What a camera sees in one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,12 +51,12 @@ pub(super) fn seen<const N: usize>(
 ) -> Option<Fragment<N>> {
     let mut seen = Fragment { content: [0.0; N], weight: 0.0, coc_px: 0.0 };
     let (mut transmitted, mut most) = (1.0, 0.0);
-    for Peel { sheet, coc_px } in peels {
-        let (coverage, coc_px) = (sheet.coverage.get(x, y), coc_px.get(x, y));
+    for Peel { covered, coc_px } in peels {
+        let (coverage, coc_px) = (covered.coverage.get(x, y), coc_px.get(x, y));
         if coverage <= 0.0 || coc_px < from_px {
             continue;
         }
-        for (sum, plane) in seen.content.iter_mut().zip(&sheet.content) {
+        for (sum, plane) in seen.content.iter_mut().zip(&covered.content) {
             *sum += transmitted * plane.get(x, y);
         }
         seen.weight += transmitted * coverage;
@@ -68,7 +68,7 @@ pub(super) fn seen<const N: usize>(
             break;
         }
     }
-    (seen.weight > LEAST_COVERAGE).then_some(seen)
+    (seen.weight > MIN_COVERAGE).then_some(seen)
 }
 
 impl<const N: usize> Fragment<N> {
@@ -163,12 +163,12 @@ fn depth_change_px(visible_px: &Plane, x: usize, y: usize, reach: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::shared::Sheet;
+    use crate::methods::shared::CoveragePlanes;
 
     fn peel(value: f32, coverage: f32, coc_px: f32) -> Peel {
         let plane = |value| Plane::filled(1, 1, value);
-        let sheet = Sheet { content: vec![plane(value * coverage); 3], coverage: plane(coverage) };
-        Peel { sheet, coc_px: plane(coc_px) }
+        let covered = CoveragePlanes { content: vec![plane(value * coverage); 3], coverage: plane(coverage) };
+        Peel { covered, coc_px: plane(coc_px) }
     }
 
     #[test]

@@ -111,7 +111,7 @@ impl Method for PointSplat {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let size = scene.picture_size();
         let peels = peels(scene, plan);
-        let content = if plan.does(EffectKind::OpenBackground) {
+        let content = if plan.does(EffectKind::TransparentBackground) {
             scatter::<4>(peels, size, plan, progress)
         } else {
             scatter::<3>(peels, size, plan, progress)

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// CoC radius from which points are reduced: a diameter of 4 pixels (section 5).
-const LEAST_COC_PX: f32 = 2.0;
+const MIN_COC_PX: f32 = 2.0;
 
 /// Light beyond its block's mean, spread over a sprite, that shows when it is half a pixel off: a 64th of white.
 const SHOWN_LIGHT: f32 = 1.0 / 64.0;
@@ -81,7 +81,7 @@ fn share_of(coc_px: [f32; 4], delta: f32) -> f32 {
         .iter()
         .fold((f32::INFINITY, f32::NEG_INFINITY), |(least, most), &c| (least.min(c), most.max(c)));
     let radius = if least < 0.0 { -most } else { least };
-    if radius >= LEAST_COC_PX && most - least <= delta * radius { 1.0 } else { 0.0 }
+    if radius >= MIN_COC_PX && most - least <= delta * radius { 1.0 } else { 0.0 }
 }
 
 /// What partial occlusion near four pixels leaves to their reduced point.

@@ -25,7 +25,7 @@ const SMOOTH_RADIUS: f32 = 6.0;
 const RIM: f32 = 0.7;
 
 /// Least intensity as a share of the greatest: a profile whose light falls between all parts of a pixel still has a sum.
-const LEAST_INTENSITY: f32 = 1e-6;
+const MIN_INTENSITY: f32 = 1e-6;
 
 /// A rim's pixel is looked at in this many parts along each axis.
 const PARTS: usize = 4;
@@ -131,7 +131,7 @@ impl Sprites {
     pub(super) fn new(aperture: Aperture, intensity: &[f32]) -> Self {
         let greatest = intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
         let intensity =
-            intensity.iter().map(|value| value.max(LEAST_INTENSITY * greatest) / greatest).collect();
+            intensity.iter().map(|value| value.max(MIN_INTENSITY * greatest) / greatest).collect();
         let mut sprites = Self { aperture, intensity, areas: Vec::new() };
         let steps = Sprite::of(LIMIT_RADIUS).0 / 2;
         sprites.areas = (0..=steps).into_par_iter().map(|step| sprites.area(Sprite(2 * step))).collect();

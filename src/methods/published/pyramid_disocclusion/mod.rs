@@ -32,7 +32,7 @@ use crate::methods::contract::Plan;
 use crate::methods::contract::{Method, MethodInfo, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{self, BOX, Edge, Grid, Rows, Sheet, SubImages, Visible};
+use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use parameters::PyramidDisocclusionParameters;
@@ -68,7 +68,7 @@ impl Method for PyramidDisocclusion {
         let frame = scene.picture_size();
         let (images, grid) = sub_images(&scene, plan);
         let visible = shared::visible(scene, plan);
-        let mut result = Sheet::unknown(frame.0, frame.1, visible.content.len());
+        let mut result = CoveragePlanes::unknown(frame.0, frame.1, visible.content.len());
         let count = images.far_to_near().count();
         for (done, i) in images.far_to_near().enumerate() {
             if let Some(disoccluded) = disocclude(&visible, &images, i, &grid) {
@@ -90,12 +90,12 @@ fn sub_images(scene: &Scene, plan: &Plan) -> (SubImages, Grid) {
     let first_radius_px = plan.parameters.get::<PyramidDisocclusionParameters>().first_radius_px;
     let (frame, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
     let images = SubImages::new(first_radius_px, plan.coc_range_px, coc_infinity_px, frame);
-    let grid = Grid::new(frame, images.most_levels().max(1), Edge::Repeat);
+    let grid = Grid::new(frame, images.max_levels().max(1), Edge::Repeat);
     (images, grid)
 }
 
 /// Where the coarsest level knows less than this of a pixel in all, that is rounding, and nothing is known.
-const LEAST_KNOWN: f64 = 1e-6;
+const MIN_KNOWN: f64 = 1e-6;
 
 /// Figures of the laws' cases, rounded outward.
 const DEVIATIONS: &[Deviation] = &[
@@ -195,7 +195,7 @@ fn raise_knowledge(planes: &mut [Plane]) {
 fn filled_with_mean(mut planes: Vec<Plane>) -> Option<Vec<Plane>> {
     let total = |plane: &Plane| plane.values().iter().map(|&value| f64::from(value)).sum::<f64>();
     let known = planes.pop()?;
-    let all_known = Some(total(&known)).filter(|&sum| sum > LEAST_KNOWN)?;
+    let all_known = Some(total(&known)).filter(|&sum| sum > MIN_KNOWN)?;
     for plane in &mut planes {
         let mean = (total(plane) / all_known) as f32;
         let values = plane.values_mut().iter_mut().zip(known.values());
@@ -215,7 +215,7 @@ fn complete_row(known: &[&[f32]], expanded: &mut Rows) {
 }
 
 /// Mattes sub-image `i` of the disoccluded picture, blurs it and lays it over `result`.
-fn lay(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, result: &mut Sheet) {
+fn lay(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, result: &mut CoveragePlanes) {
     let Some((coc_px, content)) = disoccluded.split_last() else { return };
     let channels = content.len() + 1;
     let matte = |y: usize, rows: &mut Rows| {
@@ -257,7 +257,7 @@ mod tests {
 
     fn disoccluded(visible: &Visible, i: i32) -> Option<Vec<Plane>> {
         let images = SubImages::new(2.0, [-8.0, 8.0], 100.0, (32, 16));
-        disocclude(visible, &images, i, &Grid::new((32, 16), images.most_levels(), Edge::Repeat))
+        disocclude(visible, &images, i, &Grid::new((32, 16), images.max_levels(), Edge::Repeat))
     }
 
     #[test]

@@ -28,7 +28,7 @@ type Lines = [f32; LANES];
 
 /// Blurs `plane` by a Gaussian of standard deviation `sigma_px`, border repeated.
 pub(super) fn blur(plane: &mut Plane, sigma_px: f32) {
-    let (width, filter) = (plane.width(), ExtendedBox::of_sigma(sigma_px));
+    let (width, filter) = (plane.width(), ExtendedBox::from_sigma(sigma_px));
     if width == 0 {
         return;
     }
@@ -63,15 +63,15 @@ pub(super) struct ExtendedBox {
 
 impl ExtendedBox {
     /// The one of which [`PASSES`] passes make a Gaussian of standard deviation `sigma_px`.
-    pub(super) fn of_sigma(sigma_px: f32) -> Self {
-        Self::of_variance(f64::from(sigma_px).powi(2) / PASSES as f64)
+    pub(super) fn from_sigma(sigma_px: f32) -> Self {
+        Self::from_variance(f64::from(sigma_px).powi(2) / PASSES as f64)
     }
 
     /// The extended box of this variance.
     ///
     /// A box of radius `r` has variance `r(r+1)/3`; `r` is the largest with no more than `variance`, and the edge solves
     /// `(r(r+1)(2r+1)/3 + 2 edge (r+1)²) / (2r+1 + 2 edge) = variance`.
-    fn of_variance(variance: f64) -> Self {
+    fn from_variance(variance: f64) -> Self {
         let r = (0.5 * ((1.0 + 12.0 * variance).sqrt() - 1.0)).floor();
         let length = 2.0 * r + 1.0;
         let edge = 0.5 * length * (variance - r * (r + 1.0) / 3.0) / ((r + 1.0).powi(2) - variance);
@@ -280,7 +280,7 @@ mod tests {
     fn a_firefly_leaves_nothing_beyond_the_reach_of_the_blur() {
         let mut plane = Plane::from_fn(4000, 3, |x, y| if (x, y) == (70, 1) { 65_504.0 } else { 0.0 });
         blur(&mut plane, 6.0);
-        let reach = ExtendedBox::of_variance(9.0).reach();
+        let reach = ExtendedBox::from_variance(9.0).reach();
         let beyond = plane.row(1)[70 + reach + 1..].iter().all(|&value| value == 0.0);
         assert!(beyond, "0 from column {} on", 70 + reach + 1);
     }

@@ -10,7 +10,7 @@
 
 use super::layers::{Layers, depth};
 use crate::image::Plane;
-use crate::methods::shared::{Peel, Sheet};
+use crate::methods::shared::{CoveragePlanes, Peel};
 use crate::scene::OPAQUE_ALPHA;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// A peel by depth.
 #[derive(Debug)]
 pub(super) struct DepthPeel {
-    pub sheet: Sheet,
+    pub covered: CoveragePlanes,
     /// As of [`depth`]; finite.
     pub depth: Plane,
     /// Least and greatest depth in each row; none in a row without fragments.
@@ -28,9 +28,9 @@ pub(super) struct DepthPeel {
 impl DepthPeel {
     /// `peel` with its CoC radii turned into depths, in place.
     pub(super) fn new(peel: Peel, coc_infinity_px: f32) -> Self {
-        let Peel { sheet, coc_px: mut depths } = peel;
+        let Peel { covered, coc_px: mut depths } = peel;
         let width = depths.width().max(1);
-        let rows = depths.values_mut().par_chunks_mut(width).zip(sheet.coverage.values().par_chunks(width));
+        let rows = depths.values_mut().par_chunks_mut(width).zip(covered.coverage.values().par_chunks(width));
         let spans = rows.map(|(depths, coverage)| {
             let mut span = [f32::INFINITY, f32::NEG_INFINITY];
             for (value, &coverage) in depths.iter_mut().zip(coverage) {
@@ -42,7 +42,7 @@ impl DepthPeel {
             span
         });
         let spans = spans.collect();
-        Self { sheet, depth: depths, spans }
+        Self { covered, depth: depths, spans }
     }
 }
 
@@ -125,9 +125,9 @@ pub(super) enum Side {
     Behind,
 }
 
-/// Composes the layer of `matte` (eq. 2) with `sheet`, and says whether there is anything in the layer.
-pub(super) fn compose(sheet: &mut Sheet, peels: &[DepthPeel], matte: &Matte, side: Side) -> bool {
-    let channels = sheet.content.len();
+/// Composes the layer of `matte` (eq. 2) with `covered`, and says whether there is anything in the layer.
+pub(super) fn compose(covered: &mut CoveragePlanes, peels: &[DepthPeel], matte: &Matte, side: Side) -> bool {
+    let channels = covered.content.len();
     let arch = Arch::new();
     let row = |scratch: &mut Row, (y, target): (usize, &mut Target<'_>)| {
         if !peels.iter().any(|peel| matte.meets(peel.spans[y])) {
@@ -139,26 +139,26 @@ pub(super) fn compose(sheet: &mut Sheet, peels: &[DepthPeel], matte: &Matte, sid
         }
         found
     };
-    let mut targets = targets(sheet);
+    let mut targets = targets(covered);
     let rows = targets.par_iter_mut().enumerate();
     let found = rows.map_init(|| Row::new(channels), row);
     found.reduce(|| false, |one, other| one | other)
 }
 
-/// A row of a sheet, to write.
+/// A row of a covered, to write.
 struct Target<'a> {
     content: Vec<&'a mut [f32]>,
     coverage: &'a mut [f32],
 }
 
-/// The rows of `sheet`.
-fn targets(sheet: &mut Sheet) -> Vec<Target<'_>> {
-    let width = sheet.coverage.width().max(1);
-    let rows = sheet.coverage.values_mut().chunks_mut(width);
-    let channels = sheet.content.len();
+/// The rows of `covered`.
+fn targets(covered: &mut CoveragePlanes) -> Vec<Target<'_>> {
+    let width = covered.coverage.width().max(1);
+    let rows = covered.coverage.values_mut().chunks_mut(width);
+    let channels = covered.content.len();
     let mut targets: Vec<Target<'_>> =
         rows.map(|coverage| Target { content: Vec::with_capacity(channels), coverage }).collect();
-    for plane in &mut sheet.content {
+    for plane in &mut covered.content {
         let rows = plane.values_mut().chunks_mut(width);
         targets.iter_mut().zip(rows).for_each(|(target, row)| target.content.push(row));
     }
@@ -218,12 +218,12 @@ impl NullaryFnOnce for MatteRow<'_> {
             if !meets {
                 continue;
             }
-            for (row, plane) in scratch.content.iter_mut().zip(&peel.sheet.content) {
+            for (row, plane) in scratch.content.iter_mut().zip(&peel.covered.content) {
                 for ((sum, &value), &share) in row.iter_mut().zip(plane.row(y)).zip(&scratch.share) {
                     *sum += share * value;
                 }
             }
-            let alphas = peel.sheet.coverage.row(y).iter();
+            let alphas = peel.covered.coverage.row(y).iter();
             for ((sum, &alpha), &share) in scratch.coverage.iter_mut().zip(alphas).zip(&scratch.share) {
                 *sum += share * alpha;
             }
@@ -237,7 +237,7 @@ impl NullaryFnOnce for MatteRow<'_> {
 fn share_row(matte: &Matte, peel: &DepthPeel, y: usize, scratch: &mut Row) -> bool {
     let Row { coverage, seen, share, .. } = scratch;
     let mut most = 0.0f32;
-    let fragments = peel.depth.row(y).iter().zip(peel.sheet.coverage.row(y));
+    let fragments = peel.depth.row(y).iter().zip(peel.covered.coverage.row(y));
     for (((&depth, &alpha), (share, &covered)), seen) in
         fragments.zip(share.iter_mut().zip(coverage.iter())).zip(seen)
     {
@@ -248,7 +248,7 @@ fn share_row(matte: &Matte, peel: &DepthPeel, y: usize, scratch: &mut Row) -> bo
     most > 0.0
 }
 
-/// Composes a row of a layer with a row of a sheet; to be compiled for each instruction set.
+/// Composes a row of a layer with a row of a covered; to be compiled for each instruction set.
 struct ComposeRow<'a, 'b> {
     target: &'a mut Target<'b>,
     layer: &'a Row,

@@ -38,7 +38,7 @@ use crate::methods::contract::Plan;
 use crate::methods::contract::{Method, MethodInfo, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{Sheet, peels};
+use crate::methods::shared::{CoveragePlanes, peels};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use layers::{Layers, cascade_sigma_px, sigma_px};
@@ -126,8 +126,9 @@ impl Method for RecursiveGaussian {
         let layers = Layers::new(plan.coc_range_px, coc_infinity_px, parameters);
         let peels: Vec<DepthPeel> =
             peels(scene, plan).into_iter().map(|peel| DepthPeel::new(peel, coc_infinity_px)).collect();
-        let channels = if plan.does(EffectKind::OpenBackground) { 4 } else { 3 };
-        let half = |side| Half { sheet: Sheet::unknown(size.0, size.1, channels), side, known: false };
+        let channels = if plan.does(EffectKind::TransparentBackground) { 4 } else { 3 };
+        let half =
+            |side| Half { covered: CoveragePlanes::unknown(size.0, size.1, channels), side, known: false };
         let (mut front, mut back) = (half(Side::Behind), half(Side::Before));
         let stack = Stack { layers, peels: &peels, cascaded: parameters.cascaded };
         let mut done = 0;
@@ -138,8 +139,8 @@ impl Method for RecursiveGaussian {
         };
         (-layers.front..0).for_each(|layer| add(&mut front, layer));
         (0..=layers.back).rev().for_each(|layer| add(&mut back, layer));
-        front.sheet.over(&back.sheet);
-        Ok(front.sheet.into_picture())
+        front.covered.over(&back.covered);
+        Ok(front.covered.into_picture())
     }
 
     #[cfg(feature = "gpu")]
@@ -157,7 +158,7 @@ struct Stack<'a> {
 
 /// The layers on one side of focus, composed from the outermost towards focus as far as they were added.
 struct Half {
-    sheet: Sheet,
+    covered: CoveragePlanes,
     side: Side,
     /// Whether there is anything in it.
     known: bool,
@@ -171,33 +172,33 @@ impl Half {
     fn add(&mut self, stack: &Stack<'_>, layer: i32) {
         let matte = Matte::new(&stack.layers, layer);
         if stack.cascaded || layer == 0 {
-            self.known |= compose(&mut self.sheet, stack.peels, &matte, self.side);
+            self.known |= compose(&mut self.covered, stack.peels, &matte, self.side);
             if self.known {
-                blur(&mut self.sheet, cascade_sigma_px(layer));
+                blur(&mut self.covered, cascade_sigma_px(layer));
             }
             return;
         }
-        let (width, height) = (self.sheet.coverage.width(), self.sheet.coverage.height());
-        let mut own = Sheet::unknown(width, height, self.sheet.content.len());
+        let (width, height) = (self.covered.coverage.width(), self.covered.coverage.height());
+        let mut own = CoveragePlanes::unknown(width, height, self.covered.content.len());
         if !compose(&mut own, stack.peels, &matte, self.side) {
             return;
         }
         blur(&mut own, sigma_px(layer));
         match self.side {
             Side::Before => {
-                own.over(&self.sheet);
-                self.sheet = own;
+                own.over(&self.covered);
+                self.covered = own;
             }
-            Side::Behind => self.sheet.over(&own),
+            Side::Behind => self.covered.over(&own),
         }
         self.known = true;
     }
 }
 
 /// Blurs content and coverage alike.
-fn blur(sheet: &mut Sheet, sigma_px: f32) {
+fn blur(covered: &mut CoveragePlanes, sigma_px: f32) {
     if sigma_px > 0.0 {
-        let planes = sheet.content.iter_mut().chain([&mut sheet.coverage]);
+        let planes = covered.content.iter_mut().chain([&mut covered.coverage]);
         planes.for_each(|plane| gaussian::blur(plane, sigma_px));
     }
 }
@@ -224,7 +225,7 @@ mod tests {
         let mut parameters = ParameterValues::default();
         parameters.set("recursive-gaussian", key, value);
         let settings = Settings::resolve(&[(Origin::Flag, &values)], parameters);
-        let plan = crate::methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+        let plan = crate::methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
         RecursiveGaussian.blur(scene, &plan, &|_| {}).unwrap()
     }
 

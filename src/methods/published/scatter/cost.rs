@@ -11,7 +11,7 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     let front = workload.sums(|_| 1.0)[0].max(1.0);
     // Slices are an eighth of a pixel wide near focus, where changes are counted by half pixels.
     let finer = workload.sums(|coc| (coc / 32.0).max(0.5) / (coc / 32.0).max(0.125))[0] / front;
-    let [changes, edges] = [workload.facts.spread.changes[0], workload.facts.spread.edges[0]];
+    let [changes, edges] = [workload.stats.spread.changes[0], workload.stats.spread.edges[0]];
     let runs = (edges + (changes - edges) * finer) / workload.supersample() + workload.size()[1];
     let slices = workload.slices(0.125);
     Cost::new(

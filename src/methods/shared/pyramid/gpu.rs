@@ -72,11 +72,11 @@ impl Levels {
     /// The levels of `grid` for these rows of its frame, `channels` planes each.
     pub(in crate::methods) fn new(grid: Grid, rows: &Range<usize>, channels: usize) -> Self {
         let finest = rows.start + grid.origin.1..rows.end + grid.origin.1;
-        Self::of_finest(grid, finest, channels, 1)
+        Self::from_finest(grid, finest, channels, 1)
     }
 
     /// The levels of `grid` for these rows of level 0, `channels` planes each; those from `lowest` on have a place in the buffer.
-    pub(in crate::methods) fn of_finest(
+    pub(in crate::methods) fn from_finest(
         grid: Grid,
         rows: Range<usize>,
         channels: usize,
@@ -270,7 +270,7 @@ mod tests {
                 let rows = (0..count).map(|i| i * height / count..(i + 1) * height / count);
                 let bands = rows.filter(|rows| !rows.is_empty());
                 let bands = bands.map(|rows| {
-                    Levels::of_finest(grid.up_to(levels.min(3)), grid.rows_with_border(&rows), 1, 1)
+                    Levels::from_finest(grid.up_to(levels.min(3)), grid.rows_with_border(&rows), 1, 1)
                 });
                 let bands: Vec<Levels> = bands.collect();
                 for level in 0..=levels.min(3) {

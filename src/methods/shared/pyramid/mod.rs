@@ -63,7 +63,7 @@ pub(in crate::methods) struct Grid {
 }
 
 /// Levels after which a frame of this size is no more than one sample and its surroundings.
-pub(in crate::methods) fn most_levels((width, height): (usize, usize)) -> usize {
+pub(in crate::methods) fn max_levels((width, height): (usize, usize)) -> usize {
     width.max(height).next_power_of_two().trailing_zeros() as usize + 1
 }
 

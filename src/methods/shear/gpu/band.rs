@@ -2,7 +2,7 @@
 
 use super::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE, Work};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Kernel, MOST_ROUNDS, Resource, Texels, Texture, tiles};
+use crate::gpu::{Band, Buffer, Kernel, MAX_ROUNDS, Resource, Texels, Texture, tiles};
 use crate::methods::Progress;
 use crate::methods::shear::canvas::Shear;
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
@@ -171,11 +171,11 @@ impl<'a> BandWork<'a> {
     fn views_in_a_go(&self) -> Result<usize, Error> {
         let [columns, rows, _] = self.tiles();
         let lists = (columns * rows * self.params.entries) as usize * size_of::<[u32; 2]>();
-        let room = self.work.gpu.most_binding_bytes().min(LISTS_BYTES) as usize;
+        let room = self.work.gpu.max_binding_bytes().min(LISTS_BYTES) as usize;
         // For each entry the four pixels of a thread look through all texels of keys, and so they do for each fragment of a veil.
         let texels = self.work.layers.len().div_ceil(LAYERS_PER_TEXEL);
         let rounds = self.params.entries as usize * (1 + 8 * texels);
-        let most = (room / lists).min(SHIFTS / self.params.bins as usize).min(MOST_ROUNDS / rounds);
+        let most = (room / lists).min(SHIFTS / self.params.bins as usize).min(MAX_ROUNDS / rounds);
         if most == 0 {
             return Err(Error::device("the bins of one view are too large for the GPU")
                 .with("found", format!("{} bins, {columns} × {rows} tiles", self.params.bins))

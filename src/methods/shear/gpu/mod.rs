@@ -12,7 +12,7 @@ use super::bins::Bins;
 use super::bokeh::Bokeh;
 use super::highlights::{self, Highlight, Occluders};
 use super::keys::{BIN_SHIFT, EXTRA, EXTRA_SHIFT, Key, Keys, NO_KEY, OPAQUE};
-use super::paint::{LEAST_HIT, STOPPED_BELOW};
+use super::paint::{MIN_HIT, STOPPED_BELOW};
 use super::prefilter;
 use super::resolve;
 use super::runs;
@@ -32,7 +32,7 @@ static SHADER: Shader = Shader {
     constants: &[
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("STOPPED_BELOW", Constant::Float(STOPPED_BELOW)),
-        ("LEAST_HIT", Constant::Float(LEAST_HIT)),
+        ("MIN_HIT", Constant::Float(MIN_HIT)),
         ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
         ("EXTRA_SHIFT", Constant::Uint(EXTRA_SHIFT)),
         ("EXTRA", Constant::Uint(EXTRA as u32)),
@@ -93,7 +93,7 @@ mirrored! {
         focused_end: u32,
         views: u32,
         views_in_go: u32,
-        open_background: u32,
+        transparent_background: u32,
         channels: u32,
         cats_eye: f32,
         axis_x_px: f32,
@@ -105,9 +105,9 @@ mirrored! {
 
 /// `shear` on a GPU.
 #[derive(Debug)]
-pub(super) struct ShearTwin;
+pub(super) struct ShearGpu;
 
-impl GpuBackend for ShearTwin {
+impl GpuBackend for ShearGpu {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let (layers, highlights) = load(scene, plan);
         let work = Work::new(gpu, scene, &layers, plan);
@@ -181,20 +181,20 @@ impl<'a> Work<'a> {
     }
 
     /// Rows that can be read at once.
-    fn most_rows(&self) -> usize {
+    fn max_rows(&self) -> usize {
         let (width, layers) = (self.size.0, self.layers.len());
         let largest = width * TEXEL.max(SUMS * size_of::<f32>());
         let together = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, of_a_row: usize| bytes as usize / of_a_row;
-        rows(self.gpu.most_binding_bytes(), largest)
-            .min(rows(self.gpu.most_working_bytes(), together))
-            .min(self.gpu.most_texels())
+        rows(self.gpu.max_binding_bytes(), largest)
+            .min(rows(self.gpu.max_working_bytes(), together))
+            .min(self.gpu.max_texels())
     }
 
     fn paint(&self, progress: &Progress<'_>) -> Result<(Image, Plane), Error> {
         let (width, height) = self.size;
         let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
-        let bands = bands(height, self.reach(), self.most_rows())?;
+        let bands = bands(height, self.reach(), self.max_rows())?;
         for (i, band) in bands.iter().enumerate() {
             let share = |done: f32| progress((i as f32 + done) / bands.len() as f32);
             let picture = BandWork::new(self, band)?.picture(&share)?;
@@ -241,7 +241,7 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
         focused_end: focused.end as u32,
         views: views as u32,
         views_in_go: 0,
-        open_background: u32::from(plan.does(EffectKind::OpenBackground)),
+        transparent_background: u32::from(plan.does(EffectKind::TransparentBackground)),
         channels: 0,
         cats_eye: optics.cats_eye,
         axis_x_px: field.axis_px.x,

@@ -80,7 +80,7 @@ impl Blocks {
     }
 
     /// Most points of a block.
-    pub(super) fn most_points(&self) -> usize {
+    pub(super) fn max_points(&self) -> usize {
         self.blocks.iter().map(|[_, packed]| packed & 255).max().unwrap_or(0) as usize
     }
 
@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(columns, [1.0, 3.0, 1.0, 3.0]);
         // CoC radius 4 in the last row of four, 6 in the last: 4.7 and 6.7 pixels.
         assert_eq!([blocks.blocks[2][1] >> 8, blocks.blocks[8][1] >> 8], [5, 7]);
-        assert_eq!(blocks.most_points(), 8);
+        assert_eq!(blocks.max_points(), 8);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use super::splat::{Grid, Point};
 use super::sprites::Centre;
 use super::{PointSplat, Prepared};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Constant, Gpu, MOST_ROUNDS, Mirrored, Shader, bands, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Constant, Gpu, MAX_ROUNDS, Mirrored, Shader, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
@@ -38,10 +38,10 @@ const BYTES_A_POINT: usize = 16;
 const BYTES_A_PAIR: usize = 2 * 3 * 5 * size_of::<f32>();
 
 /// Points looked at by all pixels of a pass together: some tenths of a second of a slow card.
-const MOST_VISITS: usize = 4_000_000_000;
+const MAX_VISITS: usize = 4_000_000_000;
 
 /// Layers of a strip take no more: they are read and written in every go.
-const MOST_SUM_BYTES: usize = 1 << 26;
+const MAX_SUM_BYTES: usize = 1 << 26;
 
 mirrored! {
     /// What a strip of the picture is made of.
@@ -79,7 +79,7 @@ static SHADER: Shader = Shader {
 
 impl GpuBackend for PointSplat {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let content = if plan.does(EffectKind::OpenBackground) {
+        let content = if plan.does(EffectKind::TransparentBackground) {
             Splatting::<4>::new(gpu, scene, plan).content(progress)?
         } else {
             Splatting::<3>::new(gpu, scene, plan).content(progress)?
@@ -107,8 +107,8 @@ struct Splatting<'a, const N: usize> {
     delta: f32,
     /// How far the points reach.
     reach: usize,
-    /// [`MOST_VISITS`], or fewer.
-    most_visits: usize,
+    /// [`MAX_VISITS`], or fewer.
+    max_visits: usize,
 }
 
 /// What the GPU has of a band.
@@ -133,7 +133,7 @@ impl<'a, const N: usize> Splatting<'a, N> {
         let prepared = Prepared::<N>::new(peels(scene.clone(), plan), size, plan);
         let reach = reach(&prepared.grids);
         let delta = plan.parameters.get::<PointSplatParameters>().delta;
-        Self { gpu, prepared, size, delta, reach, most_visits: MOST_VISITS }
+        Self { gpu, prepared, size, delta, reach, max_visits: MAX_VISITS }
     }
 
     /// Content planes of the picture.
@@ -158,14 +158,14 @@ impl<'a, const N: usize> Splatting<'a, N> {
     fn bands(&self) -> Result<Vec<Band>, Error> {
         let (width, height) = self.size;
         let points = |y| count_in_row(&self.prepared.grids, y, self.size);
-        let most_points = (0..height).into_par_iter().map(points).max().unwrap_or(0);
-        let binding = self.gpu.most_binding_bytes() as usize / (BYTES_A_POINT * most_points.max(width));
-        let together = 2 * BYTES_A_POINT * most_points + (BYTES_A_POINT + size_of::<[f32; 2]>()) * width;
-        let room = (self.gpu.most_working_bytes() as usize - MOST_SUM_BYTES) / together;
-        let most_rows = binding.min(room);
+        let max_points = (0..height).into_par_iter().map(points).max().unwrap_or(0);
+        let binding = self.gpu.max_binding_bytes() as usize / (BYTES_A_POINT * max_points.max(width));
+        let together = 2 * BYTES_A_POINT * max_points + (BYTES_A_POINT + size_of::<[f32; 2]>()) * width;
+        let room = (self.gpu.max_working_bytes() as usize - MAX_SUM_BYTES) / together;
+        let max_rows = binding.min(room);
         // The rows above and below the picture need room too.
-        let is_one = height + 2 * self.rows_reached() <= most_rows;
-        bands(height, self.rows_reached(), if is_one { height } else { most_rows.min(height - 1) })
+        let is_one = height + 2 * self.rows_reached() <= max_rows;
+        bands(height, self.rows_reached(), if is_one { height } else { max_rows.min(height - 1) })
     }
 
     /// Weights of all sprites of the rows that a band reads.
@@ -177,11 +177,11 @@ impl<'a, const N: usize> Splatting<'a, N> {
             rows.iter().take(count).flatten().map(|point| (point, grid.centre))
         });
         let table = Table::new(points, self.size);
-        let (bytes, most_bytes) = (size_of::<f32>() * table.count, self.gpu.most_binding_bytes());
-        if bytes as u64 > most_bytes {
+        let (bytes, max_bytes) = (size_of::<f32>() * table.count, self.gpu.max_binding_bytes());
+        if bytes as u64 > max_bytes {
             return Err(Error::device("the sprites are too large for the GPU")
                 .with("found", format!("{bytes} bytes"))
-                .with("wanted", format!("{most_bytes} bytes at most"))
+                .with("wanted", format!("{max_bytes} bytes at most"))
                 .help("use --device cpu"));
         }
         Ok(table)
@@ -197,7 +197,7 @@ impl<'a, const N: usize> Splatting<'a, N> {
         let windows = blocks.windows(rows.clone(), width);
         let visible_px = &self.prepared.visible_px.values()[rows.start * width..rows.end * width];
         let bounds: Vec<[f32; 2]> = visible_px.iter().map(|&coc_px| bounds(coc_px, self.delta)).collect();
-        let rounds = 1 + blocks.across + self.touched(TILE).min(blocks.across) * blocks.most_points();
+        let rounds = 1 + blocks.across + self.touched(TILE).min(blocks.across) * blocks.max_points();
         let strip_rows = self.strip_rows(rows.len(), rounds);
         Ok(Resident {
             blocks_across: blocks.across,
@@ -237,9 +237,9 @@ impl<'a, const N: usize> Splatting<'a, N> {
     /// Rows of a strip in a band of `count` rows: whole tiles, one at least.
     fn strip_rows(&self, count: usize, rounds: usize) -> usize {
         let width = self.size.0;
-        let most_bytes = MOST_SUM_BYTES.min(self.gpu.most_binding_bytes() as usize);
-        let room = most_bytes / (width.div_ceil(2) * BYTES_A_PAIR);
-        let quick = self.most_visits / (width * rounds * self.touched(TILE));
+        let max_bytes = MAX_SUM_BYTES.min(self.gpu.max_binding_bytes() as usize);
+        let room = max_bytes / (width.div_ceil(2) * BYTES_A_PAIR);
+        let quick = self.max_visits / (width * rounds * self.touched(TILE));
         (room.min(quick).min(count.next_multiple_of(TILE)) / TILE).max(1) * TILE
     }
 
@@ -275,7 +275,7 @@ impl<'a, const N: usize> Splatting<'a, N> {
     /// How many rows of blocks are added at once to a strip.
     fn rows_a_go(&self, resident: &Resident) -> usize {
         let visits = resident.rounds * self.size.0 * resident.strip_rows;
-        (MOST_ROUNDS / resident.rounds).min(self.most_visits / visits).max(1)
+        (MAX_ROUNDS / resident.rounds).min(self.max_visits / visits).max(1)
     }
 
     fn params(
@@ -336,14 +336,14 @@ mod tests {
         let scene = scene();
         let values = Values { method: Some("point-splat".to_owned()), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        let plan = crate::methods::Registry::default().plan(&scene.facts(), &settings).unwrap();
+        let plan = crate::methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
         let expected = Method::blur(&PointSplat, scene.clone(), &plan, &|_| {}).unwrap();
-        for (most_visits, least_passes) in [(MOST_VISITS, 2), (20_000_000, 6), (1_000_000, 60)] {
+        for (max_visits, min_passes) in [(MAX_VISITS, 2), (20_000_000, 6), (1_000_000, 60)] {
             let before = gpu.usage().unwrap().passes;
-            let splatting = Splatting { most_visits, ..Splatting::<3>::new(&gpu, &scene, &plan) };
+            let splatting = Splatting { max_visits, ..Splatting::<3>::new(&gpu, &scene, &plan) };
             let found = splatting.content(&|_| {}).unwrap();
             let passes = gpu.usage().unwrap().passes - before;
-            assert!(passes >= least_passes, "{passes} passes of {most_visits} visits");
+            assert!(passes >= min_passes, "{passes} passes of {max_visits} visits");
             for (found, expected) in found.iter().zip(&expected.planes) {
                 for (found, expected) in found.values().iter().zip(expected.values()) {
                     assert!((found - expected).abs() < 1e-5 * (1.0 + expected), "{found}, not {expected}");

@@ -1,6 +1,6 @@
 //! What holes are filled with: a pyramid whose finest levels a band has of its own, and whose coarse levels are the whole frame's.
 
-use super::super::LEAST_KNOWN;
+use super::super::MIN_KNOWN;
 use super::{Pyramid, SHADER, Source};
 use crate::error::Error;
 use crate::gpu::{Buffer, Gpu, Kernel, Work, mirrored};
@@ -28,7 +28,7 @@ mirrored! {
 impl Means {
     /// From sums of content, of CoC radii and of how much is known; none where nothing is.
     fn of(totals: &[f64]) -> Option<Self> {
-        let (&known, values) = totals.split_last().filter(|(known, _)| **known > LEAST_KNOWN)?;
+        let (&known, values) = totals.split_last().filter(|(known, _)| **known > MIN_KNOWN)?;
         let means: Vec<f32> = values.iter().map(|total| (total / known) as f32).collect();
         let (&coc_px, content) = means.split_last()?;
         let mean = |channel: usize| content.get(channel).copied().unwrap_or(0.0);
@@ -90,13 +90,13 @@ impl<'a> Holes<'a> {
     ) -> Result<Self, Error> {
         let lowest = LOWEST.min(grid.sizes.len() - 1);
         // Content, CoC radius and how much is known.
-        let whole = Levels::of_finest(grid.clone(), 0..grid.sizes[0].1, channels + 2, lowest);
+        let whole = Levels::from_finest(grid.clone(), 0..grid.sizes[0].1, channels + 2, lowest);
         Ok(Self { gpu, kernels: Kernels::new(gpu)?, images, grid, channels, whole, lowest })
     }
 
     /// A band's own levels for these rows of level 0.
     pub(super) fn levels_of(&self, rows: Range<usize>) -> Levels {
-        Levels::of_finest(self.grid.up_to(self.lowest), rows, self.channels + 2, 1)
+        Levels::from_finest(self.grid.up_to(self.lowest), rows, self.channels + 2, 1)
     }
 
     /// The whole frame's levels with nothing in them.

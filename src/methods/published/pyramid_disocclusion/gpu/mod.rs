@@ -17,8 +17,9 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    self, BOX, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes, RowNeeds, SHEET_WGSL,
-    SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, bands_of, corners, picture_of_bands,
+    self, BOX, COVERAGE_PLANES_WGSL, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL, Planes,
+    RowNeeds, SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, bands_of, corners,
+    picture_of_bands,
 };
 use crate::scene::Scene;
 use holes::{Filled, Holes, Means, PART_THREADS, PART_VALUES};
@@ -31,7 +32,7 @@ static SHADER: Shader = Shader {
         ("PART_VALUES", Constant::Uint(PART_VALUES)),
     ],
     parts: &[
-        SHEET_WGSL,
+        COVERAGE_PLANES_WGSL,
         VISIBLE_WGSL,
         PYRAMID_WGSL,
         FIRST_LEVEL_WGSL,

@@ -122,7 +122,7 @@ mod tests {
         for sigma in [1.0, 9.0, 100.0, 4000.0] {
             for brightest in [1.0f32, 65_504.0, 3e30] {
                 let way = Way { first: 0, plane: 63, line: 9, sample: 1 };
-                let lines = Lines::new(&ExtendedBox::of_sigma(sigma), (7, 9), [way; 2], brightest);
+                let lines = Lines::new(&ExtendedBox::from_sigma(sigma), (7, 9), [way; 2], brightest);
                 let box_length = f64::from(2 * lines.radius + 2);
                 assert!(f64::from(brightest) * f64::from(lines.steps) * box_length <= 2f64.powi(31) - 1.0);
                 assert!(f64::from(lines.fine_steps) * box_length <= 2f64.powi(31) - 1.0, "σ = {sigma}");

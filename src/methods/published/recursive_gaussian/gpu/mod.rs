@@ -20,7 +20,8 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
 use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
-    Frame, OTHER_SHEET_WGSL, Planes, RowNeeds, SHEET_WGSL, at_pixels, peels, picture_in_bands,
+    COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, at_pixels, peels,
+    picture_in_bands,
 };
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
 use lines::{Lines, blur_passes};
@@ -31,8 +32,8 @@ static SHADER: Shader = Shader {
     name: "recursive_gaussian",
     constants: &[("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)), ("LEAST", Constant::Float(LEAST))],
     parts: &[
-        SHEET_WGSL,
-        OTHER_SHEET_WGSL,
+        COVERAGE_PLANES_WGSL,
+        OTHER_COVERAGE_PLANES_WGSL,
         include_str!("../../../../../shaders/methods/recursive_gaussian.wgsl"),
     ],
     structs: &[Frame::LAYOUT, Matting::LAYOUT, Lines::LAYOUT, Part::LAYOUT],
@@ -66,7 +67,7 @@ mirrored! {
 }
 
 /// Standard deviations past which a Gaussian is nothing.
-const MOST_DEVIATIONS: f32 = 8.0;
+const MAX_DEVIATIONS: f32 = 8.0;
 
 /// Layers that a fragment is in, at most: its own and both neighbours.
 const LAYERS_OF_A_FRAGMENT: f32 = 3.0;
@@ -78,7 +79,7 @@ impl GpuBackend for RecursiveGaussian {
         let layers = Layers::new(plan.coc_range_px, coc_infinity_px, parameters);
         let peels = peels(scene.clone(), plan).into_iter().map(|peel| DepthPeel::new(peel, coc_infinity_px));
         let peels: Vec<DepthPeel> = peels.collect();
-        let open = plan.does(EffectKind::OpenBackground);
+        let open = plan.does(EffectKind::TransparentBackground);
         let painter = Painter {
             gpu,
             kernels: Kernels::new(gpu)?,
@@ -88,8 +89,8 @@ impl GpuBackend for RecursiveGaussian {
             peels,
             open,
         };
-        let sheets = 5 * (painter.channels() + 1);
-        let needs = RowNeeds { planes: 6 * painter.peels.len() + sheets, values: 0 };
+        let planes = 5 * (painter.channels() + 1);
+        let needs = RowNeeds { planes: 6 * painter.peels.len() + planes, values: 0 };
         let reach = reach(&painter.layers, painter.cascaded);
         picture_in_bands(gpu, (size, open), (reach, needs), progress, |band, progress| {
             painter.band(size, band, progress)
@@ -104,21 +105,21 @@ impl GpuBackend for RecursiveGaussian {
 /// How far in pixels the blurs carry a sample, as far as it matters.
 fn reach(layers: &Layers, cascaded: bool) -> usize {
     let most = layers.front.max(layers.back);
-    let carried = |sigma_px: f32| ExtendedBox::of_sigma(sigma_px).reach();
+    let carried = |sigma_px: f32| ExtendedBox::from_sigma(sigma_px).reach();
     let all = if cascaded {
         (1..=most).map(|layer| carried(cascade_sigma_px(layer))).sum()
     } else {
         carried(sigma_px(most))
     };
-    all.min((MOST_DEVIATIONS * sigma_px(most)).ceil() as usize)
+    all.min((MAX_DEVIATIONS * sigma_px(most)).ceil() as usize)
 }
 
-/// What no value of any sheet exceeds.
+/// What no value of any covered exceeds.
 fn brightest(peels: &[DepthPeel]) -> f32 {
     let brightest =
         |plane: &Plane| plane.values().par_iter().map(|value| value.abs()).reduce(|| 0.0, f32::max);
-    let of_peel = |peel: &DepthPeel| peel.sheet.content.iter().map(brightest).fold(1.0, f32::max);
-    LAYERS_OF_A_FRAGMENT * peels.iter().map(of_peel).sum::<f32>()
+    let from_peel = |peel: &DepthPeel| peel.covered.content.iter().map(brightest).fold(1.0, f32::max);
+    LAYERS_OF_A_FRAGMENT * peels.iter().map(from_peel).sum::<f32>()
 }
 
 impl Matting {
@@ -175,7 +176,7 @@ struct Painter<'a> {
     kernels: Kernels,
     layers: Layers,
     cascaded: bool,
-    /// What no value of any sheet exceeds.
+    /// What no value of any covered exceeds.
     brightest: f32,
     peels: Vec<DepthPeel>,
     open: bool,
@@ -198,7 +199,7 @@ struct Canvas<'a> {
 
 /// The layers on one side of focus, composed from the outermost towards focus as far as they were added.
 struct Half {
-    sheet: Planes,
+    covered: Planes,
     side: Side,
     /// The rows, of those that the band reads, in which there may be anything.
     rows: Range<usize>,
@@ -214,7 +215,7 @@ impl Painter<'_> {
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
         let canvas = self.canvas(size, band)?;
         self.see(&canvas)?;
-        let half = |side| Ok::<_, Error>(Half { sheet: self.sheet(&canvas)?, side, rows: 0..0 });
+        let half = |side| Ok::<_, Error>(Half { covered: self.covered(&canvas)?, side, rows: 0..0 });
         let (mut front, mut back) = (half(Side::Behind)?, half(Side::Before)?);
         for layer in -self.layers.front..0 {
             self.add(&mut front, layer, &canvas)?;
@@ -224,18 +225,18 @@ impl Painter<'_> {
             self.add(&mut back, layer, &canvas)?;
             progress((self.layers.count() as i32 - layer - 1) as f32 / self.layers.count() as f32);
         }
-        let (sheets, all) = ([&front.sheet, &back.sheet], 0..band.source.len());
-        self.gpu.submit(|work| self.compose(work, sheets, &self.kernels.behind, &all, &canvas))?;
-        self.finish(size, &front.sheet, &canvas)
+        let (halves, all) = ([&front.covered, &back.covered], 0..band.source.len());
+        self.gpu.submit(|work| self.compose(work, halves, &self.kernels.behind, &all, &canvas))?;
+        self.finish(size, &front.covered, &canvas)
     }
 
     fn canvas<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<Canvas<'b>, Error> {
         let (gpu, source) = (self.gpu, &band.source);
         let pixels = size.0 * source.len();
-        let peels = self.peels.iter().map(|peel| Planes::of_peel(gpu, &peel.sheet, &peel.depth, source));
+        let peels = self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.covered, &peel.depth, source));
         let unseen = self.peels.iter().skip(1).map(|_| gpu.zeros::<f32>("what is seen", pixels));
         let all = gpu.upload("what is seen", &vec![1.0f32; pixels]);
-        let sheet = || Planes::zeros(gpu, self.channels() + 1, pixels);
+        let covered = || Planes::zeros(gpu, self.channels() + 1, pixels);
         let whole = Band { rows: source.clone(), source: source.clone() };
         Ok(Canvas {
             band,
@@ -243,13 +244,13 @@ impl Painter<'_> {
             frame: gpu.uniform(&Frame::new(size, &whole, self.channels()))?,
             peels: peels.collect::<Result<_, _>>()?,
             seen: [all].into_iter().chain(unseen).collect::<Result<_, _>>()?,
-            layer: sheet()?,
-            between: sheet()?,
+            layer: covered()?,
+            between: covered()?,
         })
     }
 
-    /// A sheet of the rows that are read, of which nothing is known.
-    fn sheet(&self, canvas: &Canvas<'_>) -> Result<Planes, Error> {
+    /// A covered of the rows that are read, of which nothing is known.
+    fn covered(&self, canvas: &Canvas<'_>) -> Result<Planes, Error> {
         Planes::zeros(self.gpu, self.channels() + 1, canvas.width * canvas.band.source.len())
     }
 
@@ -283,11 +284,11 @@ impl Painter<'_> {
             if !cascaded {
                 self.blur(work, &canvas.layer, sigma_px(layer), &own, canvas)?;
             }
-            self.compose(work, [&half.sheet, &canvas.layer], kernel, &own, canvas)?;
+            self.compose(work, [&half.covered, &canvas.layer], kernel, &own, canvas)?;
             half.rows = both(&half.rows, &own);
             if cascaded {
                 half.rows = wider(&half.rows, cascade_sigma_px(layer), canvas);
-                self.blur(work, &half.sheet, cascade_sigma_px(layer), &half.rows, canvas)?;
+                self.blur(work, &half.covered, cascade_sigma_px(layer), &half.rows, canvas)?;
             }
             Ok(())
         })
@@ -330,17 +331,22 @@ impl Painter<'_> {
         Ok(())
     }
 
-    /// Composes these rows of a sheet with a layer, before or behind it.
+    /// Composes these rows of a covered with a layer, before or behind it.
     fn compose(
         &self,
         work: &mut Work<'_>,
-        [sheet, layer]: [&Planes; 2],
+        [covered, layer]: [&Planes; 2],
         kernel: &Kernel,
         rows: &Range<usize>,
         canvas: &Canvas<'_>,
     ) -> Result<(), Error> {
-        let bindings =
-            [(2, &canvas.frame), (6, &sheet.colors), (7, &sheet.rest), (8, &layer.colors), (9, &layer.rest)];
+        let bindings = [
+            (2, &canvas.frame),
+            (6, &covered.colors),
+            (7, &covered.rest),
+            (8, &layer.colors),
+            (9, &layer.rest),
+        ];
         self.at_rows(work, kernel, &bindings, rows, canvas)
     }
 
@@ -348,7 +354,7 @@ impl Painter<'_> {
     fn blur(
         &self,
         work: &mut Work<'_>,
-        sheet: &Planes,
+        covered: &Planes,
         sigma_px: f32,
         rows: &Range<usize>,
         canvas: &Canvas<'_>,
@@ -356,12 +362,12 @@ impl Painter<'_> {
         if sigma_px <= 0.0 || rows.is_empty() {
             return Ok(());
         }
-        let filter = ExtendedBox::of_sigma(sigma_px);
+        let filter = ExtendedBox::from_sigma(sigma_px);
         let passes = blur_passes(&filter, (canvas.width, canvas.band.source.len()), rows, self.brightest);
         let rest = self.channels() + 1 - 3;
         let Planes { colors, rest: others } = &canvas.between;
-        self.passes(work, [&sheet.colors, colors], &passes, 3)?;
-        self.passes(work, [&sheet.rest, others], &passes, rest)
+        self.passes(work, [&covered.colors, colors], &passes, 3)?;
+        self.passes(work, [&covered.rest, others], &passes, rest)
     }
 
     /// Blurs `count` planes; they go back and forth, and end where they began.
@@ -403,12 +409,12 @@ impl Painter<'_> {
     }
 
     /// The rows that the band makes, divided by coverage.
-    fn finish(&self, size: (usize, usize), sheet: &Planes, canvas: &Canvas<'_>) -> Result<Planes, Error> {
+    fn finish(&self, size: (usize, usize), covered: &Planes, canvas: &Canvas<'_>) -> Result<Planes, Error> {
         let made = (size.0, canvas.band.rows.len());
         let result = Planes::zeros(self.gpu, self.channels() + 1, made.0 * made.1)?;
         let frame = self.gpu.uniform(&Frame::new(size, canvas.band, self.channels()))?;
         let bindings =
-            [(2, &frame), (6, &result.colors), (7, &result.rest), (8, &sheet.colors), (9, &sheet.rest)];
+            [(2, &frame), (6, &result.colors), (7, &result.rest), (8, &covered.colors), (9, &covered.rest)];
         self.gpu.submit(|work| at_pixels(work, &self.kernels.finish, &bindings, made))?;
         Ok(result)
     }
@@ -425,7 +431,7 @@ fn both(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
 
 /// The rows in which there may be anything after a blur.
 fn wider(rows: &Range<usize>, sigma_px: f32, canvas: &Canvas<'_>) -> Range<usize> {
-    let reach = ExtendedBox::of_sigma(sigma_px).reach();
+    let reach = ExtendedBox::from_sigma(sigma_px).reach();
     if rows.is_empty() || sigma_px <= 0.0 {
         return rows.clone();
     }
@@ -446,6 +452,6 @@ mod tests {
         assert_eq!(reach(&layers(3.6), true), 24);
         let wide = layers(200.0);
         assert_eq!(reach(&wide, true), (8.0 * sigma_px(wide.front)).ceil() as usize);
-        assert_eq!(reach(&wide, false), ExtendedBox::of_sigma(sigma_px(wide.front)).reach());
+        assert_eq!(reach(&wide, false), ExtendedBox::from_sigma(sigma_px(wide.front)).reach());
     }
 }

@@ -1,4 +1,4 @@
-// Another sheet beside that of sheet.wgsl, of the rows that a band reads: sums or a layer in the making.
+// Another covered beside that of covered.wgsl, of the rows that a band reads: sums or a layer in the making.
 
 @group(0) @binding(8) var<storage, read_write> other_colors: array<f32>;
 @group(0) @binding(9) var<storage, read_write> other_rest: array<f32>;

@@ -1,9 +1,9 @@
 //! LOOK: what a scene shows, in one parallel pass.
 //!
-//! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_facts`].
+//! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_stats`].
 
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
-use super::peel_facts::{Neighbours, PeelFacts};
+use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Layer, OPAQUE_ALPHA, Scene};
 use crate::lens::Field;
@@ -11,7 +11,7 @@ use crate::stack::{ColorRange, StackKind};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// Number of half-stop steps of brightness that [`Facts::bright`] counts, from 1 up.
+/// Number of half-stop steps of brightness that [`SceneStats::bright`] counts, from 1 up.
 pub const BRIGHT_STEPS: usize = 32;
 
 /// Bright, blurred fragments of one half stop of brightness.
@@ -25,7 +25,7 @@ pub struct BrightStep {
 
 /// What a scene shows: everything a plan is decided from, beside the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Facts {
+pub struct SceneStats {
     /// Width and height of the picture in pixels.
     pub picture_size: (usize, usize),
     /// Number of layers.
@@ -43,7 +43,8 @@ pub struct Facts {
     /// Fragments with a CoC radius below one pixel.
     pub focused_fragments: usize,
     /// Samples where no layer has a fragment: the picture's transparent background.
-    pub open_samples: usize,
+    #[serde(rename = "open_samples")]
+    pub empty_samples: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub bright: [BrightStep; BRIGHT_STEPS],
     /// How bright the source's colours could be.
@@ -59,10 +60,10 @@ pub struct Facts {
     #[serde(skip)]
     pub field: Field,
     /// What each peel shows, nearest first.
-    pub peels: Vec<PeelFacts>,
+    pub peels: Vec<PeelStats>,
 }
 
-/// Lower end of step `step` of [`Facts::bright`], in scene-linear units.
+/// Lower end of step `step` of [`SceneStats::bright`], in scene-linear units.
 pub fn bright_step_floor(step: usize) -> f32 {
     (0.5 * step as f32).exp2()
 }
@@ -73,7 +74,7 @@ fn bright_step(brightness: f32) -> Option<usize> {
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 
-/// Facts of a row of one layer, or of more.
+/// SceneStats of a row of one layer, or of more.
 #[derive(Debug, Clone)]
 struct Tally {
     coc_range_px: [f32; 2],
@@ -89,7 +90,7 @@ struct Tally {
 
 impl Scene {
     /// Looks at every fragment once.
-    pub fn facts(&self) -> Facts {
+    pub fn analyze(&self) -> SceneStats {
         let rows: Vec<(&Layer, usize)> =
             self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
         let arch = Arch::new();
@@ -109,9 +110,9 @@ impl Scene {
             .map(|rows| rows.iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally)))
             .collect();
         let samples = self.width() * self.height();
-        let peels = of_layers.iter().map(|tally| tally.peel_facts(samples, self.supersample)).collect();
+        let peels = of_layers.iter().map(|tally| tally.peel_stats(samples, self.supersample)).collect();
         let tally = of_layers.iter().fold(Tally::default(), Tally::add);
-        Facts {
+        SceneStats {
             picture_size: self.picture_size(),
             layers: self.layers.len(),
             kind: self.kind,
@@ -120,7 +121,7 @@ impl Scene {
             fragments: tally.fragments,
             translucent_fragments: tally.translucent,
             focused_fragments: tally.focused,
-            open_samples: self.open_samples(),
+            empty_samples: self.empty_samples(),
             bright: tally.bright,
             color_range: self.color_range,
             light: tally.light,
@@ -131,7 +132,7 @@ impl Scene {
         }
     }
 
-    fn open_samples(&self) -> usize {
+    fn empty_samples(&self) -> usize {
         let open = |y: usize| {
             let is_open = |x: &usize| self.layers.iter().all(|layer| layer.alpha.row(y)[*x] <= 0.0);
             let closed =
@@ -215,9 +216,9 @@ impl Tally {
     }
 
     /// What a peel of `samples` samples shows, `supersample` a picture pixel along each axis.
-    fn peel_facts(&self, samples: usize, supersample: usize) -> PeelFacts {
+    fn peel_stats(&self, samples: usize, supersample: usize) -> PeelStats {
         let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
-        PeelFacts {
+        PeelStats {
             coc_range_px: self.coc_range_px(),
             covered: share(self.fragments, samples),
             translucent: share(self.translucent, self.fragments),

@@ -1,4 +1,4 @@
-//! DIAL: the number of lens samples that reaches a goal.
+//! SAMPLE BUDGET: the number of lens samples that reaches a target.
 //!
 //! *A time* is met by prediction: [`crate::cost`] says how many samples fit. *A sampling error* is found by looking at a few pixels
 //! first, as follows.
@@ -17,8 +17,8 @@ use crate::finding::Finding;
 use crate::image::Image;
 use crate::methods::{self, Progress, Sampler};
 use crate::methods::{Plan, Target};
-use crate::probes::{self, MANY_RAYS, Places, Probes, SEED, Verdict};
-use crate::scene::{Facts, Scene};
+use crate::probes::{self, ErrorEstimate, MANY_RAYS, Places, Probes, SEED};
+use crate::scene::{Scene, SceneStats};
 use crate::usage::Stopwatch;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 const PROBES: usize = 200;
 
 /// Rays of each half of a truth at least.
-const FEWEST_RAYS: usize = 32;
+const MIN_RAYS: usize = 32;
 
 /// How much more than the target a number of samples has to reach at the probes: what they say is off by about 0.8 dB, and
 /// the number that looks best is more often too good than not.
@@ -44,10 +44,10 @@ const STEPS_WORTH_A_TRIAL: u32 = 2;
 const NEAR_STEPS: u32 = 3;
 
 /// Squared error falls with this power of the number of lens samples at least, where nothing but the samples is at fault.
-const LEAST_POWER: f64 = 0.6;
+const MIN_POWER: f64 = 0.6;
 
 /// Where doubling the number of lens samples gains less than this, more of them will not help.
-const LEAST_DB_PER_DOUBLING: f64 = 0.3;
+const MIN_DB_PER_DOUBLING: f64 = 0.3;
 
 /// With this power it falls for rays that are evenly spread.
 const POWER_OF_RAYS: f64 = 1.2;
@@ -79,8 +79,8 @@ impl Outcome {
     }
 
     /// What the probes said of the number of lens samples that was chosen.
-    pub fn verdict(&self) -> Option<Verdict> {
-        self.tried.iter().find(|trial| trial.views == self.views).map(|trial| trial.verdict)
+    pub fn estimate(&self) -> Option<ErrorEstimate> {
+        self.tried.iter().find(|trial| trial.views == self.views).map(|trial| trial.estimate)
     }
 }
 
@@ -91,13 +91,13 @@ pub struct Trial {
     pub views: usize,
     /// What the probes said.
     #[serde(flatten)]
-    pub verdict: Verdict,
+    pub estimate: ErrorEstimate,
 }
 
 impl Trial {
     /// PSNR in dB; of an error too small to be seen, the least that it is.
     fn psnr_db(&self) -> f64 {
-        self.verdict.psnr_db.unwrap_or(self.verdict.interval_db.0)
+        self.estimate.psnr_db.unwrap_or(self.estimate.interval_db.0)
     }
 }
 
@@ -105,7 +105,7 @@ impl Trial {
 ///
 /// # Errors
 /// A method that cannot be asked for single pixels.
-pub fn reach(
+pub fn render_to_target(
     scene: Scene,
     plan: &Plan,
     (psnr_db, max_views): (f64, usize),
@@ -115,11 +115,11 @@ pub fn reach(
     Ok((sampler.picture(outcome.views, progress), outcome))
 }
 
-/// What [`reach`] would find, without the picture.
+/// What [`render_to_target`] would find, without the picture.
 ///
 /// # Errors
-/// As [`reach`].
-pub fn look(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
+/// As [`render_to_target`].
+pub fn find_views(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
     seek(scene, plan, target).map(|(_, outcome)| outcome)
 }
 
@@ -137,7 +137,7 @@ fn seek<'p>(
     let pixels = probes.pixels();
     let mut tried = Vec::new();
     let found = search(psnr_db + MARGIN_DB, first, max_views, |views| {
-        let trial = Trial { views, verdict: probes.judge(&sampler.pixels(views, &pixels)) };
+        let trial = Trial { views, estimate: probes.estimate(&sampler.pixels(views, &pixels)) };
         tried.push(trial);
         trial.psnr_db()
     });
@@ -155,7 +155,7 @@ fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probe
     let places = Places::new(scene, plan, PROBES, SEED);
     let first = first_step(psnr_db, places.spread(), gain_db);
     // Two halves of twice as many rays as samples: their own noise then adds little to what is measured.
-    let rays_per_half = (2 * views_at(first)).clamp(FEWEST_RAYS, MANY_RAYS);
+    let rays_per_half = (2 * views_at(first)).clamp(MIN_RAYS, MANY_RAYS);
     (Probes::new(places, rays_per_half), first)
 }
 
@@ -183,21 +183,21 @@ fn first_step(psnr_db: f64, spread: f64, [gain_of_16, gain_of_step]: [f64; 2]) -
     ((wanted - gain_of_16) / gain_of_step + STEP_OF_16).ceil().clamp(0.0, LAST) as u32
 }
 
-/// The picture of `scene`, which shows `facts`, as `plan` has it, with as many lens samples as `calibration` predicts the blur to
+/// The picture of `scene`, which shows `stats`, as `plan` has it, with as many lens samples as `calibration` predicts the blur to
 /// have time for: `seconds` on the wall.
 ///
 /// # Errors
 /// Those of the method.
-pub fn fit(
+pub fn render_within(
     scene: Scene,
-    (facts, plan): (&Facts, &Plan),
+    (stats, plan): (&SceneStats, &Plan),
     seconds: f64,
     calibration: &Calibration,
     progress: &Progress<'_>,
 ) -> Result<(Image, Outcome), Error> {
-    let views = views_for(facts, plan, seconds, calibration)?;
+    let views = views_within(stats, plan, seconds, calibration)?;
     let plan = Plan { views: Some(views), ..plan.clone() };
-    let predicted = cost::predict(facts, &plan, calibration).map_or(0.0, |cost| cost.seconds);
+    let predicted = cost::predict(stats, &plan, calibration).map_or(0.0, |cost| cost.seconds);
     let watch = Stopwatch::start();
     let image = methods::render(scene, &plan, progress)?;
     let taken = watch.seconds();
@@ -212,14 +212,14 @@ pub fn fit(
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] for a method that does not say its cost, or does not sample the lens.
-pub fn views_for(
-    facts: &Facts,
+pub fn views_within(
+    stats: &SceneStats,
     plan: &Plan,
     seconds: f64,
     calibration: &Calibration,
 ) -> Result<usize, Error> {
     let affordable =
-        cost::views_within(facts, plan, calibration, SHARE_OF_BUDGET * seconds).ok_or_else(|| {
+        cost::views_within(stats, plan, calibration, SHARE_OF_BUDGET * seconds).ok_or_else(|| {
             Error::settings(format!("how long {} takes cannot be predicted", plan.method)).help(
                 "ask for a number of lens samples with --views, or for a sampling error with --target-db",
             )
@@ -323,14 +323,14 @@ fn floor_db(known: &Known, target_db: f64) -> Option<f64> {
     let (&last, &last_db) = known.last_key_value()?;
     let before = |steps: u32| known.iter().rfind(|(step, _)| **step + steps <= last);
     if let Some((step, db)) = before(2)
-        && 2.0 * (last_db - db) / f64::from(last - step) < LEAST_DB_PER_DOUBLING
+        && 2.0 * (last_db - db) / f64::from(last - step) < MIN_DB_PER_DOUBLING
     {
         return Some(last_db);
     }
     // Only numbers far enough apart tell a floor ahead from chance: four times as many.
     let (&step, &db) = before(4)?;
     let error = |db: f64| 10f64.powf(-0.1 * db);
-    let falls_to = (views_at(last) as f64 / views_at(step) as f64).powf(-LEAST_POWER);
+    let falls_to = (views_at(last) as f64 / views_at(step) as f64).powf(-MIN_POWER);
     let floor = (error(last_db) - error(db) * falls_to) / (1.0 - falls_to);
     (floor >= error(target_db)).then(|| -10.0 * floor.log10())
 }
@@ -346,7 +346,7 @@ fn fewest_as_good(known: &Known) -> u32 {
 fn statement(plan: &Plan, target_db: f64, found: &Found, tried: &[Trial], probes: &Probes) -> String {
     let (method, views) = (plan.method, found.views);
     let reached = tried.iter().find(|trial| trial.views == views);
-    let reached = reached.map_or_else(String::new, |trial| trial.verdict.to_string());
+    let reached = reached.map_or_else(String::new, |trial| trial.estimate.to_string());
     match found.end {
         End::Met => format!("{views} views reach {reached}; asked for were {target_db} dB"),
         End::Most => {

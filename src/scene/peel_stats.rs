@@ -1,4 +1,4 @@
-//! What one peel shows, beside the facts of all: taken in the pass of [`super::facts`].
+//! What one peel shows, beside the stats of all: taken in the pass of [`super::stats`].
 //!
 //! Cost: one comparison of neighbours a fragment, and a sum where something is bright.
 
@@ -6,7 +6,7 @@ use super::surface;
 
 /// What one peel shows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct PeelFacts {
+pub struct PeelStats {
     /// Smallest and largest signed CoC radius in picture pixels; `0, 0` without fragments.
     pub coc_range_px: [f32; 2],
     /// Share of the samples that have a fragment.
@@ -75,17 +75,17 @@ mod tests {
         }
     }
 
-    fn peels(layers: Vec<Layer>, supersample: usize) -> Vec<PeelFacts> {
-        Scene::new(layers, StackKind::PointSampled, supersample, 20.0).facts().peels
+    fn peels(layers: Vec<Layer>, supersample: usize) -> Vec<PeelStats> {
+        Scene::new(layers, StackKind::PointSampled, supersample, 20.0).analyze().peels
     }
 
     #[test]
-    fn every_peel_has_facts_of_its_own() {
+    fn every_peel_has_stats_of_its_own() {
         let front =
             layer(4, &[(0.5, 1.0, -3.0), (0.5, 0.5, -2.0), (0.5, 1.0, 0.9), (9.0, 0.0, 50.0)].repeat(2));
         let back = layer(4, &[(0.5, 1.0, 7.0); 8]);
         let found = peels(vec![front, back], 1);
-        let front = PeelFacts {
+        let front = PeelStats {
             coc_range_px: [-3.0, 0.9],
             covered: 0.75,
             translucent: 1.0 / 3.0,
@@ -94,14 +94,14 @@ mod tests {
             jumps: 1.0,
             highlight_light: 0.0,
         };
-        let back = PeelFacts { coc_range_px: [7.0; 2], covered: 1.0, ..PeelFacts::default() };
+        let back = PeelStats { coc_range_px: [7.0; 2], covered: 1.0, ..PeelStats::default() };
         assert_eq!(found, [front, back]);
     }
 
     #[test]
     fn a_peel_without_fragments_shows_nothing() {
         let empty = layer(3, &[(0.0, 0.0, 5.0); 6]);
-        assert_eq!(peels(vec![empty], 1), [PeelFacts::default()]);
+        assert_eq!(peels(vec![empty], 1), [PeelStats::default()]);
     }
 
     #[test]

@@ -6,15 +6,15 @@
 //! Memory: 36 bytes a pixel.
 
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MOST_ROUNDS, Shader, Work, bands, mirrored};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MAX_ROUNDS, Shader, Work, bands, mirrored};
 use crate::image::Image;
 use crate::methods::contract::Progress;
-use crate::methods::shared::LEAST_HIT;
+use crate::methods::shared::MIN_HIT;
 use std::ops::Range;
 
 /// What [`RAY_SUMS`] reads of the program.
 pub(in crate::methods) const RAY_SUMS_CONSTANT: (&str, Constant) =
-    ("LEAST_HIT", Constant::Float(LEAST_HIT as f32));
+    ("MIN_HIT", Constant::Float(MIN_HIT as f32));
 
 /// What sums and picture are bound to, and the shader's text that knows them: before a method's own.
 pub(in crate::methods) const RAY_SUMS: &str = include_str!("../../../shaders/shared/ray_sums.wgsl");
@@ -30,7 +30,7 @@ const VIEWS: [usize; 2] = [16, 64];
 
 mirrored! {
     /// Some of the views of one set.
-    pub(in crate::methods) struct Go {
+    pub(in crate::methods) struct Batch {
         /// From which view.
         first_view: u32,
         /// Before which view.
@@ -40,7 +40,7 @@ mirrored! {
         /// Bit `k` is set where these views make channel `k` of the picture.
         channels: u32,
         /// Whether light that finds nothing is transparent, and not left out of the mean.
-        open_background: u32,
+        transparent_background: u32,
         /// Pixels that are made.
         pixels: u32,
     }
@@ -48,22 +48,22 @@ mirrored! {
 
 /// What the rays of a band's pixels bring home.
 #[derive(Debug)]
-pub(in crate::methods) struct Goes<'g> {
+pub(in crate::methods) struct Batches<'g> {
     gpu: &'g Gpu,
     resolve: Kernel,
     sums: Buffer,
     picture: Buffer,
     pixels: usize,
-    open_background: bool,
+    transparent_background: bool,
 }
 
-impl<'g> Goes<'g> {
+impl<'g> Batches<'g> {
     /// For the rays of `pixels` pixels, by a shader that begins with [`RAY_SUMS`].
     pub(in crate::methods) fn new(
         gpu: &'g Gpu,
         shader: &'static Shader,
         pixels: usize,
-        open_background: bool,
+        transparent_background: bool,
     ) -> Result<Self, Error> {
         Ok(Self {
             gpu,
@@ -71,16 +71,16 @@ impl<'g> Goes<'g> {
             sums: gpu.zeros::<[f32; 5]>("sums", pixels)?,
             picture: gpu.zeros::<[f32; 4]>("the picture", pixels)?,
             pixels,
-            open_background,
+            transparent_background,
         })
     }
 
     /// Rows of `width` pixels that `gpu` holds at once, if beside what rays bring home the largest buffer takes `largest` bytes a pixel,
     /// and all of them `all`.
-    pub(in crate::methods) fn most_rows(gpu: &Gpu, width: usize, [largest, all]: [usize; 2]) -> usize {
+    pub(in crate::methods) fn max_rows(gpu: &Gpu, width: usize, [largest, all]: [usize; 2]) -> usize {
         let row = |bytes: usize| (bytes * width).max(1) as u64;
-        let by_buffer = gpu.most_binding_bytes() / row(largest.max(SUM_BYTES).max(PIXEL_BYTES));
-        let by_all = gpu.most_working_bytes() / row(all + SUM_BYTES + PIXEL_BYTES);
+        let by_buffer = gpu.max_binding_bytes() / row(largest.max(SUM_BYTES).max(PIXEL_BYTES));
+        let by_all = gpu.max_working_bytes() / row(all + SUM_BYTES + PIXEL_BYTES);
         by_buffer.min(by_all) as usize
     }
 
@@ -93,7 +93,7 @@ impl<'g> Goes<'g> {
         progress: impl Fn(usize),
     ) -> Result<(), Error> {
         let most = (views.len() as f32).sqrt().ceil() as usize;
-        let most = most.clamp(VIEWS[0], VIEWS[1]).min(MOST_ROUNDS / rounds.max(1)).max(1);
+        let most = most.clamp(VIEWS[0], VIEWS[1]).min(MAX_ROUNDS / rounds.max(1)).max(1);
         for first in views.clone().step_by(most) {
             let end = (first + most).min(views.end);
             let go = self.gpu.uniform(&self.go(first..end, first == views.start, &[]))?;
@@ -120,13 +120,13 @@ impl<'g> Goes<'g> {
         })
     }
 
-    fn go(&self, views: Range<usize>, begins: bool, channels: &[usize]) -> Go {
-        Go {
+    fn go(&self, views: Range<usize>, begins: bool, channels: &[usize]) -> Batch {
+        Batch {
             first_view: views.start as u32,
             end_view: views.end as u32,
             begins: begins.into(),
             channels: channels.iter().map(|channel| 1 << channel).sum(),
-            open_background: self.open_background.into(),
+            transparent_background: self.transparent_background.into(),
             pixels: self.pixels as u32,
         }
     }
@@ -141,16 +141,16 @@ impl<'g> Goes<'g> {
     }
 }
 
-/// A picture of `width × height` pixels, `most_rows` of whose rows can be held at once, by rays that look at `reach_rows` more either way:
+/// A picture of `width × height` pixels, `max_rows` of whose rows can be held at once, by rays that look at `reach_rows` more either way:
 /// `make(band, progress)` makes a band.
-pub(in crate::methods) fn picture_of_goes<'g>(
+pub(in crate::methods) fn picture_of_batches<'g>(
     (width, height): (usize, usize),
-    [reach_rows, most_rows]: [usize; 2],
+    [reach_rows, max_rows]: [usize; 2],
     progress: &Progress<'_>,
-    make: impl Fn(&Band, &dyn Fn(f32)) -> Result<Goes<'g>, Error>,
+    make: impl Fn(&Band, &dyn Fn(f32)) -> Result<Batches<'g>, Error>,
 ) -> Result<Image, Error> {
     let mut image = Image::transparent(width, height);
-    let bands = bands(height, reach_rows, most_rows)?;
+    let bands = bands(height, reach_rows, max_rows)?;
     for (i, band) in bands.iter().enumerate() {
         let progress = |share: f32| progress((i as f32 + share) / bands.len() as f32);
         make(band, &progress)?.read_into(&mut image, band)?;
