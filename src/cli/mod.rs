@@ -9,6 +9,7 @@ mod completions;
 mod console;
 mod demo;
 mod devices;
+mod flags;
 mod inspect;
 mod man;
 mod methods;

@@ -3,6 +3,7 @@
 use super::Failure;
 use super::args::JobArgs;
 use super::console::{Console, print, print_json};
+use super::flags::spoken;
 use super::inspect::{write_device, write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
@@ -88,7 +89,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
             "calibration": calibration,
         }))?;
     } else {
-        print(&to_text(&prepared, &rows, &calibration).expect("text is always written"))?;
+        print(&spoken(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
     }
     Ok(())
 }

@@ -26,7 +26,7 @@ pub fn bands(height: usize, reach: usize, most_rows: usize) -> Result<Vec<Band>,
         return Err(Error::device("the frame is too large for the GPU")
             .with("found", format!("{height} rows, blurred over {reach} rows either way"))
             .with("wanted", format!("{} rows at most at once", most_rows))
-            .help("use --device cpu"));
+            .help("use `device = cpu`"));
     }
     // As many bands as it takes, of one height.
     let count = height.div_ceil(rows);
@@ -58,6 +58,6 @@ mod tests {
     #[test]
     fn a_reach_that_leaves_no_row_is_refused() {
         let error = bands(100, 30, 60).unwrap_err().to_string();
-        assert!(error.contains("100 rows") && error.contains("--device cpu"), "{error}");
+        assert!(error.contains("100 rows") && error.contains("`device = cpu`"), "{error}");
     }
 }

@@ -320,7 +320,8 @@ mod tests {
         assert!(refused("scatter", Effort::Views(32)).contains("scatter does not sample the lens"));
         let target = refused("gather", Effort::TargetDb(40.0));
         assert!(
-            target.contains("--target-db 40") && target.contains("shear, accumulate, layer-rays, peel-rays")
+            target.contains("`target_db = 40`")
+                && target.contains("shear, accumulate, layer-rays, peel-rays")
         );
         assert_eq!(checked("gather", Effort::Views(32), Origin::Flag), Ok(()));
         assert_eq!(checked("peel-rays", Effort::TimeBudget(1.0), Origin::Flag), Ok(()));

@@ -72,7 +72,7 @@ pub(super) fn device(
         let able = METHODS.iter().filter(|method| method.twin().is_some());
         let able: Vec<&str> = able.map(|method| method.info().name).collect();
         return Err(Error::unsupported(hindrance.clone())
-            .help(format!("use --device auto; methods that run on a GPU: {}", able.join(", "))));
+            .help(format!("use `device = auto`; methods that run on a GPU: {}", able.join(", "))));
     }
     Ok(gpu::choose(choice, demanded, hindrance))
 }

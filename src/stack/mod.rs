@@ -23,6 +23,7 @@ mod picture;
 mod read;
 mod sanitise;
 
+pub use camera::camera_attributes;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
 pub use frame_number::frame_number;
 pub use read::{Carry, ReadOptions, Source, read, read_picture};
