@@ -1,7 +1,5 @@
 //! The table of settings is whole, and what it declares holds wherever a value enters.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
-
 #[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
 
@@ -62,7 +60,7 @@ fn every_setting_is_declared_in_full() {
         }
         match setting.command_line {
             CommandLine::Flag { name, value_name } => {
-                assert!(!name.is_empty() && !value_name.is_empty(), "{key}")
+                assert!(!name.is_empty() && !value_name.is_empty(), "{key}");
             }
             CommandLine::Never(reason) => assert!(!reason.is_empty(), "{key} has no flag and no reason"),
         }
