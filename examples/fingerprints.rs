@@ -12,7 +12,7 @@
     reason = "the table is the result; a failed run ends it"
 )]
 
-use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage, read_all_data_from_file};
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage, read_all_flat_layers_from_file};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -102,10 +102,10 @@ fn render(program: &Path, case: &Case, flags: &[&str]) -> String {
 
 /// FNV-1a of the samples' bits, channel by channel in the order of the file.
 fn fingerprint(picture: &Path) -> String {
-    let image = read_all_data_from_file(picture).unwrap();
+    let image = read_all_flat_layers_from_file(picture).unwrap();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for channel in image.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
-        let FlatSamples::F32(samples) = &channel.sample_data.clone().into_flat() else {
+        let FlatSamples::F32(samples) = &channel.sample_data else {
             panic!("float was asked for")
         };
         for byte in samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()) {
