@@ -105,9 +105,7 @@ fn fingerprint(picture: &Path) -> String {
     let image = read_all_flat_layers_from_file(picture).unwrap();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for channel in image.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
-        let FlatSamples::F32(samples) = &channel.sample_data else {
-            panic!("float was asked for")
-        };
+        let FlatSamples::F32(samples) = &channel.sample_data else { panic!("float was asked for") };
         for byte in samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()) {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }

@@ -135,13 +135,13 @@ macro_rules! settings {
         lens { $( $lens_table:literal {
             $( $(#[doc = $lens_doc:literal])+ $lens:ident: $lens_type:ty $(= $lens_default:expr)?, $lens_row:expr; )+
         } )+ }
+        reading in $reading_table:literal {
+            $( $(#[doc = $reading_doc:literal])+ $reading:ident: $reading_type:ty, $reading_row:expr; )+
+        }
         $(#[doc = $picture_about:literal])+
         picture { $( $picture_table:literal {
             $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty = $picture_default:expr, $picture_row:expr; )+
         } )+ }
-        reading in $reading_table:literal {
-            $( $(#[doc = $reading_doc:literal])+ $reading:ident: $reading_type:ty, $reading_row:expr; )+
-        }
     ) => {
         /// One layer of settings: what it leaves open is `None`.
         #[derive(Debug, Clone, Default, PartialEq)]
@@ -149,8 +149,8 @@ macro_rules! settings {
             /// What is in focus.
             pub focus: Option<Focus>,
             $( $( $(#[doc = $lens_doc])+ pub $lens: Option<$lens_type>, )+ )+
-            $( $( $(#[doc = $picture_doc])+ pub $picture: Option<$picture_type>, )+ )+
             $( $(#[doc = $reading_doc])+ pub $reading: Option<$reading_type>, )+
+            $( $( $(#[doc = $picture_doc])+ pub $picture: Option<$picture_type>, )+ )+
             /// Name of the method, or `auto`.
             pub method: Option<String>,
             /// What decides the number of lens samples.
@@ -192,17 +192,17 @@ macro_rules! settings {
                 set: |values, value| values.$lens = Kept::from_value(value),
                 ..row(stringify!($lens), $lens_table, concat!($($lens_doc, "\n"),+), $lens_row)
             }, )+ )+
+            $( Setting {
+                get: |values| values.$reading.as_ref().map(Kept::to_value),
+                set: |values, value| values.$reading = Kept::from_value(value),
+                ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
+            }, )+
             $( $( Setting {
                 default: default_of!($picture_type = $picture_default),
                 get: |values| values.$picture.as_ref().map(Kept::to_value),
                 set: |values, value| values.$picture = Kept::from_value(value),
                 ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
             }, )+ )+
-            $( Setting {
-                get: |values| values.$reading.as_ref().map(Kept::to_value),
-                set: |values, value| values.$reading = Kept::from_value(value),
-                ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
-            }, )+
         ];
     };
 }

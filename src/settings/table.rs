@@ -54,7 +54,7 @@ settings! {
             focal_length_mm: f32 = 50.0, number("focal length", Range::Positive)
                 .unit("mm").attribute("thinlens.focal_length_mm").flag("focal-length", "MM");
             /// Focal length over aperture diameter; inf is a pinhole
-            f_number: f32 = 2.8, number("f-number", Range::PositiveOrInfinite)
+            f_number: f32 = 2.8, number("f-number", Range::PositiveOrInfinite).scale("inf is a pinhole")
                 .attribute("thinlens.f_number").flag("f-number", "N");
             /// Width of the sensor
             sensor_width_mm: f32 = 36.0, number("sensor width", Range::Positive)
@@ -66,12 +66,6 @@ settings! {
             sensor_distance: SensorDistance = SensorDistance::FocalLength,
                 Setting::new(Kind::Word(SensorDistance::WORDS), "sensor distance")
                     .attribute("thinlens.sensor_distance").flag("sensor-distance", "WHERE");
-            /// How much of the falloff of brightness shows, 0 to 1
-            ///
-            /// The falloff is the fourth power of the cosine of the field angle, times what `cats_eye` leaves of the aperture; it
-            /// is raised to this power.
-            vignetting: f32 = 0.0, number("vignetting", Range::Within(0.0, 1.0))
-                .scale("0 for none, 1 for the lens's own").attribute("thinlens.vignetting").flag("vignetting", "SHARE");
         }
         "aperture" {
             /// Number of aperture blades, 0 for a disc
@@ -105,6 +99,14 @@ settings! {
             cats_eye: f32 = 0.0, number("cat's eye", Range::Within(0.0, 1.2))
                 .unit("aperture radii").scale("how far the rim stands aside in the corners, in aperture radii")
                 .attribute("thinlens.cats_eye").flag("cats-eye", "RADII");
+        }
+        "lens" {
+            /// How much of the falloff of brightness shows, 0 to 1
+            ///
+            /// The falloff is the fourth power of the cosine of the field angle, times what `cats_eye` leaves of the aperture; it
+            /// is raised to this power.
+            vignetting: f32 = 0.0, number("vignetting", Range::Within(0.0, 1.0))
+                .scale("0 for none, 1 for the lens's own").attribute("thinlens.vignetting").flag("vignetting", "SHARE");
         }
         "aberrations" {
             /// Spherical aberration, in micrometres
@@ -143,6 +145,16 @@ settings! {
         }
     }
 
+    reading in "depth" {
+        /// How depth is written
+        convention: DepthConvention, Setting::new(Kind::Word(DepthConvention::WORDS), "depth convention")
+            .otherwise("from the file")
+            .attribute("thinlens.depth_convention").flag("depth-convention", "CONVENTION");
+        /// Samples a picture pixel along each axis
+        supersample: usize, Setting::new(Kind::Whole(1, 64), "supersample")
+            .otherwise("1").attribute("thinlens.supersample").flag("supersample", "S");
+    }
+
     /// The picture beside its lens, each value with its origin.
     picture {
         "picture" {
@@ -165,16 +177,6 @@ settings! {
             extrapolation_gain: f32 = 2.0, number("gain", Range::Within(1.0, 1000.0))
                 .preset_key("gain").scale("of the light of white").no_flag(IN_PRESETS);
         }
-    }
-
-    reading in "depth" {
-        /// How depth is written
-        convention: DepthConvention, Setting::new(Kind::Word(DepthConvention::WORDS), "depth convention")
-            .otherwise("from the file")
-            .attribute("thinlens.depth_convention").flag("depth-convention", "CONVENTION");
-        /// Samples a picture pixel along each axis
-        supersample: usize, Setting::new(Kind::Whole(1, 64), "supersample")
-            .otherwise("1").attribute("thinlens.supersample").flag("supersample", "S");
     }
 }
 
