@@ -5,8 +5,11 @@
 //!   in: shots/room.0042.exr
 //!   found: Peel3.Combined.R Peel3.Combined.G Peel3.Combined.B
 //!   looked for: Depth.Z, Depth.V, depth.T, Z
-//!   help: enable the Z pass, or name it with --depth-channel
+//!   help: enable the Z pass, or name it with `depth_channel`
 //! ```
+//!
+//! A setting is named by its key in backquotes, with a value as in `` `f_number = inf` ``. The command line shows it as the flag
+//! that it is there.
 
 use std::fmt;
 use std::path::Path;

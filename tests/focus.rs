@@ -386,7 +386,7 @@ fn an_unknown_object_has_its_nearest_name_and_a_list() {
     assert!(message.contains("did you mean 'sphere'?"), "{message}");
     assert!(failure(vec![four()], "Cube").contains("did you mean 'cube'?"), "case is often what slips");
     assert!(failure(vec![four()], "spher").contains("did you mean 'sphere'?"));
-    assert!(failure(vec![four()], "").contains("--focus-at"), "nothing is near to nothing");
+    assert!(failure(vec![four()], "").contains("`focus_point = [X, Y]`"), "nothing is near to nothing");
 }
 
 #[test]
@@ -455,10 +455,10 @@ fn what_was_decided_is_said() {
     let (_, said) = pulled(PULL, Some(3)).unwrap();
     assert_eq!(
         said,
-        "frame 3, from --frame; between keys 1 and 5, eased 0.50 of the way from 2 to 3: 2.4; frame 5 has object 'sphere' of \
+        "frame 3, from `frame`; between keys 1 and 5, eased 0.50 of the way from 2 to 3: 2.4; frame 5 has object 'sphere' of \
          CryptoObject: 3, the median of 2 pixels"
     );
-    assert_eq!(pulled(PULL, Some(0)).unwrap().1, "frame 0, from --frame; at the key of frame 1: 2");
+    assert_eq!(pulled(PULL, Some(0)).unwrap().1, "frame 0, from `frame`; at the key of frame 1: 2");
 }
 
 #[test]

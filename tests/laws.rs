@@ -35,7 +35,7 @@ impl Trial {
 
     /// Holds every case to the law, or to the deviation that the method declares; a deviation that no case shows has to be
     /// taken back.
-    fn estimate(&self) {
+    fn check(&self) {
         let within = |figure: f32, [least, most]: [f32; 2]| (least..=most).contains(&figure);
         let info = self.method.info();
         let deviation = info.deviations.iter().find(|deviation| deviation.law == self.law);
@@ -188,7 +188,7 @@ fn a_constant_picture_stays_constant_at_every_size_blur_and_aperture() {
                 }
             }
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -267,7 +267,7 @@ fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
                 );
             }
         }
-        [energy, centroid, spread].iter().for_each(Trial::estimate);
+        [energy, centroid, spread].iter().for_each(Trial::check);
     }
 }
 
@@ -314,7 +314,7 @@ fn a_point_seen_through_curved_and_squeezed_blades_spreads_as_they_do() {
                 spread.add(variance as f32 / disc, [1.0 - 1.0 / 32.0, 1.0 + 1.0 / 32.0 + pixel], case);
             }
         }
-        [energy, centroid, spread].iter().for_each(Trial::estimate);
+        [energy, centroid, spread].iter().for_each(Trial::check);
     }
 }
 
@@ -382,7 +382,7 @@ fn a_faulty_lens_looks_to_every_method_that_has_its_faults_as_to_rays() {
             let mut trial = Trial::new(method, Law::Convergence);
             let db = psnr_db(&picture(method, 1024, &lens), &truth);
             trial.add(db as f32, [45.0, f32::INFINITY], format!("{effects:?}"));
-            trial.estimate();
+            trial.check();
         }
     }
 }
@@ -407,12 +407,12 @@ fn a_blurred_front_lets_the_focused_back_through_at_full_sharpness() {
             );
         let mut sharpness = Trial::new(method, Law::Sharpness);
         sharpness.add(difference(&checkered, &expected), [0.0, 1e-5], "checkers behind a bar");
-        sharpness.estimate();
+        sharpness.check();
         // Six columns of front spread over 16: the back shows through even at their middle.
         let mut see_through = Trial::new(method, Law::SeeThrough);
         let share = white.pixel(23, 12)[0] - black.pixel(23, 12)[0];
         see_through.add(share, [0.3, 0.7], "the middle of the bar");
-        see_through.estimate();
+        see_through.check();
     }
 }
 
@@ -425,7 +425,7 @@ fn an_opaque_focused_front_hides_a_blurred_back() {
         let expected = Image::from_fn(32, 16, |x, y| grey(noise(x, y, 4)));
         let mut trial = Trial::new(method, Law::Occlusion);
         trial.add(difference(&image, &expected), [0.0, 1e-5], "noise before a bright wall");
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -448,7 +448,7 @@ fn a_slanted_surface_has_no_cracks() {
         for slant in [(0.0, 0.3), (0.24, 0.1), (-0.45, 0.0), (0.2, -0.28)] {
             trial.add(leak(method, slant).1, [-1.0, 3e-5], format!("slant {slant:?}"));
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -460,7 +460,7 @@ fn a_surface_steep_across_the_corners_of_its_samples_has_no_cracks_either() {
         for slant in [(0.3, -0.37), (0.45, 0.45)] {
             trial.add(leak(method, slant).1, [-1.0, 3e-5], format!("slant {slant:?}"));
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -499,7 +499,7 @@ fn light_through_half_a_veil_is_halved() {
         let mut trial = Trial::new(method, Law::Veil);
         let off = difference(&image, &Image::from_fn(32, 16, |_, _| grey(0.1 + 0.5 * 0.8)));
         trial.add(off, [0.0, 1e-5], "grey veil, grey wall");
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -525,7 +525,7 @@ fn an_object_before_nothing_keeps_a_transparent_picture() {
             let far_off = image.pixel(0, 0).into_iter().fold(0.0, f32::max);
             assert!(far_off < 1e-5, "{}: {far_off} far from it", method.info().name);
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -554,7 +554,7 @@ fn a_mirrored_or_turned_scene_gives_the_mirrored_or_turned_picture() {
             // The views are not symmetric, so the two differ by their sampling error.
             trial.add(psnr_db(&mirrored, &expected) as f32, [48.0, f32::INFINITY], case);
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -623,7 +623,7 @@ fn a_small_change_of_focus_makes_a_small_change_of_picture() {
         let after = blur(method, &refocused(0.02), 256);
         let mut trial = Trial::new(method, Law::Continuity);
         trial.add(psnr_db(&before, &after) as f32, [38.0, f32::INFINITY], "0.02 px further");
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -639,7 +639,7 @@ fn every_method_converges_to_the_reference() {
             let db = psnr_db(&methods::render(world.clone(), &plan, &|_| {}).unwrap(), truth);
             trial.add(db as f32, [45.0, f32::INFINITY], format!("a small world, {blades} blades"));
         }
-        trial.estimate();
+        trial.check();
     }
 }
 
@@ -687,6 +687,6 @@ fn supersampled_layers_blur_as_the_coverage_they_stand_for() {
         assert_eq!((image.width(), image.height()), (48, 32), "{}: picture size", method.info().name);
         let mut trial = Trial::new(method, Law::Supersampling);
         trial.add(psnr_db(&image, &reference) as f32, [40.0, f32::INFINITY], "a slanted edge");
-        trial.estimate();
+        trial.check();
     }
 }

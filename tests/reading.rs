@@ -154,7 +154,7 @@ fn colour_and_depth_may_be_named_by_flag() {
         "one.R=1 one.G=1 one.B=1 two.R=2 two.G=2 two.B=2 far.away=5 near.by=4",
     )]);
     let error = failure(bytes.clone());
-    assert!(error.to_string().contains("--color-channel"), "{error}");
+    assert!(error.to_string().contains("`color_channel`"), "{error}");
     let options = ReadOptions {
         color_channel: Some("two".to_owned()),
         depth_channel: Some("near.by".to_owned()),
@@ -184,7 +184,7 @@ fn a_file_without_colour_shows_its_channels() {
     let error = failure(exr_bytes(vec![Part::flat((1, 1), "Z=1 N.X=0 N.Y=0 N.Z=1")]));
     assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("found: N.X N.Y N.Z Z"), "{error}");
-    assert!(error.to_string().contains("--color-channel"), "{error}");
+    assert!(error.to_string().contains("`color_channel`"), "{error}");
 }
 
 // Pixels.
@@ -315,7 +315,7 @@ fn an_srgb_png_with_a_16_bit_depth_png_becomes_linear_and_premultiplied() {
     assert!((g / alpha - 0.5029).abs() < 1e-3, "{g}");
     // 13107 / 65535 = 0.2: values as they are, with a word about their range.
     assert!((z - 0.2).abs() < 1e-6);
-    assert!(warnings(&stack)[0].contains("--depth-convention"));
+    assert!(warnings(&stack)[0].contains("`convention`"));
     assert!(stack.findings.iter().any(|finding| finding.text.contains("sRGB")));
     assert_eq!(stack.color_range, ColorRange::UpToWhite, "integers end at white");
 }

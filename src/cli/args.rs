@@ -1,5 +1,6 @@
 //! Flags that several subcommands share, and what they mean to the library.
 
+use super::flags::SettingFlags;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::fmt::Display;
@@ -7,9 +8,7 @@ use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
 use thinlens::render::{Job, NamedPreset};
-use thinlens::settings::{
-    Border, DepthConvention, Effort, Focus, Preset, Quality, SensorDistance, Switches, Values,
-};
+use thinlens::settings::{Effort, Preset, Quality, Switches, Values};
 use thinlens::stack::{Carry, ReadOptions, Source};
 
 /// Pixels at which a sampling error is measured unless the user says how many.
@@ -44,121 +43,23 @@ pub(super) struct InputArgs {
     /// Name of the depth channel, if it is not known
     #[arg(long, value_name = "CHANNEL")]
     depth_channel: Option<String>,
-    /// How depth is written
-    #[arg(long, value_name = "CONVENTION")]
-    depth_convention: Option<ConventionArg>,
-    /// Depth at which the renderer starts to count (ray depth)
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
-    near_clip: Option<f32>,
-    /// Planar distance of depth 0 (normalised depth)
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
-    near: Option<f32>,
-    /// Planar distance of depth 1 (normalised depth)
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_not_negative, allow_negative_numbers = true)]
-    far: Option<f32>,
-    /// Length of one depth unit
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
-    metres_per_unit: Option<f32>,
-    /// Samples a picture pixel along each axis
-    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(1..=64))]
-    supersample: Option<u16>,
     /// Which frame this is, for a preset's focus keys
     ///
     /// By default the last digits of the first input's name before its extension: shot.0042.exr is frame 42. Digits after a v are a
     /// version and no frame; of several inputs, all must have the number.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frame: Option<i64>,
-    /// What lies beyond the frame; clamp by default
-    ///
-    /// What is blurred at the frame's edge is blurred with what lies beyond it. Overscan is the true answer: what the data window holds is
-    /// used, and this is about what lies beyond that.
-    #[arg(long, value_name = "BORDER")]
-    border: Option<BorderArg>,
 }
 
-/// The lens; every flag outranks the preset.
+/// The lens and how depth is written; every flag outranks the preset.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Lens")]
 pub(super) struct LensArgs {
     /// A preset's name or TOML file (see `thinlens presets`)
     #[arg(long, value_name = "NAME|FILE")]
     preset: Option<String>,
-    /// Focal length
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    focal_length: Option<f32>,
-    /// Focal length over aperture diameter; inf is a pinhole
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    f_number: Option<f32>,
-    /// Distance in focus, in the stack's depth units
-    #[arg(long, value_name = "DISTANCE", conflicts_with_all = ["focus_at", "focus_on"], allow_negative_numbers = true)]
-    focus: Option<f32>,
-    /// Focus on what this pixel shows; the centre by default
-    #[arg(long, value_name = "X,Y", conflicts_with = "focus_on", value_parser = parse_point)]
-    focus_at: Option<[f32; 2]>,
-    /// Focus on this object, by the file's cryptomatte
-    ///
-    /// Its distance is the median of what the picture shows of it. `thinlens inspect` lists the objects of a file.
-    #[arg(long, value_name = "NAME")]
-    focus_on: Option<String>,
-    /// Width of the sensor
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    sensor_width: Option<f32>,
-    /// How far behind the lens the sensor stands
-    ///
-    /// focal-length: as Blender and Mitsuba have it. thin-lens: at the image distance, as in a real camera; blurs more
-    /// in close-ups.
-    #[arg(long, value_name = "WHERE")]
-    sensor_distance: Option<SensorDistanceArg>,
-    /// Number of aperture blades, 0 for a disc
-    #[arg(long, value_name = "N", value_parser = parse_blades)]
-    blades: Option<u32>,
-    /// Rotation of the aperture, anticlockwise
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    rotation: Option<f32>,
-    /// Curvature of the blades, 0 (straight) to 1 (round)
-    #[arg(long, value_name = "CURVATURE", allow_negative_numbers = true)]
-    blade_curvature: Option<f32>,
-    /// Height of the aperture over its width (anamorphic)
-    ///
-    /// What a blurred point looks like through an anamorphic lens: 2 makes it twice as high as wide. Its height is that of the disc
-    /// of the f-number. From 1 to 4.
-    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
-    squeeze: Option<f32>,
-    /// Picture of the aperture, in place of blades
-    ///
-    /// White lets light through. The circle that touches the sides of the picture is the aperture's, read upright as a point behind
-    /// focus shows it.
-    #[arg(long, value_name = "FILE")]
-    aperture_image: Option<PathBuf>,
-    /// The cat's eye of the corners: how far the rim cuts in
-    ///
-    /// Optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
-    /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
-    #[arg(long, value_name = "RADII", allow_negative_numbers = true)]
-    cats_eye: Option<f32>,
-    /// How much of the falloff of brightness shows, 0 to 1
-    ///
-    /// The falloff is the fourth power of the cosine of the field angle, times what --cats-eye leaves of the aperture; it is raised to
-    /// this power.
-    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
-    vignetting: Option<f32>,
-    /// Spherical aberration, in micrometres
-    ///
-    /// How much nearer to the lens the aperture's edge focuses than its middle, along the axis at the sensor. Positive: soft discs
-    /// behind focus, hard rings in front of it; negative: soap bubbles behind it.
-    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
-    spherical: Option<f32>,
-    /// Axial colour error of red and blue, in micrometres
-    ///
-    /// How much farther from the lens than green they focus, along the axis at the sensor. Both positive: green fringes behind focus,
-    /// magenta ones in front of it.
-    #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
-    axial_color: Option<[f32; 2]>,
-    /// Lateral colour error of red and blue, in micrometres
-    ///
-    /// How much farther from the axis than green they show what is in the frame's corners, at the sensor.
-    #[arg(long, value_name = "RED,BLUE", value_parser = parse_pair, allow_hyphen_values = true)]
-    lateral_color: Option<[f32; 2]>,
+    #[command(flatten)]
+    settings: SettingFlags,
 }
 
 /// How to compute.
@@ -263,8 +164,8 @@ struct EffortArgs {
     #[arg(long, value_name = "DB", value_parser = parse_target_db)]
     target_db: Option<f64>,
     /// As many lens samples as the blur has time for
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
-    time_budget: Option<f64>,
+    #[arg(long = "time-budget", value_name = "SECONDS", value_parser = parse_seconds)]
+    time_budget_s: Option<f64>,
     /// Lens samples a pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
@@ -273,40 +174,10 @@ struct EffortArgs {
 impl EffortArgs {
     fn effort(&self) -> Option<Effort> {
         let views = self.views.map(|views| Effort::Views(views as usize));
-        let budget = self.time_budget.map(Effort::TimeBudget);
+        let budget = self.time_budget_s.map(Effort::TimeBudget);
         let quality = self.quality.map(Effort::Quality);
         views.or(self.target_db.map(Effort::TargetDb)).or(budget).or(quality)
     }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ConventionArg {
-    /// From the file
-    Auto,
-    /// Along the optical axis (Blender)
-    Planar,
-    /// Along the ray, from the near clip plane (Mitsuba)
-    Ray,
-    /// One over planar depth
-    Inverse,
-    /// 0 at --near to 1 at --far
-    Normalised,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum BorderArg {
-    /// The last pixel, for ever
-    Clamp,
-    /// The picture, reflected
-    Mirror,
-    /// Nothing: blurred edges fade out
-    Transparent,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SensorDistanceArg {
-    FocalLength,
-    ThinLens,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -356,43 +227,11 @@ pub(super) fn stack_job(
         frame: input.frame,
         read_options: input.read_options(carry),
         preset: preset.transpose()?,
-        flags: values(input, lens),
+        flags: lens.settings.values(),
         switches: effects.switches(),
         device: DeviceChoice::Cpu,
         ..Job::default()
     })
-}
-
-fn values(input: &InputArgs, lens: &LensArgs) -> Values {
-    let point = lens.focus_at.map(Focus::Point);
-    Values {
-        focal_length_mm: lens.focal_length,
-        f_number: lens.f_number,
-        focus: lens.focus.map(Focus::Distance).or(point).or_else(|| lens.focus_on.clone().map(Focus::Object)),
-        sensor_width_mm: lens.sensor_width,
-        sensor_distance: lens.sensor_distance.map(|distance| match distance {
-            SensorDistanceArg::FocalLength => SensorDistance::FocalLength,
-            SensorDistanceArg::ThinLens => SensorDistance::ThinLens,
-        }),
-        blades: lens.blades,
-        rotation_deg: lens.rotation,
-        blade_curvature: lens.blade_curvature,
-        squeeze: lens.squeeze,
-        aperture_image: lens.aperture_image.clone(),
-        cats_eye: lens.cats_eye,
-        vignetting: lens.vignetting,
-        spherical_um: lens.spherical,
-        axial_color_um: lens.axial_color,
-        lateral_color_um: lens.lateral_color,
-        convention: input.depth_convention.and_then(ConventionArg::convention),
-        metres_per_unit: input.metres_per_unit,
-        near_clip: input.near_clip,
-        near: input.near,
-        far: input.far,
-        supersample: input.supersample.map(usize::from),
-        border: input.border.map(BorderArg::border),
-        ..Values::default()
-    }
 }
 
 impl InputArgs {
@@ -408,33 +247,13 @@ impl InputArgs {
 
     /// The words of a command line that say the same.
     pub(super) fn words(&self) -> Vec<String> {
-        let Self {
-            inputs,
-            depth_file,
-            color_channel,
-            depth_channel,
-            depth_convention,
-            near_clip,
-            near,
-            far,
-            metres_per_unit,
-            supersample,
-            frame,
-            border,
-        } = self;
+        let Self { inputs, depth_file, color_channel, depth_channel, frame } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
             flag("--depth-file", depth_file.as_ref().map(|file| file.display())),
             flag("--color-channel", color_channel.as_ref()),
             flag("--depth-channel", depth_channel.as_ref()),
-            flag("--depth-convention", depth_convention.and_then(value_name)),
-            flag("--near-clip", near_clip.as_ref()),
-            flag("--near", near.as_ref()),
-            flag("--far", far.as_ref()),
-            flag("--metres-per-unit", metres_per_unit.as_ref()),
-            flag("--supersample", supersample.as_ref()),
             flag("--frame", frame.as_ref()),
-            flag("--border", border.and_then(value_name)),
         ];
         inputs.chain(flags.into_iter().flatten()).collect()
     }
@@ -448,81 +267,14 @@ impl InputArgs {
 impl LensArgs {
     /// The words of a command line that say the same.
     pub(super) fn words(&self) -> Vec<String> {
-        let Self {
-            preset,
-            focal_length,
-            f_number,
-            focus,
-            focus_at,
-            focus_on,
-            sensor_width,
-            sensor_distance,
-            blades,
-            rotation,
-            blade_curvature,
-            squeeze,
-            aperture_image,
-            cats_eye,
-            vignetting,
-            spherical,
-            axial_color,
-            lateral_color,
-        } = self;
-        let pair = |pair: &Option<[f32; 2]>| pair.map(|[first, second]| format!("{first},{second}"));
-        let flags = [
-            flag("--preset", preset.as_ref()),
-            flag("--focal-length", focal_length.as_ref()),
-            flag("--f-number", f_number.as_ref()),
-            flag("--focus", focus.as_ref()),
-            flag("--focus-at", pair(focus_at)),
-            flag("--focus-on", focus_on.as_ref()),
-            flag("--sensor-width", sensor_width.as_ref()),
-            flag("--sensor-distance", sensor_distance.and_then(value_name)),
-            flag("--blades", blades.as_ref()),
-            flag("--rotation", rotation.as_ref()),
-            flag("--blade-curvature", blade_curvature.as_ref()),
-            flag("--squeeze", squeeze.as_ref()),
-            flag("--aperture-image", aperture_image.as_ref().map(|file| file.display())),
-            flag("--cats-eye", cats_eye.as_ref()),
-            flag("--vignetting", vignetting.as_ref()),
-            flag("--spherical", spherical.as_ref()),
-            flag("--axial-color", pair(axial_color)),
-            flag("--lateral-color", pair(lateral_color)),
-        ];
-        flags.into_iter().flatten().collect()
+        let Self { preset, settings } = self;
+        [flag("--preset", preset.as_ref()), settings.words()].concat()
     }
 }
 
 /// A flag and its value as the words of a command line; nothing for a flag that was not given.
 fn flag(name: &str, value: Option<impl Display>) -> Vec<String> {
     value.map(|value| vec![name.to_owned(), value.to_string()]).unwrap_or_default()
-}
-
-/// How a flag's value is written.
-fn value_name(value: impl ValueEnum) -> Option<String> {
-    value.to_possible_value().map(|value| value.get_name().to_owned())
-}
-
-impl ConventionArg {
-    fn convention(self) -> Option<DepthConvention> {
-        match self {
-            Self::Auto => None,
-            Self::Planar => Some(DepthConvention::Planar),
-            Self::Ray => Some(DepthConvention::Ray),
-            Self::Inverse => Some(DepthConvention::Inverse),
-            Self::Normalised => Some(DepthConvention::Normalised),
-        }
-    }
-}
-
-impl BorderArg {
-    fn border(self) -> Border {
-        match self {
-            Self::Clamp => Border::Clamp,
-            Self::Mirror => Border::Mirror,
-            Self::Transparent => Border::Transparent,
-        }
-    }
 }
 
 fn qualities() -> impl TypedValueParser<Value = Quality> {
@@ -543,30 +295,10 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "a time is a positive number of seconds".to_owned())
 }
 
-fn parse_point(text: &str) -> Result<[f32; 2], String> {
-    parse_pair(text)
-        .map_err(|_| "a pixel is two numbers with a comma between them, such as 960,540".to_owned())
-}
-
-fn parse_pair(text: &str) -> Result<[f32; 2], String> {
-    let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
-    let pair = text.split_once(',').and_then(|(first, second)| Some([number(first)?, number(second)?]));
-    pair.ok_or_else(|| "two numbers with a comma between them are wanted, such as 30,45".to_owned())
-}
-
-fn parse_not_negative(text: &str) -> Result<f32, String> {
-    let number = text.parse::<f32>().ok().filter(|x| *x >= 0.0 && x.is_finite());
-    number.ok_or_else(|| "a distance from the lens is a number, 0 or more".to_owned())
-}
-
-fn parse_blades(text: &str) -> Result<u32, String> {
-    let blades = text.parse().ok().filter(|blades| !matches!(blades, 1 | 2));
-    blades.ok_or_else(|| "an aperture has 0 blades, which makes it a disc, or at least 3".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value};
 
     /// A stack, its lens and its effects, as any subcommand takes them.
     #[derive(Debug, clap::Parser)]
@@ -579,48 +311,46 @@ mod tests {
         effects: EffectArgs,
     }
 
+    /// A value of `setting` as a command line has it.
+    fn example(setting: &Setting) -> String {
+        let number = |text: &&str| text.parse().is_ok_and(|x| setting.kind.allows(&Value::Number(x)));
+        match setting.kind {
+            Kind::Number(_) => ["-7.25", "inf", "1e-7", "1.33"].into_iter().find(number).unwrap().to_owned(),
+            Kind::RedBlue(_) => "-30,45.5".to_owned(),
+            Kind::Pixel => "10.5,20".to_owned(),
+            Kind::Count { max, .. } | Kind::Whole(_, max) => max.to_string(),
+            Kind::Word(words) => words.last().unwrap().name.replace('_', "-"),
+            Kind::Name => "cow".to_owned(),
+            Kind::File => "heart.png".to_owned(),
+        }
+    }
+
     #[test]
     fn the_words_of_flags_are_read_back_as_the_same_flags() {
         use clap::{CommandFactory, Parser};
-        let text = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --depth-convention ray --near-clip 0.1 \
-                    --near 0.2 --far 1e-7 --metres-per-unit 0.01 --supersample 2 --frame -42 --border mirror --preset p --focal-length 85.5 --f-number inf \
-                    --focus 3.3 --sensor-width 36 --sensor-distance thin-lens --blades 5 --rotation -7.25 \
-                    --blade-curvature 0.5 --squeeze 1.33 --aperture-image heart.png --cats-eye 0.8 --vignetting 0.5 \
-                    --spherical -40 --axial-color -30,45.5 --lateral-color 4,-6 --force fill,resolve --without highlights";
-        let all =
-            StackAndLens::command().get_arguments().filter(|argument| argument.get_long().is_some()).count();
-        // All flags, but for --focus-at and --focus-on, which have no place beside --focus.
-        assert_eq!(text.matches("--").count() + 2, all);
-        for text in [text, "x a.exr --focus-at 10.5,20", "x a.exr --focus-on cow"] {
-            let given = StackAndLens::parse_from(text.split_whitespace());
+        let own = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --frame -42 --preset p \
+                   --force fill,resolve --without highlights";
+        let words_of = |setting: &Setting| match setting.command_line {
+            CommandLine::Flag { name, .. } => vec![format!("--{name}"), example(setting)],
+            CommandLine::Never(_) => Vec::new(),
+        };
+        let (ways_to_focus, others): (Vec<_>, Vec<_>) = SETTINGS.iter().partition(|s| s.field != s.key);
+        let others: Vec<String> = others.into_iter().flat_map(words_of).collect();
+        let own: Vec<String> = own.split_whitespace().map(str::to_owned).collect();
+        let all = StackAndLens::command();
+        let all = all.get_arguments().filter(|argument| argument.get_long().is_some()).count();
+        for focus in ways_to_focus.iter().map(|setting| words_of(setting)) {
+            let line = [own.clone(), others.clone(), focus].concat();
+            let flags = line.iter().filter(|word| word.starts_with("--")).count();
+            assert_eq!(
+                flags + ways_to_focus.len() - 1,
+                all,
+                "every flag, but of ways to focus only one: {line:?}"
+            );
+            let given = StackAndLens::parse_from(&line);
             let words = [given.input.words(), given.lens.words(), given.effects.words()].concat();
             let again = StackAndLens::parse_from(std::iter::once("x".to_owned()).chain(words));
             assert_eq!(format!("{again:?}"), format!("{given:?}"));
-        }
-    }
-
-    #[test]
-    fn a_point_is_two_numbers_with_a_comma() {
-        assert_eq!(parse_point("960, 540.5"), Ok([960.0, 540.5]));
-        for text in ["960", "960,", "a,b", "1,2,3", "nan,1"] {
-            assert!(parse_point(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn a_distance_from_the_lens_is_0_or_more() {
-        assert_eq!(parse_not_negative("0.01"), Ok(0.01));
-        for text in ["-1", "nan", "inf", "near"] {
-            assert!(parse_not_negative(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn an_aperture_has_no_blades_or_at_least_three() {
-        assert_eq!(parse_blades("0"), Ok(0));
-        assert_eq!(parse_blades("3"), Ok(3));
-        for text in ["1", "2", "-3", "six"] {
-            assert!(parse_blades(text).is_err(), "{text}");
         }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Results go to standard output through `write!`, whose errors are kept: a closed pipe ends the program quietly.
 
+use super::flags::spoken;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -139,9 +140,10 @@ pub(super) fn print(text: &str) -> io::Result<()> {
     stdout.flush()
 }
 
+/// A line in the words of the command line.
 fn line(text: impl Display) {
     // Where standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", spoken(&text.to_string()));
 }
 
 /// How a plan samples the lens, in words.

@@ -5,6 +5,7 @@ use super::checks;
 use super::console::{Console, kebab, print, print_json, sampling};
 use super::drivers::prepare;
 use super::failure::Failure;
+use super::flags::spoken;
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -17,7 +18,7 @@ use thinlens::output::report::{LensReport, StackReport};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Job, Prepared};
 use thinlens::scene::{FocusShares, PeelStats, SceneStats};
-use thinlens::settings::{Focus, LensSettings, PictureSettings, Sourced};
+use thinlens::settings::{Focus, LensSettings, Listed, Origin, PictureSettings};
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
 const EXAMPLES: &str = "\
@@ -76,7 +77,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
         print_json(&to_json(&inspected))?;
     } else {
         let text = to_text(&inspected).expect("text is always written");
-        print(&text)?;
+        print(&spoken(&text))?;
     }
     Ok(())
 }
@@ -171,9 +172,18 @@ fn write_findings(text: &mut String, stack: &Stack) -> fmt::Result {
     Ok(())
 }
 
+/// Settings with their values, and where those come from.
+fn write_settings(text: &mut String, listed: &[Listed<'_>]) -> fmt::Result {
+    let set = listed.iter().filter_map(|listed| Some((listed, listed.value.as_ref()?)));
+    for (Listed { setting, origin, .. }, value) in set {
+        sourced(text, setting.name, &setting.in_words(value), origin)?;
+    }
+    Ok(())
+}
+
 /// A name, a value, and where it comes from.
-fn sourced<T>(text: &mut String, name: &str, value: impl Display, from: &Sourced<T>) -> fmt::Result {
-    line(text, name, format_args!("{:<24} {}", value.to_string(), from.origin))
+fn sourced(text: &mut String, name: &str, value: &str, origin: &Origin) -> fmt::Result {
+    line(text, name, format_args!("{value:<24} {origin}"))
 }
 
 fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Result {
@@ -184,42 +194,23 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
         Focus::Centre => format!("{} depth units, centre", lens.focus_distance),
         Focus::Keys(keys) => format!("{} depth units, by {} keys", lens.focus_distance, keys.len()),
     };
-    let blades = if set.blades.value == 0 { "disc".to_owned() } else { set.blades.value.to_string() };
     writeln!(text, "lens")?;
-    sourced(text, "focal length", format_args!("{} mm", set.focal_length_mm.value), &set.focal_length_mm)?;
-    sourced(text, "f-number", set.f_number.value, &set.f_number)?;
-    sourced(text, "focus", focus, &set.focus)?;
-    sourced(text, "sensor width", format_args!("{} mm", set.sensor_width_mm.value), &set.sensor_width_mm)?;
-    sourced(text, "sensor distance", kebab(&set.sensor_distance.value), &set.sensor_distance)?;
-    sourced(text, "blades", blades, &set.blades)?;
-    sourced(text, "rotation", format_args!("{}°", set.rotation_deg.value), &set.rotation_deg)?;
-    sourced(text, "blade curvature", set.blade_curvature.value, &set.blade_curvature)?;
-    sourced(text, "squeeze", set.squeeze.value, &set.squeeze)?;
-    if let Some(image) = &set.aperture_image.value {
-        sourced(text, "aperture image", image.display(), &set.aperture_image)?;
-    }
-    sourced(text, "cat's eye", format_args!("{} aperture radii", set.cats_eye.value), &set.cats_eye)?;
-    sourced(text, "vignetting", set.vignetting.value, &set.vignetting)?;
-    sourced(text, "spherical", format_args!("{} µm", set.spherical_um.value), &set.spherical_um)?;
-    for (name, color) in [("axial colour", &set.axial_color_um), ("lateral colour", &set.lateral_color_um)] {
-        let [red, blue] = color.value;
-        sourced(text, name, format_args!("red {red}, blue {blue} µm"), color)?;
-    }
-    sourced(text, "depth unit", format_args!("{} m", set.metres_per_unit.value), &set.metres_per_unit)?;
-    sourced(text, "near clip", format_args!("{} depth units", set.near_clip.value), &set.near_clip)?;
-    sourced(text, "depth 0 is at", format_args!("{} depth units", set.near.value), &set.near)?;
-    sourced(text, "depth 1 is at", format_args!("{} depth units", set.far.value), &set.far)?;
+    sourced(text, "focus", &focus, &set.focus.origin)?;
+    let mut listed = set.listed();
+    listed.retain(|listed| listed.setting.field != "focus");
+    write_settings(text, &listed)?;
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
 }
 
+/// The picture beside its lens, under the names of its tables in a preset.
 fn write_picture(text: &mut String, set: &PictureSettings) -> fmt::Result {
-    let PictureSettings { border, extrapolation_threshold, extrapolation_falloff, extrapolation_gain } = set;
-    writeln!(text, "picture")?;
-    sourced(text, "border", kebab(&border.value), border)?;
-    writeln!(text, "highlight extrapolation")?;
-    sourced(text, "threshold", extrapolation_threshold.value, extrapolation_threshold)?;
-    sourced(text, "falloff", extrapolation_falloff.value, extrapolation_falloff)?;
-    sourced(text, "gain", extrapolation_gain.value, extrapolation_gain)
+    let listed = set.listed();
+    for of_table in listed.chunk_by(|a, b| a.setting.table == b.setting.table) {
+        let table = of_table.first().map_or("", |listed| listed.setting.table);
+        writeln!(text, "{}", table.replace('-', " "))?;
+        write_settings(text, of_table)?;
+    }
+    Ok(())
 }
 
 /// What is sharp, in space and in the picture.

@@ -11,6 +11,7 @@ mod demo;
 mod devices;
 mod drivers;
 mod failure;
+mod flags;
 mod inspect;
 mod man;
 mod methods;

@@ -4,6 +4,7 @@ use super::args::JobArgs;
 use super::console::{Console, print, print_json};
 use super::drivers::prepare;
 use super::failure::Failure;
+use super::flags::spoken;
 use super::inspect::{write_device, write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
@@ -90,7 +91,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
             "calibration": calibration,
         }))?;
     } else {
-        print(&to_text(&prepared, &rows, &calibration).expect("text is always written"))?;
+        print(&spoken(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
     }
     Ok(())
 }

@@ -26,7 +26,7 @@ pub fn bands(height: usize, reach: usize, max_rows: usize) -> Result<Vec<Band>, 
         return Err(Error::device("the frame is too large for the GPU")
             .with("found", format!("{height} rows, blurred over {reach} rows either way"))
             .with("wanted", format!("{} rows at most at once", max_rows))
-            .help("use --device cpu"));
+            .help("use `device = cpu`"));
     }
     // As many bands as it takes, of one height.
     let count = height.div_ceil(rows);

@@ -64,7 +64,7 @@ impl Gpu {
         let (device, queue) = opened.map_err(|error| {
             Error::device("the GPU cannot be opened")
                 .with("found", adapter.to_string())
-                .help("use --device cpu")
+                .help("use `device = cpu`")
                 .caused_by(error)
         })?;
         let fault = Arc::new(Mutex::new(None));
@@ -175,7 +175,7 @@ impl Gpu {
             .with("in", what)
             .with("found", line)
             .with("device", self.adapter.to_string())
-            .help("use --device cpu")
+            .help("use `device = cpu`")
     }
 }
 
@@ -257,7 +257,7 @@ mod tests {
         let values = gpu.zeros::<f32>("values", 64).unwrap();
         gpu.lose();
         let error = gpu.read::<f32>(&values).unwrap_err().to_string();
-        assert!(error.contains("the GPU failed") && error.contains("--device cpu"), "{error}");
+        assert!(error.contains("the GPU failed") && error.contains("`device = cpu`"), "{error}");
         assert!(scaled(&gpu, 2, 3.0).is_err(), "it stays lost");
     }
 

@@ -238,5 +238,5 @@ fn too_large(what: &str, found: String, wanted: String) -> Error {
     Error::device(format!("{what} are too large for the GPU"))
         .with("found", found)
         .with("wanted", wanted)
-        .help("use --device cpu")
+        .help("use `device = cpu`")
 }

@@ -109,7 +109,7 @@ pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Err
     if choice != DeviceChoice::Gpu {
         return Ok(None);
     }
-    let help = "use --device auto, which runs on the CPU here; `thinlens devices` lists what there is";
+    let help = "use `device = auto`, which runs on the CPU here; `thinlens devices` lists what there is";
     let none = || Error::device("there is no graphics adapter").with("looked for", LOOKED_FOR).help(help);
     open(true)?.ok_or_else(none).map(Some)
 }

@@ -11,7 +11,7 @@
 //! than it is high: `x` divided by the squeeze.
 
 use crate::error::Error;
-use crate::settings::{BLADE_CURVATURES, MAX_BLADES, SQUEEZES};
+use crate::settings::Values;
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
@@ -119,17 +119,11 @@ impl Aperture {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for one or two blades, more than 100, or a rotation that is not finite.
     pub fn new(blades: u32, rotation_deg: f32) -> Result<Self, Error> {
-        if !rotation_deg.is_finite() {
-            return Err(Error::settings("the aperture's rotation must be a number of degrees")
-                .with("found", rotation_deg.to_string()));
+        Values { blades: Some(blades), rotation_deg: Some(rotation_deg), ..Values::default() }.check()?;
+        if blades == 0 {
+            return Ok(Self::DISC);
         }
-        match blades {
-            0 => Ok(Self::DISC),
-            3..=MAX_BLADES => Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC }),
-            _ => Err(Error::settings(format!("an aperture has 3 to {MAX_BLADES} blades, or 0 for a disc"))
-                .with("found", format!("{blades} blades"))
-                .help("set it with --blades, or blades in the preset's [aperture]")),
-        }
+        Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC })
     }
 
     /// The same with sides of `curvature`, 0 (straight) … 1 (the circle's own). A disc stays one.
@@ -137,14 +131,7 @@ impl Aperture {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a curvature out of range.
     pub fn curved(self, curvature: f32) -> Result<Self, Error> {
-        let [straight, round] = BLADE_CURVATURES;
-        if !(straight..=round).contains(&curvature) {
-            return Err(Error::settings(format!(
-                "blades are curved from {straight}, straight, to {round}, round"
-            ))
-            .with("found", curvature.to_string())
-            .help("set it with --blade-curvature, or blade_curvature in the preset's [aperture]"));
-        }
+        Values { blade_curvature: Some(curvature), ..Values::default() }.check()?;
         Ok(Self { curvature: if self.blades == 0 { 0.0 } else { curvature }, ..self })
     }
 
@@ -153,12 +140,7 @@ impl Aperture {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a squeeze out of range.
     pub fn squeezed(self, squeeze: f32) -> Result<Self, Error> {
-        let [least, most] = SQUEEZES;
-        if !(least..=most).contains(&squeeze) {
-            return Err(Error::settings(format!("a squeeze is a number from {least} to {most}, 1 for none"))
-                .with("found", squeeze.to_string())
-                .help("set it with --squeeze, or squeeze in the preset's [aperture]"));
-        }
+        Values { squeeze: Some(squeeze), ..Values::default() }.check()?;
         Ok(Self { squeeze, ..self })
     }
 

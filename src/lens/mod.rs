@@ -22,7 +22,7 @@ pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, views};
 
 use crate::error::Error;
-use crate::settings::SensorDistance;
+use crate::settings::{Focus, SensorDistance, Values};
 
 /// A lens in the units of its settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +50,20 @@ pub struct ThinLens {
     pub focus_distance: f32,
 }
 
+impl LensSpec {
+    /// The settings that it holds.
+    fn values(&self) -> Values {
+        Values {
+            focal_length_mm: Some(self.focal_length_mm),
+            f_number: Some(self.f_number),
+            focus: Some(Focus::Distance(self.focus_distance)),
+            sensor_width_mm: Some(self.sensor_width_mm),
+            metres_per_unit: Some(self.metres_per_unit),
+            ..Values::default()
+        }
+    }
+}
+
 impl ThinLens {
     /// The lens of `spec` before a sensor `width_px` pixels wide.
     ///
@@ -57,35 +71,18 @@ impl ThinLens {
     /// `½ · f² / (N (z_f − f)) · W / s`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for a value that is not a positive number, and for a focus distance not beyond
-    /// the focal length: such a lens forms no image. Checked here once, so that nothing below can fail.
+    /// [`crate::error::ErrorKind::Settings`] for a value out of its range, and for a focus distance not beyond the focal
+    /// length: such a lens forms no image.
     pub fn new(spec: &LensSpec, width_px: f32) -> Result<Self, Error> {
-        for (name, value, flag) in [
-            ("focal length", spec.focal_length_mm, "--focal-length"),
-            ("sensor width", spec.sensor_width_mm, "--sensor-width"),
-            ("length of a depth unit", spec.metres_per_unit, "metres_per_unit in the preset's [depth]"),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::settings(format!("the {name} must be a positive number"))
-                    .with("found", value.to_string())
-                    .help(format!("set it with {flag}")));
-            }
-        }
-        if spec.f_number.is_nan() || spec.f_number <= 0.0 {
-            return Err(Error::settings("the f-number must be positive")
-                .with("found", spec.f_number.to_string())
-                .help(
-                    "an f-number of 0 would be an infinitely wide lens; for a pinhole use --f-number inf",
-                ));
-        }
+        spec.values().check()?;
         let focal_length = spec.focal_length_mm * 1e-3 / spec.metres_per_unit;
         let focus = spec.focus_distance;
-        if focus.is_nan() || focus <= focal_length {
+        if focus <= focal_length {
             return Err(Error::settings(
                 "the lens cannot focus this near: the focus distance must exceed the focal length",
             )
             .with("found", format!("focus distance {focus}, focal length {focal_length} (depth units)"))
-            .help("raise --focus, lower --focal-length, or check metres_per_unit in the preset's [depth]"));
+            .help("raise `focus_distance`, lower `focal_length_mm`, or check `metres_per_unit`"));
         }
         let image_distance = match spec.sensor_distance {
             SensorDistance::FocalLength => focal_length,
@@ -205,13 +202,13 @@ mod tests {
     fn lenses_that_cannot_be_are_refused() {
         let base = spec(SensorDistance::FocalLength);
         for (spec, word) in [
-            (LensSpec { f_number: 0.0, ..base }, "f-number"),
-            (LensSpec { f_number: f32::NAN, ..base }, "f-number"),
+            (LensSpec { f_number: 0.0, ..base }, "`f_number` must be a positive number"),
+            (LensSpec { f_number: f32::NAN, ..base }, "`f_number`"),
             (LensSpec { focus_distance: 0.1, ..base }, "focus"),
             (LensSpec { focus_distance: f32::NAN, ..base }, "focus"),
-            (LensSpec { focal_length_mm: -1.0, ..base }, "focal length"),
-            (LensSpec { sensor_width_mm: 0.0, ..base }, "sensor width"),
-            (LensSpec { metres_per_unit: f32::INFINITY, ..base }, "depth unit"),
+            (LensSpec { focal_length_mm: -1.0, ..base }, "`focal_length_mm`"),
+            (LensSpec { sensor_width_mm: 0.0, ..base }, "`sensor_width_mm`"),
+            (LensSpec { metres_per_unit: f32::INFINITY, ..base }, "`metres_per_unit`"),
         ] {
             let error = ThinLens::new(&spec, WIDTH_PX).unwrap_err().to_string();
             assert!(error.contains(word), "{error}, about {word}");

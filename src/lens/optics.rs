@@ -18,7 +18,7 @@
 use super::views::{moved_views, views};
 use super::{Aperture, ApertureImage, Field, View};
 use crate::error::Error;
-use crate::settings::{ABERRATIONS_UM, CATS_EYES, Settings, VIGNETTINGS};
+use crate::settings::Settings;
 use glam::Vec2;
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -81,30 +81,26 @@ impl Optics {
     /// The lens that `settings` ask for, before a picture that lies there in its `field`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an aperture that cannot be, an image of one that is black, and a number out of its range.
+    /// [`crate::error::ErrorKind::Settings`] for a setting out of its range, and an image of an aperture that is black.
     pub fn new(settings: &Settings, field: &Field) -> Result<Self, Error> {
         let lens = &settings.lens;
+        lens.check()?;
         let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
         let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
         let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
         let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
         // What is that far out of focus along the axis blurs to a CoC of that over the f-number.
         let coc_px_per_um = 0.5 / lens.f_number.value * px_per_um;
-        let um = |name, value, flag| checked(name, value, ABERRATIONS_UM, flag);
-        let pair = |name, [red, blue]: [f32; 2], flag| {
-            Ok::<_, Error>([um(name, red, flag)?, 0.0, um(name, blue, flag)?])
-        };
-        let axial_um = pair("axial colour", lens.axial_color_um.value, "--axial-color")?;
-        let lateral_um = pair("lateral colour", lens.lateral_color_um.value, "--lateral-color")?;
+        let colors = |[red, blue]: [f32; 2]| [red, 0.0, blue];
         Ok(Self {
             aperture,
             image: image.transpose()?.map(Arc::new),
-            cats_eye: checked("the cat's eye", lens.cats_eye.value, CATS_EYES, "--cats-eye")?,
-            spherical_px: um("spherical aberration", lens.spherical_um.value, "--spherical")? * coc_px_per_um,
+            cats_eye: lens.cats_eye.value,
+            spherical_px: lens.spherical_um.value * coc_px_per_um,
             // What focuses farther from the lens has the CoC of what is nearer to it.
-            axial_px: axial_um.map(|farther| -farther * coc_px_per_um),
-            lateral_px: lateral_um.map(|farther| farther * px_per_um),
-            vignetting: checked("vignetting", lens.vignetting.value, VIGNETTINGS, "--vignetting")?,
+            axial_px: colors(lens.axial_color_um.value).map(|farther| -farther * coc_px_per_um),
+            lateral_px: colors(lens.lateral_color_um.value).map(|farther| farther * px_per_um),
+            vignetting: lens.vignetting.value,
         })
     }
 
@@ -242,16 +238,6 @@ impl Optics {
         }
         [before.max(middle - half_squared.sqrt()), behind.min(middle + half_squared.sqrt())]
     }
-}
-
-/// `value`, if it lies within its range.
-fn checked(what: &str, value: f32, [least, most]: [f32; 2], flag: &str) -> Result<f32, Error> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(Error::settings(format!("{what} must be from {least} to {most}"))
-        .with("found", value.to_string())
-        .help(format!("set it with {flag}, or in the preset")))
 }
 
 #[cfg(test)]

@@ -131,7 +131,8 @@ pub struct Rendered {
 /// Reads the job's stack and decides what to do with it.
 ///
 /// # Errors
-/// Those of reading, of the lens and of the plan; an unknown method or effect, before anything is read.
+/// Those of reading, of the lens and of the plan; a setting out of its range and an unknown method or effect, before anything is
+/// read.
 pub fn prepare(job: &Job) -> Result<Prepared, Error> {
     prepare_with(job, &Gpu::open)
 }
@@ -142,6 +143,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
 /// Those of [`prepare`].
 pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
+    user_layers(job).try_for_each(|(_, values)| values.check())?;
     check_methods(job)?;
     let demanded = gpu::demanded(job.device, open)?;
     methods::requested(&job.switches)?;
@@ -409,7 +411,7 @@ fn read_options(job: &Job) -> ReadOptions {
 
 /// Which frame of a sequence the job is, if that is known.
 fn frame_number(job: &Job) -> Option<FrameNumber> {
-    let said = job.frame.map(|number| FrameNumber { number, from: "--frame" });
+    let said = job.frame.map(|number| FrameNumber { number, from: "`frame`" });
     let named = || stack::frame_number(&job.sources);
     said.or_else(|| named().map(|number| FrameNumber { number, from: "the file's name" }))
 }
@@ -427,7 +429,7 @@ fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> 
     if stack.convention == DepthConvention::Normalised && far <= near {
         return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
             .with("found", format!("near {near}, far {far}"))
-            .help("set the distances of depth 0 and depth 1 with --near and --far"));
+            .help("set the distances of depth 0 and depth 1, `near` and `far`"));
     }
     let focal_lengths = settings.lens.focal_length_mm.value / settings.lens.sensor_width_mm.value;
     Ok(DepthScale {

@@ -18,9 +18,7 @@ use super::light::{LightStep, light_step_ends, luminance, share_of_gain};
 use super::{Layer, Scene};
 use crate::error::Error;
 use crate::image::{srgb_decode, srgb_encode};
-use crate::settings::{
-    EXTRAPOLATION_FALLOFFS, EXTRAPOLATION_GAINS, EXTRAPOLATION_THRESHOLDS, PictureSettings,
-};
+use crate::settings::PictureSettings;
 use rayon::prelude::*;
 
 /// How bright colours are made brighter.
@@ -51,20 +49,11 @@ impl Extrapolation {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a value out of its range.
     pub fn new(settings: &PictureSettings) -> Result<Self, Error> {
-        let within = |key, value: f32, [least, most]: [f32; 2]| {
-            let error = || {
-                Error::settings(format!(
-                    "the {key} of extrapolated highlights must be from {least} to {most}"
-                ))
-                .with("found", value.to_string())
-                .help(format!("set {key} in the preset's [highlight-extrapolation]"))
-            };
-            if (least..=most).contains(&value) { Ok(value) } else { Err(error()) }
-        };
+        settings.check()?;
         Ok(Self {
-            threshold: within("threshold", settings.extrapolation_threshold.value, EXTRAPOLATION_THRESHOLDS)?,
-            falloff: within("falloff", settings.extrapolation_falloff.value, EXTRAPOLATION_FALLOFFS)?,
-            gain: within("gain", settings.extrapolation_gain.value, EXTRAPOLATION_GAINS)?,
+            threshold: settings.extrapolation_threshold.value,
+            falloff: settings.extrapolation_falloff.value,
+            gain: settings.extrapolation_gain.value,
         })
     }
 

@@ -25,10 +25,10 @@ impl Effort {
 impl fmt::Display for Effort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Views(views) => write!(f, "--views {views}"),
-            Self::TargetDb(psnr_db) => write!(f, "--target-db {psnr_db}"),
-            Self::TimeBudget(seconds) => write!(f, "--time-budget {seconds}"),
-            Self::Quality(quality) => write!(f, "--quality {}", quality.name()),
+            Self::Views(views) => write!(f, "`views = {views}`"),
+            Self::TargetDb(psnr_db) => write!(f, "`target_db = {psnr_db}`"),
+            Self::TimeBudget(seconds) => write!(f, "`time_budget_s = {seconds}`"),
+            Self::Quality(quality) => write!(f, "`quality = {}`", quality.name()),
         }
     }
 }
@@ -51,7 +51,7 @@ impl Quality {
     /// Every quality, from rough to fine.
     pub const ALL: [Self; 4] = [Self::Draft, Self::Preview, Self::Final, Self::Reference];
 
-    /// The name of `--quality`.
+    /// The name that it is asked for by.
     pub fn name(self) -> &'static str {
         match self {
             Self::Draft => "draft",

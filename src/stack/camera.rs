@@ -1,11 +1,19 @@
 //! Camera data in the header of an OpenEXR file: ours first (`thinlens.…`), then the standard attributes.
+//!
+//! Which attributes are ours, and what they may be, is in the table of settings.
 
 use crate::finding::Finding;
-use crate::settings::{
-    ABERRATIONS_UM, BLADE_CURVATURES, CATS_EYES, DepthConvention, Focus, MAX_BLADES, SQUEEZES,
-    SensorDistance, VIGNETTINGS, Values,
-};
+use crate::settings::{Focus, Kind, SETTINGS, Setting, Value, Values};
+use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Text};
+
+/// Attributes that stand in for ours where those are missing, the most trusted first, by the key of the setting. The `focus` of
+/// the standard is in metres, and read apart.
+const STANDARD: [(&str, &[&str]); 3] = [
+    ("focal_length_mm", &["effectiveFocalLength", "nominalFocalLength"]),
+    ("f_number", &["aperture"]),
+    ("sensor_width_mm", &["sensorOverallDimensions"]),
+];
 
 /// Attributes of one header, looked up by name.
 struct Lookup<'a> {
@@ -13,71 +21,38 @@ struct Lookup<'a> {
     findings: Vec<Finding>,
 }
 
-/// Which values of an attribute make sense.
-#[derive(Clone, Copy)]
-enum Range {
-    Positive,
-    NotNegative,
-    /// From the first to the second.
-    Within([f32; 2]),
-    Any,
-}
-
-/// The settings that `attributes` hold. What makes no sense is left out, with a warning.
+/// The settings that `attributes` hold. What a setting does not allow is left out, with a warning.
 pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Finding>) {
     let mut from = Lookup { attributes, findings: Vec::new() };
-    let metres_per_unit = from.number("thinlens.metres_per_unit", Range::Positive);
-    let focus_distance = from.number("thinlens.focus_distance", Range::Positive).or_else(|| {
-        // The standard says metres.
-        from.number("focus", Range::Positive).map(|metres| metres / metres_per_unit.unwrap_or(1.0))
-    });
-    let nominal = |from: &mut Lookup<'_>| {
-        let effective = from.number("effectiveFocalLength", Range::Positive);
-        effective.or_else(|| from.number("nominalFocalLength", Range::Positive))
-    };
-    let values = Values {
-        focal_length_mm: from
-            .number("thinlens.focal_length_mm", Range::Positive)
-            .or_else(|| nominal(&mut from)),
-        f_number: from
-            .number("thinlens.f_number", Range::Positive)
-            .or_else(|| from.number("aperture", Range::Positive)),
-        focus: focus_distance.map(Focus::Distance),
-        sensor_width_mm: from
-            .number("thinlens.sensor_width_mm", Range::Positive)
-            .or_else(|| from.number("sensorOverallDimensions", Range::Positive)),
-        sensor_distance: from.word(
-            "thinlens.sensor_distance",
-            &[("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)],
-        ),
-        blades: from.blades("thinlens.blades"),
-        rotation_deg: from.number("thinlens.rotation_deg", Range::Any),
-        blade_curvature: from.number("thinlens.blade_curvature", Range::Within(BLADE_CURVATURES)),
-        squeeze: from.number("thinlens.squeeze", Range::Within(SQUEEZES)),
-        aperture_image: None,
-        cats_eye: from.number("thinlens.cats_eye", Range::Within(CATS_EYES)),
-        vignetting: from.number("thinlens.vignetting", Range::Within(VIGNETTINGS)),
-        spherical_um: from.number("thinlens.spherical_um", Range::Within(ABERRATIONS_UM)),
-        axial_color_um: from.pair("thinlens.axial_color_um", ABERRATIONS_UM),
-        lateral_color_um: from.pair("thinlens.lateral_color_um", ABERRATIONS_UM),
-        convention: from.word(
-            "thinlens.depth_convention",
-            &[
-                ("planar", DepthConvention::Planar),
-                ("ray", DepthConvention::Ray),
-                ("inverse", DepthConvention::Inverse),
-                ("normalised", DepthConvention::Normalised),
-            ],
-        ),
-        metres_per_unit,
-        near_clip: from.number("thinlens.near_clip", Range::NotNegative),
-        near: from.number("thinlens.near", Range::NotNegative),
-        far: from.number("thinlens.far", Range::Positive),
-        supersample: from.whole("thinlens.supersample").filter(|&samples| samples > 0).map(usize::from),
-        // What is no matter of the camera.
-        ..Values::default()
-    };
+    let mut values = Values::default();
+    for setting in SETTINGS {
+        let ours = setting.attribute.and_then(|name| from.setting(name, setting, false));
+        let standard =
+            STANDARD.iter().find(|(key, _)| *key == setting.key).map_or(&[][..], |(_, names)| names);
+        let found = ours.or_else(|| standard.iter().find_map(|name| from.setting(name, setting, true)));
+        if let Some(value) = found {
+            setting.set(&mut values, &value);
+        }
+    }
+    if values.focus.is_none() {
+        values.focus = from.standard_focus(values.metres_per_unit.unwrap_or(1.0));
+    }
     (values, from.findings)
+}
+
+/// The attributes of a header that hold `values`, to be read back by this module. What has no attribute is left out.
+pub fn camera_attributes(values: &Values) -> Vec<(Text, AttributeValue)> {
+    let attribute = |(name, value): (&'static str, Value)| {
+        let value = match value {
+            Value::Number(number) => AttributeValue::F32(number),
+            Value::Pair([x, y]) => AttributeValue::FloatVec2(Vec2(x, y)),
+            Value::Whole(number) => AttributeValue::I32(i32::try_from(number).ok()?),
+            Value::Word(word) => AttributeValue::Text(Text::new_or_none(word)?),
+            Value::Name(_) | Value::File(_) => return None,
+        };
+        Some((Text::new_or_none(name)?, value))
+    };
+    values.attributes().into_iter().filter_map(attribute).collect()
 }
 
 /// The text of attribute `name`, if it has one.
@@ -89,90 +64,83 @@ pub(super) fn text(attributes: &[(Text, AttributeValue)], name: &str) -> Option<
 }
 
 impl Lookup<'_> {
-    fn number(&mut self, name: &'static str, range: Range) -> Option<f32> {
-        let (_, value) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
-        let number = match value {
-            AttributeValue::F32(number) => Some(*number),
-            AttributeValue::F64(number) => Some(*number as f32),
-            AttributeValue::I32(number) => Some(*number as f32),
-            AttributeValue::FloatVec2(size) => Some(size.x()),
-            AttributeValue::Rational((over, under)) => Some((f64::from(*over) / f64::from(*under)) as f32),
-            AttributeValue::Text(text) => text.to_string().trim().parse().ok(),
-            _ => None,
+    /// The value of attribute `name`, if `setting` allows it; `finite`, if it must not be infinite either.
+    fn setting(&mut self, name: &str, setting: &Setting, finite: bool) -> Option<Value> {
+        let (_, found) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
+        let value = match setting.kind {
+            Kind::Number(_) => number(found).filter(|x| !finite || x.is_finite()).map(Value::Number),
+            Kind::RedBlue(_) | Kind::Pixel => pair(found).map(Value::Pair),
+            Kind::Whole(..) | Kind::Count { .. } => whole(found).map(Value::Whole),
+            Kind::Word(words) => {
+                let text = text(self.attributes, name)?;
+                words
+                    .iter()
+                    .find(|word| text.eq_ignore_ascii_case(word.name))
+                    .map(|word| Value::Word(word.name))
+            }
+            Kind::Name | Kind::File => None,
         };
-        let sensible = number.filter(|number| {
-            number.is_finite()
-                && match range {
-                    Range::Positive => *number > 0.0,
-                    Range::NotNegative => *number >= 0.0,
-                    Range::Within([least, most]) => (least..=most).contains(number),
-                    Range::Any => true,
-                }
-        });
-        if sensible.is_none() {
-            let found = number.map_or_else(|| "no number".to_owned(), |number| number.to_string());
-            self.ignore(name, &found);
+        let value = value.filter(|value| setting.kind.allows(value));
+        if value.is_none() {
+            self.ignore(name, found, &setting.wanted());
         }
-        sensible
+        value
     }
 
-    /// Two numbers, each within `ends`.
-    fn pair(&mut self, name: &'static str, [least, most]: [f32; 2]) -> Option<[f32; 2]> {
-        let (_, value) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
-        let pair = match value {
-            AttributeValue::FloatVec2(pair) => Some([pair.x(), pair.y()]),
+    /// The focus of the standard, which is in metres.
+    fn standard_focus(&mut self, metres_per_unit: f32) -> Option<Focus> {
+        let setting = Setting::by_key("focus_distance")?;
+        match self.setting("focus", setting, true) {
+            Some(Value::Number(metres)) => Some(Focus::Distance(metres / metres_per_unit)),
             _ => None,
+        }
+    }
+
+    fn ignore(&mut self, name: &str, found: &AttributeValue, wanted: &str) {
+        let found = match found {
+            AttributeValue::Text(text) => text.to_string(),
+            AttributeValue::FloatVec2(pair) => format!("{},{}", pair.x(), pair.y()),
+            found => number(found).map_or_else(|| "no number".to_owned(), |number| number.to_string()),
         };
-        let sensible = pair.filter(|pair| pair.iter().all(|number| (least..=most).contains(number)));
-        if sensible.is_none() {
-            let found = pair.map_or_else(|| "no pair of numbers".to_owned(), |pair| format!("{pair:?}"));
-            self.ignore(name, &found);
-        }
-        sensible
-    }
-
-    /// A number of blades: 0, or 3 and more.
-    fn blades(&mut self, name: &'static str) -> Option<u32> {
-        let blades = u32::from(self.whole(name)?);
-        if matches!(blades, 0 | 3..=MAX_BLADES) {
-            return Some(blades);
-        }
-        self.ignore(name, &blades.to_string());
-        None
-    }
-
-    /// A small whole number.
-    fn whole(&mut self, name: &'static str) -> Option<u16> {
-        let number = self.number(name, Range::NotNegative)?;
-        if number.fract() == 0.0 && number <= f32::from(u16::MAX) {
-            Some(number as u16)
-        } else {
-            self.ignore(name, &number.to_string());
-            None
-        }
-    }
-
-    fn word<T: Copy>(&mut self, name: &'static str, words: &[(&str, T)]) -> Option<T> {
-        let found = text(self.attributes, name)?;
-        let known = words.iter().find(|(word, _)| found.eq_ignore_ascii_case(word)).map(|(_, value)| *value);
-        if known.is_none() {
-            self.ignore(name, &found);
-        }
-        known
-    }
-
-    fn ignore(&mut self, name: &str, found: &str) {
         self.findings.push(Finding::warning(
             "camera",
-            format!("{name} = {found} in the header makes no sense: ignored"),
+            format!("{name} = {found} in the header is ignored: it must be {wanted}"),
         ));
+    }
+}
+
+/// The number that an attribute holds.
+fn number(value: &AttributeValue) -> Option<f32> {
+    match value {
+        AttributeValue::F32(number) => Some(*number),
+        AttributeValue::F64(number) => Some(*number as f32),
+        AttributeValue::I32(number) => Some(*number as f32),
+        AttributeValue::FloatVec2(size) => Some(size.x()),
+        AttributeValue::Rational((over, under)) => Some((f64::from(*over) / f64::from(*under)) as f32),
+        AttributeValue::Text(text) => text.to_string().trim().parse().ok(),
+        _ => None,
+    }
+}
+
+/// The small whole number that an attribute holds.
+fn whole(value: &AttributeValue) -> Option<u32> {
+    let number = number(value)?;
+    let is_whole = number.fract() == 0.0 && (0.0..=f32::from(u16::MAX)).contains(&number);
+    is_whole.then_some(number as u32)
+}
+
+/// The two numbers that an attribute holds.
+fn pair(value: &AttributeValue) -> Option<[f32; 2]> {
+    match value {
+        AttributeValue::FloatVec2(pair) => Some([pair.x(), pair.y()]),
+        _ => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use exr::math::Vec2;
+    use crate::settings::SensorDistance;
 
     fn read(attributes: &[(&str, AttributeValue)]) -> (Values, Vec<Finding>) {
         let attributes: Vec<_> =

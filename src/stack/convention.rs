@@ -9,7 +9,7 @@ use exr::meta::attribute::{AttributeValue, Text};
 /// What the file says about its depth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence<'a> {
-    /// `--depth-convention`.
+    /// What the user says.
     pub(super) chosen: Option<DepthConvention>,
     /// `thinlens.depth_convention`.
     pub(super) header: Option<DepthConvention>,
@@ -65,7 +65,7 @@ pub(super) fn doubt(conclusion: Conclusion, stats: &SceneStats) -> Option<Findin
     (conclusion.guessed && farthest <= 1.0).then(|| {
         let text = format!(
             "all depths lie between {nearest} and {farthest}, which looks normalised or inverse; taken as planar: \
-             say --depth-convention"
+             say which with `convention`"
         );
         Finding::warning("depth", text)
     })

@@ -325,9 +325,9 @@ impl Stack {
             || names.iter().find(|known| !name.is_empty() && known.contains(name)).map(|name| name.as_str());
         match nearest(name, &names).or_else(holds) {
             Some(near) => error.help(format!("did you mean '{near}'?")),
-            None => {
-                error.help("names are written as in the scene, in full; --focus-at X,Y focuses on a pixel")
-            }
+            None => error.help(
+                "names are written as in the scene, in full; `focus_point = [X, Y]` focuses on a pixel",
+            ),
         }
     }
 }
@@ -353,13 +353,13 @@ pub fn listed(names: &[String], most: usize) -> String {
 fn no_cryptomatte(name: &str) -> Error {
     Error::settings(format!("the file has no cryptomatte to find the object '{name}' by"))
         .with("looked for", "32-bit channels CryptoObject00.R G B A or such, as large as the picture's")
-        .help("render with a Cryptomatte pass, or focus on a pixel with --focus-at X,Y")
+        .help("render with a Cryptomatte pass, or focus on a pixel with `focus_point = [X, Y]`")
 }
 
 fn not_seen(name: &str, matte: &Cryptomatte) -> Error {
     Error::settings(format!("the picture does not show the object '{name}'"))
         .with("found", format!("its name in the manifest of {}, but no pixel with its id", matte.name))
-        .help("it may be hidden or outside of the frame; --focus-at X,Y focuses on a pixel, --focus on a distance")
+        .help("it may be hidden or outside of the frame; `focus_point = [X, Y]` focuses on a pixel, `focus_distance` on a distance")
 }
 
 /// Of `channels` those of `mattes`.

@@ -24,6 +24,7 @@ mod picture;
 mod read;
 mod sanitise;
 
+pub use camera::camera_attributes;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
 pub use frame_number::frame_number;
 pub use options::{Carry, ReadOptions, Source};

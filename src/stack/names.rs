@@ -149,7 +149,7 @@ pub(super) fn depth_alone(names: &[&str], wanted: Option<&str>) -> Result<usize,
         Error::input("the depth file has no depth channel")
             .with("found", shown(names))
             .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z, or a single channel")
-            .help("name it with --depth-channel")
+            .help("name it with `depth_channel`")
     })
 }
 
@@ -231,7 +231,7 @@ impl<'a> Offer<'a> {
             _ => Err(Error::input("several groups of channels could be the picture")
                 .with("found", likely.join(" "))
                 .with("looked for", "Combined, peelN, or R G B without a prefix")
-                .help("name it with --color-channel")),
+                .help("name it with `color_channel`")),
         }
     }
 
@@ -334,5 +334,5 @@ fn no_color(names: &[&str]) -> Error {
     Error::input("there is no colour")
         .with("found", shown(names))
         .with("looked for", "R G B, Combined.R G B, peel0.R G B, Y")
-        .help("enable the Combined pass, or name the group with --color-channel")
+        .help("enable the Combined pass, or name the group with `color_channel`")
 }

@@ -220,7 +220,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
 
 fn no_depth_at_all() -> Error {
     Error::input("there is no depth: every value is NaN")
-        .help("check the depth pass of the render, or name another channel with --depth-channel")
+        .help("check the depth pass of the render, or name another channel with `depth_channel`")
 }
 
 fn peels_finding(layers: &[Layer]) -> Finding {
@@ -250,7 +250,7 @@ fn settle(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
         return Err(Error::input(format!("peel {i} has no depth channel"))
             .with("found", found)
             .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z")
-            .help("enable the Z pass, name it with --depth-channel, or give it as --depth-file"));
+            .help("enable the Z pass, name it with `depth_channel`, or give it as `depth_file`"));
     };
     let placed = |plane: Plane, outside: f32| place(plane, window, data, outside);
     Ok(Peel {
@@ -263,9 +263,7 @@ fn settle(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
 /// Samples a picture pixel along each axis; both windows must be whole pixels.
 fn supersample(options: &ReadOptions, camera: &Values, frame: Frame) -> Result<usize, Error> {
     let samples = options.supersample.or(camera.supersample).unwrap_or(1);
-    if samples == 0 {
-        return Err(Error::settings("a pixel needs at least one sample").with("found", "supersample 0"));
-    }
+    Values { supersample: Some(samples), ..Values::default() }.check()?;
     let Frame { data, display, .. } = frame;
     let offsets = [data.x.abs_diff(display.x) as usize, data.y.abs_diff(display.y) as usize];
     let sizes = [data.width, data.height, display.width, display.height];
@@ -273,7 +271,7 @@ fn supersample(options: &ReadOptions, camera: &Values, frame: Frame) -> Result<u
         Some(size) => {
             Err(Error::settings(format!("{samples} samples a pixel do not divide a size of {size}"))
                 .with("found", format!("data window {data}, display window {display}"))
-                .help("render at a whole multiple of the picture's size, or give the right --supersample"))
+                .help("render at a whole multiple of the picture's size, or give the right `supersample`"))
         }
         None => Ok(samples),
     }

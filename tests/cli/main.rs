@@ -11,6 +11,7 @@ mod plan;
 #[path = "../program/mod.rs"]
 mod program;
 mod render;
+mod settings;
 
 use program::stderr;
 use std::process::Output;

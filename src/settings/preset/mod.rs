@@ -1,8 +1,10 @@
 //! Presets: a TOML file becomes a layer of [`Values`].
 //!
-//! [`schema`] has the one list of keys, [`entry`] reads what is written and says where it is wrong.
+//! [`entry`] reads what is written and says where it is wrong, [`focus_keys`] reads a focus pull, and [`schema`] knows which keys there
+//! are.
 
 mod entry;
+mod focus_keys;
 mod schema;
 
 use super::{ParameterValues, Values, nearest};
@@ -23,7 +25,7 @@ pub struct Preset {
 /// A preset that ships inside the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BuiltIn {
-    /// The name of `--preset`.
+    /// The name that it is asked for by.
     pub name: &'static str,
     /// The TOML text.
     pub text: &'static str,
@@ -265,8 +267,8 @@ mod tests {
             ("[lens]\nfocal_length_mm = nan", "must be a positive number"),
             ("[lens]\nfocus_point = [1]", "must be a pixel, [x, y]"),
             ("[lens]\nsensor_distance = 'far'", "must be one of focal_length, thin_lens"),
-            ("[aperture]\nblades = 2", "must be a whole number, 0 for a disc or at least 3"),
-            ("[aperture]\nblades = 5.5", "must be a whole number"),
+            ("[aperture]\nblades = 2", "must be 0 for a disc, or from 3 to 100 blades"),
+            ("[aperture]\nblades = 5.5", "must be 0 for a disc, or from 3 to 100 blades"),
             ("[aperture]\nblade_curvature = 2", "must be a number from 0 to 1"),
             ("[aperture]\nsqueeze = 0.5", "must be a number from 1 to 4: height over width"),
             ("[picture]\nborder = 'wrap'", "must be one of clamp, mirror, transparent"),

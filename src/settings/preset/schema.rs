@@ -1,23 +1,24 @@
-//! What a preset may hold: [`SCHEMA`] is the one list of keys, how each is checked and where it goes. The `[method.NAME]` tables
+//! What a preset may hold: the settings of [`SETTINGS`], the keys of [`OTHERS`], and the `[method.NAME]` tables. These
 //! are the methods' own and are checked by them, so that a new method needs no line here.
 
 use super::super::{
-    ABERRATIONS_UM, BLADE_CURVATURES, Border, CATS_EYES, DepthConvention, EXTRAPOLATION_FALLOFFS,
-    EXTRAPOLATION_GAINS, EXTRAPOLATION_THRESHOLDS, Easing, Effort, Focus, Quality, SQUEEZES, SensorDistance,
-    VIGNETTINGS, Values,
+    Effort, Focus, ParameterValue, ParameterValues, Place, Quality, SETTINGS, Setting, Values, nearest,
 };
-use super::entry::Entry;
+use super::entry::{Entry, json};
+use super::focus_keys::{FOCUS_KEY_PARTS, focus_keys};
 use crate::error::Error;
+use std::ops::Range;
+use toml::de::DeTable;
 
 /// A key that a preset may hold: its table, its name, and how its value is checked and kept.
-pub(super) struct Key {
-    pub(super) table: &'static str,
-    pub(super) name: &'static str,
-    pub(super) set: fn(&mut Values, &Entry<'_>) -> Result<(), Error>,
+struct Key {
+    table: &'static str,
+    name: &'static str,
+    set: fn(&mut Values, &Entry<'_>) -> Result<(), Error>,
 }
 
-/// Every key outside the `[method.NAME]` tables.
-pub(super) static SCHEMA: [Key; 33] = {
+/// Every key outside the `[method.NAME]` tables that is no setting of [`SETTINGS`].
+static OTHERS: [Key; 6] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -26,57 +27,9 @@ pub(super) static SCHEMA: [Key; 33] = {
         Key { table, name, set }
     }
     [
-        key("lens", "focal_length_mm", |v, e| e.positive().map(|x| v.focal_length_mm = Some(x))),
-        key("lens", "f_number", |v, e| e.positive_or_inf().map(|x| v.f_number = Some(x))),
-        key("lens", "focus_distance", |v, e| e.focus(v, Focus::Distance(e.positive_or_inf()?))),
-        key("lens", "focus_point", |v, e| e.focus(v, Focus::Point(e.point()?))),
-        key("lens", "focus_object", |v, e| e.focus(v, Focus::Object(e.text()?.to_owned()))),
-        key("lens", "focus_keys", |v, e| e.focus(v, Focus::Keys(e.focus_keys()?))),
-        key("lens", "sensor_width_mm", |v, e| e.positive().map(|x| v.sensor_width_mm = Some(x))),
-        key("lens", "sensor_distance", |v, e| {
-            e.one_of(&SENSOR_DISTANCES).map(|x| v.sensor_distance = Some(x))
-        }),
-        key("lens", "vignetting", |v, e| {
-            e.within(VIGNETTINGS, "0 for none, 1 for the lens's own").map(|x| v.vignetting = Some(x))
-        }),
-        key("aperture", "blades", |v, e| e.blades().map(|x| v.blades = Some(x))),
-        key("aperture", "rotation_deg", |v, e| e.finite().map(|x| v.rotation_deg = Some(x))),
-        key("aperture", "blade_curvature", |v, e| {
-            e.within(BLADE_CURVATURES, "straight is 0, round is 1").map(|x| v.blade_curvature = Some(x))
-        }),
-        key("aperture", "squeeze", |v, e| {
-            e.within(SQUEEZES, "height over width").map(|x| v.squeeze = Some(x))
-        }),
-        key("aperture", "image", |v, e| e.text().map(|x| v.aperture_image = Some(x.into()))),
-        key("aperture", "cats_eye", |v, e| {
-            e.within(CATS_EYES, "how far the rim stands aside in the corners, in aperture radii")
-                .map(|x| v.cats_eye = Some(x))
-        }),
-        key("aberrations", "spherical_um", |v, e| {
-            e.within(ABERRATIONS_UM, "micrometres").map(|x| v.spherical_um = Some(x))
-        }),
-        key("aberrations", "axial_color_um", |v, e| {
-            e.pair(ABERRATIONS_UM, RED_BLUE).map(|x| v.axial_color_um = Some(x))
-        }),
-        key("aberrations", "lateral_color_um", |v, e| {
-            e.pair(ABERRATIONS_UM, RED_BLUE).map(|x| v.lateral_color_um = Some(x))
-        }),
-        key("depth", "convention", |v, e| e.one_of(&CONVENTIONS).map(|x| v.convention = x)),
-        key("depth", "metres_per_unit", |v, e| e.positive().map(|x| v.metres_per_unit = Some(x))),
-        key("depth", "near_clip", |v, e| e.not_negative().map(|x| v.near_clip = Some(x))),
-        key("depth", "near", |v, e| e.not_negative().map(|x| v.near = Some(x))),
-        key("depth", "far", |v, e| e.positive().map(|x| v.far = Some(x))),
-        key("depth", "supersample", |v, e| e.count().map(|x| v.supersample = Some(x))),
-        key("picture", "border", |v, e| e.one_of(&BORDERS).map(|x| v.border = Some(x))),
-        key("highlight-extrapolation", "threshold", |v, e| {
-            e.within(EXTRAPOLATION_THRESHOLDS, "luminance as displayed, white is 1")
-                .map(|x| v.extrapolation_threshold = Some(x))
-        }),
-        key("highlight-extrapolation", "falloff", |v, e| {
-            e.within(EXTRAPOLATION_FALLOFFS, "an exponent").map(|x| v.extrapolation_falloff = Some(x))
-        }),
-        key("highlight-extrapolation", "gain", |v, e| {
-            e.within(EXTRAPOLATION_GAINS, "of the light of white").map(|x| v.extrapolation_gain = Some(x))
+        key("lens", "focus_keys", |v, e| {
+            e.first_focus(v)?;
+            focus_keys(e, |part| part.unknown()).map(|keys| v.focus = Some(Focus::Keys(keys)))
         }),
         key("method", "name", |v, e| e.text().map(|x| v.method = Some(x.to_owned()))),
         key("method", "views", |v, e| e.effort(v, Effort::Views(e.count()?))),
@@ -88,58 +41,127 @@ pub(super) static SCHEMA: [Key; 33] = {
     ]
 };
 
-/// What the two numbers of a colour error are.
-const RED_BLUE: &str = "micrometres of red and of blue";
-
-/// A key that each of the `[[lens.focus_keys]]` may hold: its name, and how its value is checked and kept.
-pub(super) struct FocusKeyPart {
-    pub(super) name: &'static str,
-    pub(super) set: fn(&mut FocusKeyDraft, &Entry<'_>) -> Result<(), Error>,
+/// The setting that `key` of `table` is.
+fn setting(table: &str, key: &str) -> Option<&'static Setting> {
+    SETTINGS.iter().find(|setting| setting.table == table && setting.preset_key == key)
 }
 
-/// One of the `[[lens.focus_keys]]` as far as it is read.
-#[derive(Default)]
-pub(super) struct FocusKeyDraft {
-    pub(super) frame: Option<i64>,
-    pub(super) focus: Option<Focus>,
-    pub(super) easing: Easing,
+/// Every key outside the `[method.NAME]` tables, with its table.
+fn keys() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let settings = SETTINGS.iter().map(|setting| (setting.table, setting.preset_key));
+    settings.chain(OTHERS.iter().map(|key| (key.table, key.name)))
 }
 
-/// Every key of the `[[lens.focus_keys]]`.
-pub(super) static FOCUS_KEY_PARTS: [FocusKeyPart; 5] = [
-    FocusKeyPart { name: "frame", set: |key, e| e.integer().map(|x| key.frame = Some(x)) },
-    FocusKeyPart { name: "distance", set: |key, e| e.key_focus(key, Focus::Distance(e.positive_or_inf()?)) },
-    FocusKeyPart { name: "point", set: |key, e| e.key_focus(key, Focus::Point(e.point()?)) },
-    FocusKeyPart { name: "object", set: |key, e| e.key_focus(key, Focus::Object(e.text()?.to_owned())) },
-    FocusKeyPart { name: "easing", set: |key, e| e.one_of(&Easing::ALL).map(|x| key.easing = x) },
-];
+impl<'a> Entry<'a> {
+    /// Checks the entry and keeps its value where it belongs.
+    pub(super) fn read(&self, values: &mut Values, parameters: &mut ParameterValues) -> Result<(), Error> {
+        if let Some(setting) = setting(self.table, self.key) {
+            return self.read_setting(setting, values);
+        }
+        if let Some(key) = OTHERS.iter().find(|key| key.table == self.table && key.name == self.key) {
+            return (key.set)(values, self);
+        }
+        if self.table != "method" || self.value.get_ref().as_table().is_none() {
+            return Err(self.unknown());
+        }
+        let path = format!("method.{}", self.key);
+        for entry in self.document.entries(&path, self.table()?) {
+            parameters.push(entry.parameter(self));
+        }
+        Ok(())
+    }
 
-const SENSOR_DISTANCES: [(&str, SensorDistance); 2] =
-    [("focal_length", SensorDistance::FocalLength), ("thin_lens", SensorDistance::ThinLens)];
+    /// Checks the value of `setting`, and keeps it.
+    fn read_setting(&self, setting: &Setting, values: &mut Values) -> Result<(), Error> {
+        let value = self.setting(setting)?;
+        if setting.field == "focus" {
+            self.first_focus(values)?;
+        }
+        setting.set(values, &value);
+        Ok(())
+    }
 
-const BORDERS: [(&str, Border); 3] =
-    [("clamp", Border::Clamp), ("mirror", Border::Mirror), ("transparent", Border::Transparent)];
+    /// The entry as a parameter of `method`, not yet checked.
+    fn parameter(&self, method: &Entry<'_>) -> ParameterValue {
+        let place = |span: Range<usize>| self.document.place(span);
+        ParameterValue {
+            method: method.key.to_owned(),
+            key: self.key.to_owned(),
+            value: json(self.value.get_ref()),
+            place: Some(Place {
+                method: place(method.key_span.clone()),
+                key: place(self.key_span.clone()),
+                value: place(self.value.span()),
+            }),
+        }
+    }
 
-const CONVENTIONS: [(&str, Option<DepthConvention>); 5] = [
-    ("auto", None),
-    ("planar", Some(DepthConvention::Planar)),
-    ("ray", Some(DepthConvention::Ray)),
-    ("inverse", Some(DepthConvention::Inverse)),
-    ("normalised", Some(DepthConvention::Normalised)),
-];
+    pub(super) fn unknown(&self) -> Error {
+        let place = if self.table.is_empty() { String::new() } else { format!(" in [{}]", self.table) };
+        let known = known_keys(self.table);
+        // `focus_distance` among focus keys is their `distance`.
+        let short = known.iter().find(|known| self.key.strip_suffix(known.as_str()) == Some("focus_"));
+        let help = if let Some(short) = short {
+            format!("did you mean '{short}'?")
+        } else if let Some((table, key)) = keys().find(|(_, key)| *key == self.key) {
+            format!("'{key}' belongs in [{table}]")
+        } else if let Some(near) = nearest(self.key, &known) {
+            format!("did you mean '{near}'?")
+        } else if self.table.is_empty() {
+            format!("the tables are [{}]", known.join("], ["))
+        } else {
+            format!("the keys of [{}] are {}", self.table, known.join(", "))
+        };
+        self.document.error(format!("unknown key '{}'{place}", self.key), self.key_span.clone()).help(help)
+    }
 
-/// The tables of a preset, in the order of [`SCHEMA`].
+    pub(super) fn table(&self) -> Result<&'a DeTable<'a>, Error> {
+        let name =
+            if self.table.is_empty() { self.key.to_owned() } else { format!("{}.{}", self.table, self.key) };
+        let table = self.value.get_ref().as_table();
+        table.ok_or_else(|| {
+            // A key of a table, written above all tables, is the likelier mistake.
+            let misplaced = self.table.is_empty() && !table_names().contains(&self.key);
+            if misplaced { self.unknown() } else { self.unsuitable(&format!("a table, [{name}]")) }
+        })
+    }
+
+    /// Checks that no other entry has set the focus.
+    fn first_focus(&self, values: &Values) -> Result<(), Error> {
+        if values.focus.is_none() {
+            return Ok(());
+        }
+        let what = "'focus_distance', 'focus_point', 'focus_object' and 'focus_keys' exclude one another";
+        Err(self.document.error(what, self.key_span.clone()).help("keep one of them"))
+    }
+
+    /// Keeps `effort`, unless another key has set one.
+    fn effort(&self, values: &mut Values, effort: Effort) -> Result<(), Error> {
+        if values.effort.is_some() {
+            let what = "'views', 'target_db', 'time_budget_s' and 'quality' exclude one another";
+            return Err(self.document.error(what, self.key_span.clone()).help("keep one of them"));
+        }
+        values.effort = Some(effort);
+        Ok(())
+    }
+}
+
+/// The tables of a preset.
 pub(super) fn table_names() -> Vec<&'static str> {
-    let mut names: Vec<_> = SCHEMA.iter().map(|key| key.table).collect();
-    names.dedup();
+    let mut names = Vec::new();
+    for (table, _) in keys() {
+        if !names.contains(&table) {
+            names.push(table);
+        }
+    }
     names
 }
 
 /// Every key that the table called `table` may hold; `""` is the root.
-pub(super) fn known_keys(table: &str) -> Vec<String> {
+fn known_keys(table: &str) -> Vec<String> {
     match table {
         "" => table_names().into_iter().map(str::to_owned).collect(),
         "lens.focus_keys" => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
-        _ => SCHEMA.iter().filter(|key| key.table == table).map(|key| key.name.to_owned()).collect(),
+        _ => keys().filter(|(of, _)| *of == table).map(|(_, key)| key.to_owned()).collect(),
     }
 }

@@ -1,0 +1,264 @@
+//! Flags of the settings, made from the library's table of them, and keys of the library as flags.
+//!
+//! The library calls a setting by its key in backquotes, as in `` `near_clip` `` or `` `f_number = inf` ``. Whoever sits at a
+//! terminal knows it as `--near-clip`, and gets to read that.
+
+use super::Cli;
+use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
+use clap::{Arg, ArgMatches, Args, Command, CommandFactory, FromArgMatches};
+use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value, Values, Word};
+
+/// Settings whose range is checked while the command line is parsed, so that a value out of it is a usage error. All others are
+/// checked with the presets, before anything is read.
+const USAGE: [&str; 5] = ["blades", "near_clip", "near", "far", "supersample"];
+
+/// The flags of all settings that have one.
+#[derive(Debug, Default)]
+pub(super) struct SettingFlags {
+    /// The settings that the command line sets.
+    given: Vec<(&'static Setting, Value)>,
+}
+
+impl SettingFlags {
+    /// What they mean to the library.
+    pub(super) fn values(&self) -> Values {
+        let mut values = Values::default();
+        for (setting, value) in &self.given {
+            setting.set(&mut values, value);
+        }
+        values
+    }
+
+    /// The words of a command line that say the same.
+    pub(super) fn words(&self) -> Vec<String> {
+        let words = |(setting, value): &(&Setting, Value)| {
+            let value = match value {
+                Value::Word(word) => kebab(word),
+                value => value.to_string(),
+            };
+            flag_of(setting).map(|name| [format!("--{name}"), value])
+        };
+        self.given.iter().filter_map(words).flatten().collect()
+    }
+}
+
+impl Args for SettingFlags {
+    fn augment_args(command: Command) -> Command {
+        command.args(SETTINGS.iter().filter_map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for SettingFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let with_flag = SETTINGS.iter().filter(|setting| flag_of(setting).is_some());
+        let given =
+            with_flag.filter_map(|setting| Some((setting, matches.get_one::<Value>(setting.key)?.clone())));
+        Ok(Self { given: given.collect() })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The flag of `setting` without its dashes.
+fn flag_of(setting: &Setting) -> Option<&'static str> {
+    match setting.command_line {
+        CommandLine::Flag { name, .. } => Some(name),
+        CommandLine::Never(_) => None,
+    }
+}
+
+/// The argument of `setting`, if it has a flag.
+fn argument(setting: &'static Setting) -> Option<Arg> {
+    let CommandLine::Flag { name, value_name } = setting.command_line else { return None };
+    let heading = if matches!(setting.table, "depth" | "picture") { "Input" } else { "Lens" };
+    let others = SETTINGS.iter().filter(|other| other.field == setting.field && other.key != setting.key);
+    let argument = Arg::new(setting.key)
+        .long(name)
+        .value_name(value_name)
+        .help_heading(heading)
+        .help(with_flags(&setting.summary()))
+        .long_help(long_help(setting))
+        .conflicts_with_all(others.map(|other| other.key))
+        .value_parser(parser(setting));
+    Some(match setting.kind {
+        Kind::Number(_) => argument.allow_negative_numbers(true),
+        Kind::RedBlue(_) => argument.allow_hyphen_values(true),
+        _ => argument,
+    })
+}
+
+/// What the setting does, its default and its range. The words of a setting are listed by clap.
+fn long_help(setting: &Setting) -> String {
+    let range = setting.kind.range().filter(|_| !matches!(setting.kind, Kind::Word(_)));
+    let range = range.map(|range| format!(" [range: {range}]")).unwrap_or_default();
+    let default = match setting.default_value() {
+        Some(Value::Word(word)) => kebab(word),
+        _ => setting.default_in_words(),
+    };
+    let mut paragraphs = vec![setting.summary()];
+    paragraphs.extend(setting.details());
+    paragraphs.push(format!("[default: {default}]{range}"));
+    with_flags(&paragraphs.join("\n\n"))
+}
+
+/// From the text of a flag to the setting's value.
+fn parser(setting: &'static Setting) -> ValueParser {
+    let checked = move |value: Value| {
+        let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&value);
+        if refused { Err(format!("it must be {}", setting.wanted())) } else { Ok(value) }
+    };
+    match setting.kind {
+        Kind::Number(_) => ValueParser::from(move |text: &str| {
+            let number = text.parse().map_err(|_| format!("it must be {}", setting.wanted()))?;
+            checked(Value::Number(number))
+        }),
+        Kind::Whole(..) | Kind::Count { .. } => ValueParser::from(move |text: &str| {
+            let number = text.parse().map_err(|_| format!("it must be {}", setting.wanted()))?;
+            checked(Value::Whole(number))
+        }),
+        Kind::RedBlue(_) => {
+            let wanted = "two numbers with a comma between them are wanted, such as 30,45";
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(wanted))
+        }
+        Kind::Pixel => {
+            let wanted = "a pixel is two numbers with a comma between them, such as 960,540";
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(wanted))
+        }
+        Kind::Word(words) => PossibleValuesParser::new(words.iter().map(possible_value))
+            .map(|name| {
+                let word = words.iter().find(|word| kebab(word.name) == name);
+                Value::Word(word.expect("a word is parsed from the names of all").name)
+            })
+            .into(),
+        Kind::Name => ValueParser::from(|text: &str| Ok::<_, String>(Value::Name(text.to_owned()))),
+        Kind::File => PathBufValueParser::new().map(Value::File).into(),
+    }
+}
+
+/// Two finite numbers with a comma between them.
+fn pair(text: &str) -> Option<[f32; 2]> {
+    let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
+    let (first, second) = text.split_once(',')?;
+    Some([number(first)?, number(second)?])
+}
+
+fn possible_value(word: &Word) -> PossibleValue {
+    let value = PossibleValue::new(kebab(word.name));
+    if word.meaning.is_empty() { value } else { value.help(with_flags(word.meaning)) }
+}
+
+/// A word of presets as flags write it.
+fn kebab(word: &str) -> String {
+    word.replace('_', "-")
+}
+
+/// A text of the library in the words of the command line: keys of settings become their flags, those of the flags of
+/// this program that are no setting included.
+pub(super) fn spoken(text: &str) -> String {
+    if !text.contains('`') {
+        return text.to_owned();
+    }
+    let command = Cli::command();
+    replace_keys(text, |key| {
+        setting_on_command_line(key).or_else(|| {
+            let mut arguments = command.get_subcommands().flat_map(Command::get_arguments);
+            let argument = arguments.find(|argument| argument.get_id() == key)?;
+            argument.get_long().map(|name| format!("--{name}"))
+        })
+    })
+}
+
+/// The same for texts of the table of settings, which name settings alone.
+fn with_flags(text: &str) -> String {
+    replace_keys(text, setting_on_command_line)
+}
+
+/// How a user of the command line sets the setting `key`: by its flag, else in a preset.
+fn setting_on_command_line(key: &str) -> Option<String> {
+    let setting = Setting::by_key(key)?;
+    Some(match flag_of(setting) {
+        Some(name) => format!("--{name}"),
+        None => format!("{} of the preset's [{}]", setting.preset_key, setting.table),
+    })
+}
+
+/// `text` with each `` `key` `` and `` `key = value` `` that `spoken` knows in its words; a value follows its flag as the
+/// command line has it, without brackets and quotes.
+fn replace_keys(text: &str, spoken: impl Fn(&str) -> Option<String>) -> String {
+    let mut replaced = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some((before, quoted)) = rest.split_once('`') {
+        replaced.push_str(before);
+        let Some((quote, after)) = quoted.split_once('`') else {
+            replaced.push('`');
+            rest = quoted;
+            break;
+        };
+        let (key, value) = match quote.split_once(" = ") {
+            Some((key, value)) => (key, Some(value)),
+            None => (quote, None),
+        };
+        match spoken(key) {
+            Some(words) => {
+                replaced.push_str(&words);
+                if let Some(value) = value {
+                    let bare = value.trim_matches(['[', ']', '"']).replace(", ", ",");
+                    replaced.extend([" ", &bare]);
+                }
+                rest = after;
+            }
+            None => {
+                // The closing quote may open the next one.
+                replaced.extend(["`", quote]);
+                rest = &quoted[quote.len()..];
+                if let Some(after) = rest.strip_prefix('`') {
+                    replaced.push('`');
+                    rest = after;
+                }
+            }
+        }
+    }
+    replaced + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_the_library_are_flags_on_the_command_line() {
+        for (text, expected) in [
+            ("raise `focus_distance` or lower `focal_length_mm`", "raise --focus or lower --focal-length"),
+            ("for a pinhole, `f_number = inf`", "for a pinhole, --f-number inf"),
+            ("pick a point with `focus_point = [X, Y]`", "pick a point with --focus-at X,Y"),
+            ("`quality = \"draft\"`", "--quality draft"),
+            ("name it with `depth_channel`", "name it with --depth-channel"),
+            ("`time_budget_s = 4` asked for", "--time-budget 4 asked for"),
+            ("use `device = cpu`", "use --device cpu"),
+            (
+                "`extrapolation_gain` must be high",
+                "gain of the preset's [highlight-extrapolation] must be high",
+            ),
+            ("`thinlens presets` lists them", "`thinlens presets` lists them"),
+            ("`thinlens devices` and `near`", "`thinlens devices` and --near"),
+            ("one ` alone", "one ` alone"),
+        ] {
+            assert_eq!(spoken(text), expected);
+        }
+    }
+
+    #[test]
+    fn a_pair_is_two_numbers_with_a_comma() {
+        assert_eq!(pair("960, 540.5"), Some([960.0, 540.5]));
+        for text in ["960", "960,", "a,b", "1,2,3", "nan,1"] {
+            assert_eq!(pair(text), None, "{text}");
+        }
+    }
+}

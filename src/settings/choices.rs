@@ -1,0 +1,112 @@
+//! Settings that are one of a few words.
+
+use super::setting::{Kept, Value, Word};
+use serde::{Deserialize, Serialize};
+
+/// How far behind the lens the sensor stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorDistance {
+    /// At the focal length, whatever the focus: Blender and Mitsuba.
+    FocalLength,
+    /// At the image distance of the thin lens, `f·z_f / (z_f − f)`: a real camera.
+    ThinLens,
+}
+
+/// What the picture is taken to show beyond its frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Border {
+    /// Its last sample, for ever.
+    Clamp,
+    /// Itself, reflected.
+    Mirror,
+    /// Nothing.
+    Transparent,
+}
+
+/// How depth is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DepthConvention {
+    /// Distance from the lens plane along the optical axis (Blender).
+    Planar,
+    /// Distance along the ray, counted from the near clip plane (Mitsuba).
+    Ray,
+    /// One over planar depth.
+    Inverse,
+    /// 0 at the near plane to 1 at the far plane, linear in planar depth.
+    Normalised,
+}
+
+/// Gives an enum its words, for presets, headers and command lines. `open` is a word that leaves the setting open.
+macro_rules! words {
+    ($type:ident $(, open: $open:literal $open_meaning:literal)?; $($variant:ident $name:literal $meaning:literal),+) => {
+        impl $type {
+            /// The words that the setting may be.
+            pub const WORDS: &'static [Word] = &[
+                $( Word { name: $open, meaning: $open_meaning }, )?
+                $( Word { name: $name, meaning: $meaning }, )+
+            ];
+
+            /// Its word.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $( Self::$variant => $name, )+
+                }
+            }
+        }
+
+        impl Kept for $type {
+            fn to_value(&self) -> Value {
+                Value::Word(self.name())
+            }
+
+            fn from_value(value: &Value) -> Option<Self> {
+                match value {
+                    $( Value::Word($name) => Some(Self::$variant), )+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+words! { SensorDistance; FocalLength "focal_length" "", ThinLens "thin_lens" "" }
+
+words! { Border;
+    Clamp "clamp" "The last pixel, for ever",
+    Mirror "mirror" "The picture, reflected",
+    Transparent "transparent" "Nothing: blurred edges fade out"
+}
+
+words! { DepthConvention, open: "auto" "From the file";
+    Planar "planar" "Along the optical axis (Blender)",
+    Ray "ray" "Along the ray, from the near clip plane (Mitsuba)",
+    Inverse "inverse" "One over planar depth",
+    Normalised "normalised" "0 at `near` to 1 at `far`"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_reports_are_those_of_presets() {
+        let json = |value| serde_json::to_value(value).unwrap();
+        for value in [SensorDistance::FocalLength, SensorDistance::ThinLens] {
+            assert_eq!(serde_json::to_value(value).unwrap(), value.name());
+        }
+        for value in [Border::Clamp, Border::Mirror, Border::Transparent] {
+            assert_eq!(serde_json::to_value(value).unwrap(), value.name());
+        }
+        for value in [
+            DepthConvention::Planar,
+            DepthConvention::Ray,
+            DepthConvention::Inverse,
+            DepthConvention::Normalised,
+        ] {
+            assert_eq!(json(value), value.name());
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! From one declaration of a setting to its field in [`super::Values`], its field with an origin, and its row in
+//! [`super::SETTINGS`].
+
+use super::{Origin, Sourced, Values};
+
+/// The highest of `layers` that sets a field.
+pub(super) fn pick<T: Clone>(
+    layers: &[(Origin, &Values)],
+    field: impl Fn(&Values) -> &Option<T>,
+) -> Option<Sourced<T>> {
+    let set = |(origin, values): &(Origin, &Values)| {
+        field(values).clone().map(|value| Sourced { value, origin: origin.clone() })
+    };
+    layers.iter().rev().find_map(set)
+}
+
+impl<T> Sourced<T> {
+    /// A built-in default.
+    pub(super) fn default_of(value: T) -> Self {
+        Self { value, origin: Origin::Default }
+    }
+
+    /// The same value, as one that might be open.
+    pub(super) fn given(self) -> Sourced<Option<T>> {
+        Sourced { value: Some(self.value), origin: self.origin }
+    }
+}
+
+/// The type of a resolved setting: its own where it has a default, else an option.
+macro_rules! resolved_type {
+    ($type:ty) => { Option<$type> };
+    ($type:ty = $default:expr) => { $type };
+}
+
+/// The resolved value of a setting.
+macro_rules! resolved {
+    ($layers:expr, $key:ident) => {
+        pick($layers, |values| &values.$key).map_or(Sourced::default_of(None), Sourced::given)
+    };
+    ($layers:expr, $key:ident = $default:expr) => {
+        pick($layers, |values| &values.$key).unwrap_or_else(|| Sourced::default_of($default))
+    };
+}
+
+/// A resolved setting as a field of [`super::Values`].
+macro_rules! back {
+    ($settings:expr, $key:ident) => {
+        $settings.$key.value.clone()
+    };
+    ($settings:expr, $key:ident = $default:expr) => {
+        Some($settings.$key.value.to_owned())
+    };
+}
+
+/// The default of a setting as the value of any.
+macro_rules! default_of {
+    ($type:ty) => {
+        || None
+    };
+    ($type:ty = $default:expr) => {
+        || Some(<$type as Kept>::to_value(&$default))
+    };
+}
+
+/// Declares a struct of resolved settings; the fields in brackets have no row of their own.
+macro_rules! group {
+    (
+        $(#[doc = $about:literal])+
+        $name:ident {
+            $([ $(#[doc = $plain_doc:literal])+ $plain:ident: $plain_type:ty = $plain_default:expr ])?
+            $( $(#[doc = $doc:literal])+ $key:ident: $type:ty $(= $default:expr)?; )+
+        }
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        pub struct $name {
+            $( $(#[doc = $plain_doc])+ pub $plain: Sourced<$plain_type>, )?
+            $( $(#[doc = $doc])+ pub $key: Sourced<resolved_type!($type $(= $default)?)>, )+
+        }
+
+        impl $name {
+            /// Lays `layers` over the built-in defaults, later ones on top.
+            pub(super) fn resolve(layers: &[(Origin, &Values)]) -> Self {
+                Self {
+                    $( $plain: resolved!(layers, $plain = $plain_default), )?
+                    $( $key: resolved!(layers, $key $(= $default)?), )+
+                }
+            }
+
+            /// The same as one layer.
+            pub fn values(&self) -> Values {
+                Values {
+                    $( $plain: back!(self, $plain = $plain_default), )?
+                    $( $key: back!(self, $key $(= $default)?), )+
+                    ..Values::default()
+                }
+            }
+
+            /// Where the value of a field comes from.
+            fn origin(&self, field: &str) -> Option<&Origin> {
+                $( if field == stringify!($plain) { return Some(&self.$plain.origin); } )?
+                match field {
+                    $( stringify!($key) => Some(&self.$key.origin), )+
+                    _ => None,
+                }
+            }
+
+            /// Every setting with its value and where that comes from, in the order of the table.
+            pub fn listed(&self) -> Vec<Listed<'_>> {
+                let values = self.values();
+                let listed = |setting: &'static Setting| {
+                    Some(Listed { setting, value: setting.get(&values), origin: self.origin(setting.field)? })
+                };
+                SETTINGS.iter().filter_map(listed).collect()
+            }
+
+            /// Checks every value, for settings that were not made by [`super::Settings::resolve`] from checked layers.
+            ///
+            /// # Errors
+            /// Those of [`Values::check`].
+            pub fn check(&self) -> Result<(), Error> {
+                self.values().check()
+            }
+        }
+    };
+}
+
+/// Declares every setting: [`super::Values`], the structs of resolved settings, and [`super::SETTINGS`].
+macro_rules! settings {
+    (
+        focus in $focus_table:literal {
+            $( $(#[doc = $focus_doc:literal])+ $focus_key:ident: $variant:ident, $focus_row:expr; )+
+        }
+        $(#[doc = $lens_about:literal])+
+        lens { $( $lens_table:literal {
+            $( $(#[doc = $lens_doc:literal])+ $lens:ident: $lens_type:ty $(= $lens_default:expr)?, $lens_row:expr; )+
+        } )+ }
+        reading in $reading_table:literal {
+            $( $(#[doc = $reading_doc:literal])+ $reading:ident: $reading_type:ty, $reading_row:expr; )+
+        }
+        $(#[doc = $picture_about:literal])+
+        picture { $( $picture_table:literal {
+            $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty = $picture_default:expr, $picture_row:expr; )+
+        } )+ }
+    ) => {
+        /// One layer of settings: what it leaves open is `None`.
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Values {
+            /// What is in focus.
+            pub focus: Option<Focus>,
+            $( $( $(#[doc = $lens_doc])+ pub $lens: Option<$lens_type>, )+ )+
+            $( $(#[doc = $reading_doc])+ pub $reading: Option<$reading_type>, )+
+            $( $( $(#[doc = $picture_doc])+ pub $picture: Option<$picture_type>, )+ )+
+            /// Name of the method, or `auto`.
+            pub method: Option<String>,
+            /// What decides the number of lens samples.
+            pub effort: Option<Effort>,
+        }
+
+        group! {
+            $(#[doc = $lens_about])+
+            LensSettings {
+                [
+                    /// What is in focus.
+                    focus: Focus = Focus::Centre
+                ]
+                $( $( $(#[doc = $lens_doc])+ $lens: $lens_type $(= $lens_default)?; )+ )+
+            }
+        }
+
+        group! {
+            $(#[doc = $picture_about])+
+            PictureSettings {
+                $( $( $(#[doc = $picture_doc])+ $picture: $picture_type = $picture_default; )+ )+
+            }
+        }
+
+        /// Every setting of lens, aperture, aberrations, depth and picture.
+        pub static SETTINGS: &[Setting] = &[
+            $( Setting {
+                field: "focus",
+                get: |values| match &values.focus {
+                    Some(Focus::$variant(focus)) => Some(focus.to_value()),
+                    _ => None,
+                },
+                set: |values, value| values.focus = Kept::from_value(value).map(Focus::$variant),
+                ..row(stringify!($focus_key), $focus_table, concat!($($focus_doc, "\n"),+), $focus_row)
+            }, )+
+            $( $( Setting {
+                default: default_of!($lens_type $(= $lens_default)?),
+                get: |values| values.$lens.as_ref().map(Kept::to_value),
+                set: |values, value| values.$lens = Kept::from_value(value),
+                ..row(stringify!($lens), $lens_table, concat!($($lens_doc, "\n"),+), $lens_row)
+            }, )+ )+
+            $( Setting {
+                get: |values| values.$reading.as_ref().map(Kept::to_value),
+                set: |values, value| values.$reading = Kept::from_value(value),
+                ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
+            }, )+
+            $( $( Setting {
+                default: default_of!($picture_type = $picture_default),
+                get: |values| values.$picture.as_ref().map(Kept::to_value),
+                set: |values, value| values.$picture = Kept::from_value(value),
+                ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
+            }, )+ )+
+        ];
+    };
+}
+
+pub(super) use {back, default_of, group, resolved, resolved_type, settings};

@@ -1,0 +1,226 @@
+//! The one table of settings: lens, aperture, aberrations, depth and picture.
+//!
+//! A row declares all that is known of a setting: key, type and default, table and key in presets, unit, range, header attribute,
+//! flag, and in its comment what it does. The comment's first line is the help of `-h`, without a full stop and under 60
+//! characters; further paragraphs follow in `--help`. A key in backquotes is shown as a flag there.
+//!
+//! A new setting is one row, and its use.
+
+use super::choices::{Border, DepthConvention, SensorDistance};
+use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
+use super::setting::{Kept, Kind, Range, Setting, Value};
+use super::{Effort, Focus, Origin, Sourced};
+use crate::error::Error;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// A number within `range`, called `name` in words.
+const fn number(name: &'static str, range: Range) -> Setting {
+    Setting::new(Kind::Number(range), name)
+}
+
+/// An error of the lens in micrometres at the sensor.
+const UM: Range = Range::Within(-5000.0, 5000.0);
+
+/// Why strengths of the highlight extrapolation have no flag.
+const IN_PRESETS: &str = "a matter of taste for a kind of source, kept in a preset";
+
+/// `row` with what its place in the table says.
+const fn row(key: &'static str, table: &'static str, text: &'static str, row: Setting) -> Setting {
+    let preset_key = if row.preset_key.is_empty() { key } else { row.preset_key };
+    Setting { key, field: key, table, preset_key, text, ..row }
+}
+
+settings! {
+    focus in "lens" {
+        /// Distance in focus, in the stack's depth units
+        focus_distance: Distance, number("focus distance", Range::PositiveOrInfinite)
+            .unit("depth units").otherwise("the picture's centre")
+            .attribute("thinlens.focus_distance").flag("focus", "DISTANCE");
+        /// Focus on what this pixel shows; the centre by default
+        focus_point: Point, Setting::new(Kind::Pixel, "focus point")
+            .unit("px").otherwise("the picture's centre").flag("focus-at", "X,Y");
+        /// Focus on this object, by the file's cryptomatte
+        ///
+        /// Its distance is the median of what the picture shows of it. `thinlens inspect` lists the objects of a file.
+        focus_object: Object, Setting::new(Kind::Name, "focus object")
+            .otherwise("the picture's centre").flag("focus-on", "NAME");
+    }
+
+    /// Lens, aperture and depth, each value with its origin.
+    lens {
+        "lens" {
+            /// Focal length
+            focal_length_mm: f32 = 50.0, number("focal length", Range::Positive)
+                .unit("mm").attribute("thinlens.focal_length_mm").flag("focal-length", "MM");
+            /// Focal length over aperture diameter; inf is a pinhole
+            f_number: f32 = 2.8, number("f-number", Range::PositiveOrInfinite).scale("inf is a pinhole")
+                .attribute("thinlens.f_number").flag("f-number", "N");
+            /// Width of the sensor
+            sensor_width_mm: f32 = 36.0, number("sensor width", Range::Positive)
+                .unit("mm").attribute("thinlens.sensor_width_mm").flag("sensor-width", "MM");
+            /// How far behind the lens the sensor stands
+            ///
+            /// focal-length: as Blender and Mitsuba have it. thin-lens: at the image distance, as in a real camera; blurs more
+            /// in close-ups.
+            sensor_distance: SensorDistance = SensorDistance::FocalLength,
+                Setting::new(Kind::Word(SensorDistance::WORDS), "sensor distance")
+                    .attribute("thinlens.sensor_distance").flag("sensor-distance", "WHERE");
+        }
+        "aperture" {
+            /// Number of aperture blades, 0 for a disc
+            blades: u32 = 0, Setting::new(Kind::Count { zero: "disc", min: 3, max: 100, of: "blades" }, "blades")
+                .attribute("thinlens.blades").flag("blades", "N");
+            /// Rotation of the aperture, anticlockwise
+            ///
+            /// As seen in the picture behind focus: Cycles' aperture rotation.
+            rotation_deg: f32 = 0.0, number("rotation", Range::Any)
+                .unit("°").attribute("thinlens.rotation_deg").flag("rotation", "DEG");
+            /// Curvature of the blades, 0 (straight) to 1 (round)
+            blade_curvature: f32 = 0.0, number("blade curvature", Range::Within(0.0, 1.0))
+                .scale("straight is 0, round is 1")
+                .attribute("thinlens.blade_curvature").flag("blade-curvature", "CURVATURE");
+            /// Height of the aperture over its width (anamorphic)
+            ///
+            /// What a blurred point looks like through an anamorphic lens: 2 makes it twice as high as wide. Its height is that of
+            /// the disc of the f-number. From 1 to 4.
+            squeeze: f32 = 1.0, number("squeeze", Range::Within(1.0, 4.0))
+                .scale("height over width").attribute("thinlens.squeeze").flag("squeeze", "RATIO");
+            /// Picture of the aperture, in place of blades
+            ///
+            /// White lets light through. The circle that touches the sides of the picture is the aperture's, read upright as a
+            /// point behind focus shows it.
+            aperture_image: PathBuf, Setting::new(Kind::File, "aperture image")
+                .preset_key("image").otherwise("none").flag("aperture-image", "FILE");
+            /// The cat's eye of the corners: how far the rim cuts in
+            ///
+            /// Optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
+            /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
+            cats_eye: f32 = 0.0, number("cat's eye", Range::Within(0.0, 1.2))
+                .unit("aperture radii").scale("how far the rim stands aside in the corners, in aperture radii")
+                .attribute("thinlens.cats_eye").flag("cats-eye", "RADII");
+        }
+        "lens" {
+            /// How much of the falloff of brightness shows, 0 to 1
+            ///
+            /// The falloff is the fourth power of the cosine of the field angle, times what `cats_eye` leaves of the aperture; it
+            /// is raised to this power.
+            vignetting: f32 = 0.0, number("vignetting", Range::Within(0.0, 1.0))
+                .scale("0 for none, 1 for the lens's own").attribute("thinlens.vignetting").flag("vignetting", "SHARE");
+        }
+        "aberrations" {
+            /// Spherical aberration, in micrometres
+            ///
+            /// How much nearer to the lens the aperture's edge focuses than its middle, along the axis at the sensor. Positive:
+            /// soft discs behind focus, hard rings in front of it; negative: soap bubbles behind it.
+            spherical_um: f32 = 0.0, number("spherical", UM)
+                .unit("µm").scale("micrometres").attribute("thinlens.spherical_um").flag("spherical", "UM");
+            /// Axial colour error of red and blue, in micrometres
+            ///
+            /// How much farther from the lens than green they focus, along the axis at the sensor. Both positive: green fringes
+            /// behind focus, magenta ones in front of it.
+            axial_color_um: [f32; 2] = [0.0; 2], Setting::new(Kind::RedBlue(UM), "axial colour")
+                .unit("µm").scale("micrometres of red and of blue")
+                .attribute("thinlens.axial_color_um").flag("axial-color", "RED,BLUE");
+            /// Lateral colour error of red and blue, in micrometres
+            ///
+            /// How much farther from the axis than green they show what is in the frame's corners, at the sensor.
+            lateral_color_um: [f32; 2] = [0.0; 2], Setting::new(Kind::RedBlue(UM), "lateral colour")
+                .unit("µm").scale("micrometres of red and of blue")
+                .attribute("thinlens.lateral_color_um").flag("lateral-color", "RED,BLUE");
+        }
+        "depth" {
+            /// Length of one depth unit
+            metres_per_unit: f32 = 1.0, number("depth unit", Range::Positive)
+                .unit("m").attribute("thinlens.metres_per_unit").flag("metres-per-unit", "METRES");
+            /// Depth at which the renderer starts to count (ray depth)
+            near_clip: f32 = 0.0, number("near clip", Range::NotNegative)
+                .unit("depth units").attribute("thinlens.near_clip").flag("near-clip", "DISTANCE");
+            /// Planar distance of depth 0 (normalised depth)
+            near: f32 = 0.0, number("depth 0 is at", Range::NotNegative)
+                .unit("depth units").attribute("thinlens.near").flag("near", "DISTANCE");
+            /// Planar distance of depth 1 (normalised depth)
+            far: f32 = 1.0, number("depth 1 is at", Range::Positive)
+                .unit("depth units").attribute("thinlens.far").flag("far", "DISTANCE");
+        }
+    }
+
+    reading in "depth" {
+        /// How depth is written
+        convention: DepthConvention, Setting::new(Kind::Word(DepthConvention::WORDS), "depth convention")
+            .otherwise("from the file")
+            .attribute("thinlens.depth_convention").flag("depth-convention", "CONVENTION");
+        /// Samples a picture pixel along each axis
+        supersample: usize, Setting::new(Kind::Whole(1, 64), "supersample")
+            .otherwise("1").attribute("thinlens.supersample").flag("supersample", "S");
+    }
+
+    /// The picture beside its lens, each value with its origin.
+    picture {
+        "picture" {
+            /// What lies beyond the frame; clamp by default
+            ///
+            /// What is blurred at the frame's edge is blurred with what lies beyond it. Overscan is the true answer: what the data
+            /// window holds is used, and this is about what lies beyond that.
+            border: Border = Border::Clamp, Setting::new(Kind::Word(Border::WORDS), "border").flag("border", "BORDER");
+        }
+        "highlight-extrapolation" {
+            /// Luminance above which clipped highlights gain
+            ///
+            /// Display-coded luminance λ₀ above which the highlights of a source that ends at white are extrapolated.
+            extrapolation_threshold: f32 = 0.8, number("threshold", Range::Within(0.0, 0.999))
+                .preset_key("threshold").scale("luminance as displayed, white is 1").no_flag(IN_PRESETS);
+            /// Exponent β by which the gain sets in towards white
+            extrapolation_falloff: f32 = 3.0, number("falloff", Range::Within(0.1, 100.0))
+                .preset_key("falloff").scale("an exponent").no_flag(IN_PRESETS);
+            /// Gain γ in light that white is extrapolated by
+            extrapolation_gain: f32 = 2.0, number("gain", Range::Within(1.0, 1000.0))
+                .preset_key("gain").scale("of the light of white").no_flag(IN_PRESETS);
+        }
+    }
+}
+
+/// A setting with its value and where that comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed<'a> {
+    /// The setting.
+    pub setting: &'static Setting,
+    /// Its value; `None` where it has none.
+    pub value: Option<Value>,
+    /// Where the value comes from.
+    pub origin: &'a Origin,
+}
+
+impl PartialEq for Setting {
+    /// Settings are rows of one table.
+    fn eq(&self, other: &Self) -> bool {
+        self.key == other.key
+    }
+}
+
+impl Values {
+    /// Checks every value that is set.
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Settings`] for the first that its setting does not allow, with what it must be.
+    pub fn check(&self) -> Result<(), Error> {
+        let set = SETTINGS.iter().filter_map(|setting| Some((setting, setting.get(self)?)));
+        for (setting, value) in set {
+            setting.check(&value)?;
+        }
+        let keys = self.focus.iter().filter_map(|focus| match focus {
+            Focus::Keys(keys) => Some(keys),
+            _ => None,
+        });
+        keys.flatten().try_for_each(|key| {
+            let focus = Self { focus: Some(key.focus.clone()), ..Self::default() };
+            focus.check().map_err(|error| error.with("focus key", format!("of frame {}", key.frame)))
+        })
+    }
+
+    /// The attributes that hold these values in a file's header, by name: what [`crate::stack`] reads back from one.
+    pub fn attributes(&self) -> Vec<(&'static str, Value)> {
+        let attribute = |setting: &'static Setting| Some((setting.attribute?, setting.get(self)?));
+        SETTINGS.iter().filter_map(attribute).collect()
+    }
+}

@@ -1,0 +1,98 @@
+//! Settings as flags: what the table of settings declares is what the command line has.
+
+use super::program::{STACK, run, stderr};
+use super::stdout;
+use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting};
+
+/// The flag of `setting` with the name of its value.
+fn flag(setting: &Setting) -> Option<(&'static str, &'static str)> {
+    match setting.command_line {
+        CommandLine::Flag { name, value_name } => Some((name, value_name)),
+        CommandLine::Never(_) => None,
+    }
+}
+
+#[test]
+fn help_shows_every_setting_with_what_it_does_its_default_and_its_range() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["render", "inspect", "plan", "compare"] {
+        let help = stdout(&run(folder.path(), &[command, "--help"]));
+        for setting in SETTINGS {
+            let Some((name, value_name)) = flag(setting) else { continue };
+            let (_, rest) = help.split_once(&format!("      --{name} <{value_name}>\n")).unwrap();
+            let entry = rest.split("\n      --").next().unwrap();
+            let entry = entry.split_whitespace().collect::<Vec<_>>().join(" ");
+            assert!(entry.starts_with(&setting.summary()), "{command} --{name}: {entry}");
+            let default = setting.default_in_words().replace('_', "-");
+            assert!(entry.contains(&format!("[default: {default}]")), "{command} --{name}: {entry}");
+            match setting.kind {
+                Kind::Name | Kind::File => {}
+                Kind::Word(words) => {
+                    for word in words {
+                        assert!(entry.contains(&word.name.replace('_', "-")), "{command} --{name}: {entry}");
+                    }
+                }
+                kind => {
+                    let range = format!("[range: {}]", kind.range().unwrap());
+                    assert!(entry.contains(&range), "{command} --{name}: {entry}");
+                }
+            }
+            assert!(!entry.contains('`') || entry.contains("`thinlens "), "keys are flags: {entry}");
+        }
+    }
+}
+
+#[test]
+fn a_flag_out_of_its_range_is_refused_as_in_a_preset_before_anything_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut refused = 0;
+    for setting in SETTINGS {
+        let Some((name, _)) = flag(setting) else { continue };
+        let value = match setting.kind {
+            Kind::Number(_) => "nan",
+            Kind::RedBlue(_) => "0,1e9",
+            Kind::Count { .. } | Kind::Whole(..) => "1000",
+            // What is no pixel and no word is refused by its form, and a name may be any.
+            Kind::Pixel | Kind::Word(_) | Kind::Name | Kind::File => continue,
+        };
+        let output = run(folder.path(), &["plan", "no-such.exr", &format!("--{name}"), value]);
+        let text = stderr(&output);
+        assert!(text.contains(&format!("must be {}", setting.wanted())), "--{name} {value}: {text}");
+        assert!(text.contains(&format!("--{name}")), "the flag is named: {text}");
+        assert!(!text.contains("no-such.exr"), "{text}");
+        refused += 1;
+    }
+    assert!(refused > 15, "{refused}");
+}
+
+#[test]
+fn what_cannot_be_a_value_of_the_flag_is_a_usage_error_and_what_its_lens_cannot_have_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let code = |flag: &str, value: &str| {
+        let output = run(folder.path(), &["plan", STACK, flag, value]);
+        assert!(!stderr(&output).contains('`'), "{}", stderr(&output));
+        output.status.code()
+    };
+    for (flag, value) in [
+        ("--focal-length", "long"),
+        ("--blades", "2"),
+        ("--blades", "six"),
+        ("--near-clip", "-1"),
+        ("--near", "inf"),
+        ("--supersample", "0"),
+        ("--focus-at", "960"),
+        ("--border", "wrap"),
+        ("--sensor-distance", "thin_lens"),
+    ] {
+        assert_eq!(code(flag, value), Some(2), "{flag} {value}");
+    }
+    for (flag, value) in [
+        ("--focal-length", "-1"),
+        ("--f-number", "0"),
+        ("--focus", "0.01"),
+        ("--cats-eye", "2"),
+        ("--squeeze", "0.5"),
+    ] {
+        assert_eq!(code(flag, value), Some(1), "{flag} {value}");
+    }
+}

@@ -1,0 +1,243 @@
+//! The table of settings is whole, and what it declares holds wherever a value enters.
+
+#[expect(dead_code, reason = "other tests use the rest")]
+mod fixtures;
+
+use exr::meta::attribute::AttributeValue;
+use fixtures::{Part, stack_of};
+use std::collections::BTreeSet;
+use thinlens::lens::{Field, Optics};
+use thinlens::render::{Job, prepare};
+use thinlens::settings::{
+    CommandLine, Focus, FocusKey, Kind, Origin, ParameterValues, Preset, SETTINGS, Setting, Settings, Value,
+    Values,
+};
+use thinlens::stack::{Source, camera_attributes};
+
+/// Values, of which every kind with a range refuses some.
+fn candidates(setting: &Setting) -> Vec<Value> {
+    let numbers = [f32::NAN, -1e9, -1.0, 0.0, 0.5, 1.5, 1e9, f32::INFINITY];
+    match setting.kind {
+        Kind::Number(_) => numbers.map(Value::Number).into(),
+        Kind::RedBlue(_) | Kind::Pixel => numbers.map(|x| Value::Pair([0.25, x])).into(),
+        Kind::Whole(..) | Kind::Count { .. } => [0, 1, 2, 101, u32::MAX].map(Value::Whole).into(),
+        Kind::Word(_) => vec![Value::Word("sideways")],
+        Kind::Name | Kind::File => Vec::new(),
+    }
+}
+
+/// A value that `setting` refuses; none for what may be any name.
+fn refused(setting: &Setting) -> Option<Value> {
+    candidates(setting).into_iter().find(|value| !setting.kind.allows(value))
+}
+
+/// `value` as a preset has it.
+fn toml(value: &Value) -> String {
+    match value {
+        Value::Number(number) => format!("{number:?}").to_lowercase(),
+        Value::Pair([first, second]) => format!("[{first:?}, {second:?}]").to_lowercase(),
+        Value::Whole(number) => number.to_string(),
+        Value::Word(word) => format!("'{word}'"),
+        Value::Name(name) => format!("'{name}'"),
+        Value::File(path) => format!("'{}'", path.display()),
+    }
+}
+
+#[test]
+fn every_setting_is_declared_in_full() {
+    for setting in SETTINGS {
+        let Setting { key, name, table, .. } = setting;
+        let summary = setting.summary();
+        assert!(!name.is_empty() && !table.is_empty(), "{key}");
+        assert!(
+            !summary.is_empty() && !summary.ends_with('.') && summary.chars().count() < 60,
+            "{key}: {summary}"
+        );
+        assert!(setting.details().iter().all(|paragraph| paragraph.ends_with('.')), "{key}");
+        match setting.default_value() {
+            Some(value) => assert!(setting.kind.allows(&value), "{key}: default {value}"),
+            None => assert!(!setting.otherwise.is_empty(), "{key} says nothing of what else holds"),
+        }
+        match setting.command_line {
+            CommandLine::Flag { name, value_name } => {
+                assert!(!name.is_empty() && !value_name.is_empty(), "{key}");
+            }
+            CommandLine::Never(reason) => assert!(!reason.is_empty(), "{key} has no flag and no reason"),
+        }
+    }
+}
+
+#[test]
+fn no_two_settings_share_a_name() {
+    let unique = |what: &str, names: Vec<String>| {
+        let distinct: BTreeSet<_> = names.iter().collect();
+        assert_eq!(distinct.len(), names.len(), "{what}: {names:?}");
+    };
+    let names = |of: fn(&Setting) -> Option<String>| SETTINGS.iter().filter_map(of).collect();
+    unique("keys", names(|s| Some(s.key.to_owned())));
+    unique("preset keys", names(|s| Some(format!("{}.{}", s.table, s.preset_key))));
+    unique("attributes", names(|s| s.attribute.map(str::to_owned)));
+    let flag = |setting: &Setting| match setting.command_line {
+        CommandLine::Flag { name, .. } => Some(name.to_owned()),
+        CommandLine::Never(_) => None,
+    };
+    unique("flags", names(flag));
+    assert!(SETTINGS.iter().all(|s| s.attribute.is_none_or(|name| name.starts_with("thinlens."))));
+}
+
+#[test]
+fn every_setting_keeps_what_it_allows_and_settings_of_one_field_exclude_one_another() {
+    for setting in SETTINGS {
+        let given = match setting.kind {
+            Kind::Word(words) => Value::Word(words.last().unwrap().name),
+            Kind::Name => Value::Name("cow".to_owned()),
+            Kind::File => Value::File("heart.png".into()),
+            Kind::Count { max, .. } | Kind::Whole(_, max) => Value::Whole(max),
+            _ => candidates(setting).into_iter().find(|value| setting.kind.allows(value)).unwrap(),
+        };
+        let mut values = Values::default();
+        setting.set(&mut values, &given);
+        assert_eq!(setting.get(&values), Some(given.clone()), "{}", setting.key);
+        assert!(values.check().is_ok(), "{}", setting.key);
+        for other in SETTINGS.iter().filter(|other| other.key != setting.key) {
+            assert_eq!(other.get(&values), None, "{} sets {}", setting.key, other.key);
+        }
+        let preset = format!("[{}]\n{} = {}", setting.table, setting.preset_key, toml(&given));
+        assert_eq!(Preset::parse(&preset, "p").unwrap().values, values, "{preset}");
+    }
+}
+
+#[test]
+fn a_value_out_of_range_is_refused_alike_in_a_preset_in_a_header_and_by_code() {
+    for setting in SETTINGS {
+        let Some(value) = refused(setting) else { continue };
+        let wanted = format!("must be {}", setting.wanted());
+        let preset = format!("[{}]\n{} = {}", setting.table, setting.preset_key, toml(&value));
+        let error = Preset::parse(&preset, "p").unwrap_err().to_string();
+        assert!(error.contains(&format!("'{}' {wanted}", setting.preset_key)), "{error}");
+        if let Some(name) = setting.attribute {
+            let attribute = match &value {
+                Value::Pair([x, y]) => AttributeValue::FloatVec2(exr::math::Vec2(*x, *y)),
+                Value::Whole(number) => AttributeValue::I32(i32::try_from(*number).unwrap_or(i32::MAX)),
+                Value::Word(word) => AttributeValue::Text((*word).into()),
+                Value::Number(number) => AttributeValue::F32(*number),
+                Value::Name(_) | Value::File(_) => continue,
+            };
+            let stack = stack_of(vec![Part::flat((1, 1), "R=1 G=1 B=1 Z=1").attribute(name, attribute)]);
+            let said = stack.findings.iter().find(|finding| finding.about == "camera").unwrap();
+            assert!(said.warning && said.text.contains(name) && said.text.contains(&wanted), "{}", said.text);
+            assert_eq!(setting.get(&stack.camera), None, "{name} is ignored");
+        }
+        let mut values = Values::default();
+        setting.set(&mut values, &value);
+        if setting.get(&values).is_none() {
+            continue; // A word that is none cannot be said by code.
+        }
+        let job = Job { sources: vec![Source::File("no/such.exr".into())], flags: values, ..Job::default() };
+        let error = prepare(&job).unwrap_err().to_string();
+        assert!(
+            error.starts_with(&format!("`{}` {wanted}", setting.key)),
+            "before anything is read: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_focus_key_is_checked_as_a_focus() {
+    let key = FocusKey { frame: 7, focus: Focus::Distance(-1.0), easing: thinlens::settings::Easing::Hold };
+    let values = Values { focus: Some(Focus::Keys(vec![key])), ..Values::default() };
+    let error = values.check().unwrap_err().to_string();
+    assert!(error.contains("`focus_distance` must be") && error.contains("frame 7"), "{error}");
+}
+
+#[test]
+fn settings_made_by_code_are_checked_where_the_lens_is_made_of_them() {
+    let mut settings = Settings::resolve(&[], ParameterValues::default());
+    settings.lens.cats_eye.value = 7.0;
+    let error = Optics::new(&settings, &Field::from_picture_size(36, 24)).unwrap_err().to_string();
+    assert!(error.contains("`cats_eye` must be a number from 0 to 1.2"), "{error}");
+}
+
+#[test]
+fn the_settings_of_a_lens_are_read_back_from_the_attributes_that_they_are_written_to() {
+    let text = "
+        [lens]\nfocal_length_mm = 85\nf_number = inf\nfocus_distance = 3.5\nsensor_width_mm = 24
+        sensor_distance = 'thin_lens'\nvignetting = 0.5
+        [aperture]\nblades = 6\nrotation_deg = -15.5\nblade_curvature = 0.5\nsqueeze = 1.33\ncats_eye = 0.6
+        [aberrations]\nspherical_um = -80\naxial_color_um = [30, 45.5]\nlateral_color_um = [-4, 6]
+        [depth]\nconvention = 'ray'\nmetres_per_unit = 0.01\nnear_clip = 0.1\nnear = 1\nfar = 100\nsupersample = 1";
+    let values = Preset::parse(text, "p").unwrap().values;
+    let written = camera_attributes(&values);
+    let with_attribute = SETTINGS.iter().filter(|setting| setting.attribute.is_some());
+    assert_eq!(written.len(), with_attribute.count(), "the preset sets each of them");
+    let part = written.into_iter().fold(Part::flat((1, 1), "R=1 G=1 B=1 Z=1"), |part, (name, value)| {
+        let setting = SETTINGS.iter().find(|setting| setting.attribute.is_some_and(|own| name.eq(own)));
+        part.attribute(setting.unwrap().attribute.unwrap(), value)
+    });
+    let stack = stack_of(vec![part]);
+    assert_eq!(stack.camera, values);
+}
+
+#[test]
+fn resolved_settings_are_listed_with_their_origins() {
+    let values = Values { blades: Some(5), focus: Some(Focus::Distance(2.0)), ..Values::default() };
+    let settings = Settings::resolve(&[(Origin::Header, &values)], ParameterValues::default());
+    let lens = settings.lens.listed();
+    let of = |key: &str| lens.iter().find(|listed| listed.setting.key == key).unwrap();
+    assert_eq!((of("blades").value.clone(), of("blades").origin), (Some(Value::Whole(5)), &Origin::Header));
+    assert_eq!(of("focus_distance").value, Some(Value::Number(2.0)));
+    assert_eq!(of("focus_point").value, None);
+    assert_eq!(
+        (of("squeeze").value.clone(), of("squeeze").origin),
+        (Some(Value::Number(1.0)), &Origin::Default)
+    );
+    let picture = settings.picture.listed();
+    let resolved = lens.iter().chain(&picture).map(|listed| listed.setting.key);
+    let missing: Vec<_> =
+        SETTINGS.iter().map(|s| s.key).filter(|key| !resolved.clone().any(|k| k == *key)).collect();
+    assert_eq!(missing, ["convention", "supersample"], "these are about reading, and belong to the stack");
+}
+
+/// The rows of docs/settings.md, as the table of settings has them.
+fn documented() -> String {
+    let mut rows = String::new();
+    let mut table = "";
+    for setting in in_order_of_tables() {
+        if setting.table != table {
+            table = setting.table;
+            rows += &format!(
+                "\n## [{table}]\n\n| key | flag | header attribute | unit | range | default | meaning |\n\
+                 | --- | --- | --- | --- | --- | --- | --- |\n"
+            );
+        }
+        let flag = match setting.command_line {
+            CommandLine::Flag { name, value_name } => format!("`--{name} {value_name}`"),
+            CommandLine::Never(_) => "-".to_owned(),
+        };
+        let attribute = setting.attribute.map_or_else(|| "-".to_owned(), |name| format!("`{name}`"));
+        let or_none = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
+        rows += &format!(
+            "| `{}` | {flag} | {attribute} | {} | {} | {} | {} |\n",
+            setting.preset_key,
+            or_none(setting.unit),
+            setting.kind.range().unwrap_or_else(|| "-".to_owned()),
+            setting.default_in_words(),
+            setting.summary(),
+        );
+    }
+    rows
+}
+
+/// The settings with those of one table together, tables in the order in which they come first.
+fn in_order_of_tables() -> Vec<&'static Setting> {
+    let mut settings: Vec<_> = SETTINGS.iter().collect();
+    settings.sort_by_key(|setting| SETTINGS.iter().position(|first| first.table == setting.table));
+    settings
+}
+
+#[test]
+fn the_documented_table_is_the_declared_one() {
+    let page = include_str!("../docs/settings.md");
+    let documented = documented();
+    assert!(page.ends_with(&documented), "docs/settings.md must end with:\n{documented}");
+}
