@@ -6,6 +6,8 @@ mod fixtures;
 use exr::meta::attribute::AttributeValue;
 use fixtures::{Part, stack_of};
 use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
 use thinlens::lens::{Field, Optics};
 use thinlens::render::{Job, prepare};
 use thinlens::settings::{
@@ -23,6 +25,19 @@ fn candidates(setting: &Setting) -> Vec<Value> {
         Kind::Whole(..) | Kind::Count { .. } => [0, 1, 2, 101, u32::MAX].map(Value::Whole).into(),
         Kind::Word(_) => vec![Value::Word("sideways")],
         Kind::Name | Kind::File => Vec::new(),
+    }
+}
+
+/// A value that `setting` allows, and not its default where it has another.
+fn allowed(setting: &Setting) -> Value {
+    let default = setting.default_value();
+    let suits = |value: &Value| setting.kind.allows(value) && Some(value) != default.as_ref();
+    match setting.kind {
+        Kind::Word(words) => Value::Word(words.last().unwrap().name),
+        Kind::Name => Value::Name("cow".to_owned()),
+        Kind::File => Value::File("heart.png".into()),
+        Kind::Count { max, .. } | Kind::Whole(_, max) => Value::Whole(max),
+        _ => candidates(setting).into_iter().find(suits).unwrap(),
     }
 }
 
@@ -88,13 +103,7 @@ fn no_two_settings_share_a_name() {
 #[test]
 fn every_setting_keeps_what_it_allows_and_settings_of_one_field_exclude_one_another() {
     for setting in SETTINGS {
-        let given = match setting.kind {
-            Kind::Word(words) => Value::Word(words.last().unwrap().name),
-            Kind::Name => Value::Name("cow".to_owned()),
-            Kind::File => Value::File("heart.png".into()),
-            Kind::Count { max, .. } | Kind::Whole(_, max) => Value::Whole(max),
-            _ => candidates(setting).into_iter().find(|value| setting.kind.allows(value)).unwrap(),
-        };
+        let given = allowed(setting);
         let mut values = Values::default();
         setting.set(&mut values, &given);
         assert_eq!(setting.get(&values), Some(given.clone()), "{}", setting.key);
@@ -160,16 +169,13 @@ fn settings_made_by_code_are_checked_where_the_lens_is_made_of_them() {
 
 #[test]
 fn the_settings_of_a_lens_are_read_back_from_the_attributes_that_they_are_written_to() {
-    let text = "
-        [lens]\nfocal_length_mm = 85\nf_number = inf\nfocus_distance = 3.5\nsensor_width_mm = 24
-        sensor_distance = 'thin_lens'\nvignetting = 0.5
-        [aperture]\nblades = 6\nrotation_deg = -15.5\nblade_curvature = 0.5\nsqueeze = 1.33\ncats_eye = 0.6
-        [aberrations]\nspherical_um = -80\naxial_color_um = [30, 45.5]\nlateral_color_um = [-4, 6]
-        [depth]\nconvention = 'ray'\nmetres_per_unit = 0.01\nnear_clip = 0.1\nnear = 1\nfar = 100\nsupersample = 1";
-    let values = Preset::parse(text, "p").unwrap().values;
+    let with_attribute = || SETTINGS.iter().filter(|setting| setting.attribute.is_some());
+    let mut values = Values::default();
+    with_attribute().for_each(|setting| setting.set(&mut values, &allowed(setting)));
+    // A fixture of one pixel has one sample. A pinhole is a lens too.
+    (values.supersample, values.f_number) = (Some(1), Some(f32::INFINITY));
     let written = camera_attributes(&values);
-    let with_attribute = SETTINGS.iter().filter(|setting| setting.attribute.is_some());
-    assert_eq!(written.len(), with_attribute.count(), "the preset sets each of them");
+    assert_eq!(written.len(), with_attribute().count());
     let part = written.into_iter().fold(Part::flat((1, 1), "R=1 G=1 B=1 Z=1"), |part, (name, value)| {
         let setting = SETTINGS.iter().find(|setting| setting.attribute.is_some_and(|own| name.eq(own)));
         part.attribute(setting.unwrap().attribute.unwrap(), value)
@@ -240,4 +246,27 @@ fn the_documented_table_is_the_declared_one() {
     let page = include_str!("../docs/settings.md");
     let documented = documented();
     assert!(page.ends_with(&documented), "docs/settings.md must end with:\n{documented}");
+}
+
+/// Modules of the library whose texts name settings by their keys.
+const SPEAK_OF_KEYS: [&str; 10] =
+    ["error.rs", "finish.rs", "gpu", "image.rs", "lens", "metrics", "output", "render", "settings", "stack"];
+
+#[test]
+fn texts_of_the_library_name_no_flag() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut left: Vec<PathBuf> = SPEAK_OF_KEYS.map(|module| source.join(module)).into();
+    while let Some(path) = left.pop() {
+        if path.is_dir() {
+            left.extend(fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+            for line in code {
+                let mut words = line.split(|c: char| !c.is_ascii_lowercase() && c != '-');
+                let flag = words.find(|word| word.starts_with("--") && word.len() > 2);
+                assert_eq!(flag, None, "{}: {line}", path.display());
+            }
+        }
+    }
 }

@@ -167,10 +167,7 @@ mod tests {
             [highlight-extrapolation]
             threshold = 0.75
             falloff = 2
-            gain = 4.5
-            [method]
-            name = 'shear'
-            views = 32";
+            gain = 4.5";
         let expected = Values {
             focal_length_mm: Some(85.0),
             f_number: Some(1.4),
@@ -197,10 +194,11 @@ mod tests {
             extrapolation_threshold: Some(0.75),
             extrapolation_falloff: Some(2.0),
             extrapolation_gain: Some(4.5),
-            method: Some("shear".to_owned()),
-            effort: Some(Effort::Views(32)),
+            ..Values::default()
         };
         assert_eq!(parse(text).unwrap().values, expected);
+        let method = parse("[method]\nname = 'shear'\nviews = 32").unwrap().values;
+        assert_eq!((method.method.as_deref(), method.effort), (Some("shear"), Some(Effort::Views(32))));
     }
 
     #[test]
