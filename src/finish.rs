@@ -27,9 +27,9 @@ pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
         }
     }
     if plan.does(EffectKind::Vignetting) {
-        // The rim takes light whether the shape that it leaves shows or not.
-        let rim = Optics { vignetting: optics.vignetting, ..plan.optics_requested.clone() };
-        darken(&mut image, &Falloff::new(&rim, field));
+        // The barrel takes light whether the shape that it leaves shows or not.
+        let barrel = Optics { vignetting: optics.vignetting, ..plan.optics_requested.clone() };
+        darken(&mut image, &Falloff::new(&barrel, field));
     }
     image
 }
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rim_darkens_the_corners_of_a_picture_in_focus_too() {
+    fn a_barrel_darkens_the_corners_of_a_picture_in_focus_too() {
         let plane = || Plane::filled(60, 40, 1.0);
         let layer =
             Layer { color: [plane(), plane(), plane()], alpha: plane(), coc_px: Plane::zeros(60, 40) };
@@ -102,7 +102,7 @@ mod tests {
             let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
             assert!(!plan.does(EffectKind::CatsEye), "{method}: nothing is blurred");
             let image = finish(scene.pinhole(), &plan, scene.field);
-            // Nearly the corner, where the rim leaves 39 % and the cosine to the fourth power of 31° 54 %.
+            // Nearly the corner, where the barrel leaves 39 % and the cosine to the fourth power of 31° 54 %.
             let corner = image.pixel(0, 0)[1];
             let expected = plan.optics_requested.brightness(&scene.field, Vec2::splat(0.5));
             assert!((corner - expected).abs() < 1e-5 && (0.2..0.23).contains(&corner), "{method}: {corner}");

@@ -23,7 +23,7 @@ struct Frame {
     nearest: f32,
     farthest: f32,
     slabs_per_px: f32,
-    // Where the lens's axis meets the picture, how far its corners are from there, and how far aside of the aperture the rim stands.
+    // Where the lens's axis meets the picture, how far its corners are from there, and how far aside of the aperture the barrel stands.
     axis_x: f32,
     axis_y: f32,
     half_diagonal_px: f32,
@@ -351,8 +351,8 @@ fn follow_ray(ray: Ray) -> Seen {
     return seen;
 }
 
-// Whether the ray through `lens` passes the rim, seen from the place `height` of the field.
-fn passes_rim(lens: vec2f, height: vec2f) -> bool {
+// Whether the ray through `lens` passes the barrel, seen from the place `height` of the field.
+fn passes_barrel(lens: vec2f, height: vec2f) -> bool {
     return frame.cats_eye == 0.0 || 1.0 - length(lens - frame.cats_eye * height) >= 0.0;
 }
 
@@ -366,7 +366,7 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
     for (var i = go.first_view; i < go.end_view; i++) {
         let view = views[i];
-        if passes_rim(vec2f(view.lens_x, view.lens_y), height) {
+        if passes_barrel(vec2f(view.lens_x, view.lens_y), height) {
             let seen = follow_ray(ray_of(view, centre));
             sum.color += seen.color;
             sum.hit += 1.0 - seen.transmitted;

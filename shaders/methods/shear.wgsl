@@ -38,12 +38,12 @@ struct Params {
     transparent_background: u32,
     // A bit for each channel that these views make.
     channels: u32,
-    // The rim: how far aside it stands in the frame's corners, in aperture radii; 0 for none.
+    // The barrel: how far aside it stands in the frame's corners, in aperture radii; 0 for none.
     cats_eye: f32,
     axis_x_px: f32,
     axis_y_px: f32,
     half_diagonal_px: f32,
-    // Over how many aperture radii a view fades in at the rim.
+    // Over how many aperture radii a view fades in at the barrel.
     softness: f32,
 }
 
@@ -79,7 +79,7 @@ struct Params {
 // program's.
 
 // A pipeline's own constants, what a kernel need not ask each ray: whether there are fragments in more layers than a texel of keys has,
-// and whether a rim hides views.
+// and whether a barrel hides views.
 override MANY_LAYERS = true;
 override RIM = true;
 
@@ -93,7 +93,7 @@ const WINDOW = TILE / BLOCK + 1u;
 // Rows of a tile that a thread's pixels are apart.
 const ROWS_APART = 4u;
 
-// How much of the view through `lens` passes the rim, seen from `pixel`.
+// How much of the view through `lens` passes the barrel, seen from `pixel`.
 fn passing(lens: vec2f, pixel: vec2u) -> f32 {
     let place = vec2f(pixel) + vec2f(0.5, 0.5 + f32(params.band_start));
     let height = (place - vec2f(params.axis_x_px, params.axis_y_px)) / params.half_diagonal_px;
@@ -149,7 +149,7 @@ fn pixel_of(tile: vec2u, at: vec2u, i: u32) -> vec2u {
     return TILE * tile + at + vec2u(0u, i * ROWS_APART);
 }
 
-// What of the rays of `view` passes the rim, from a thread's pixels.
+// What of the rays of `view` passes the barrel, from a thread's pixels.
 fn start_of(view: u32, tile: vec2u, at: vec2u) -> vec4f {
     if !RIM {
         return vec4f(1.0);
@@ -188,7 +188,7 @@ fn light_at(hit: Hit) -> vec4f {
     return select(vec4f(0.0), seen, hit.order != NONE);
 }
 
-// What the rays of a thread's pixels see: light as `light_at` has it, how many met nothing, and how many the rim hides.
+// What the rays of a thread's pixels see: light as `light_at` has it, how many met nothing, and how many the barrel hides.
 struct Seen {
     first: vec4f,
     second: vec4f,
@@ -341,7 +341,7 @@ fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id
     add_four(tile, at, seen);
 }
 
-// Writes a pixel of the picture: the mean over all views, of which `hidden` did not pass the rim. Rays that met nothing, `missed`, are
+// Writes a pixel of the picture: the mean over all views, of which `hidden` did not pass the barrel. Rays that met nothing, `missed`, are
 // transparent where the background is open, and left out of the mean where it is closed. Red, green, blue, alpha, and the share of
 // rays that met something in focus, the fourth part of `sum`.
 fn show(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {

@@ -7,17 +7,17 @@ mod focus_pull;
 mod image;
 mod optics;
 mod radial;
-mod rim;
+mod barrel;
 mod sharpness;
 mod views;
 
 pub use aperture::{Aperture, Outline};
+pub use barrel::{BarrelShares, Falloff};
 pub use field::Field;
 pub use focus_pull::FocusPull;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
 pub use radial::{Landing, Radial};
-pub use rim::{Falloff, RimShares};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, views};
 

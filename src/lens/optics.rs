@@ -1,4 +1,4 @@
-//! What the rays of a lens know of it beside its focus: the aperture's shape, the rim that cuts it off towards the frame's corners,
+//! What the rays of a lens know of it beside its focus: the aperture's shape, the barrel that cuts it off towards the frame's corners,
 //! and how far aberrations move a ray in the picture.
 //!
 //! A ray of picture point `p` through lens point `u` passes CoC depth `c` at `p + ε(u) + c·u`. Without aberrations `ε` is 0. To the
@@ -8,12 +8,12 @@
 //!   rays where those of the middle meet. The term −⅔ is where a photographer would focus: it makes the blur of what is in focus
 //!   the least, `s / 6` on the root mean square.
 //! * *Axial colour* focuses red and blue elsewhere than green: `ε = a·u`, `a` each colour's CoC radius where green is in focus.
-//! * *The cat's eye*: seen from a place `h` of the field (1 in the frame's corners), a rim as wide as the aperture stands `κ·h`
+//! * *The cat's eye*: seen from a place `h` of the field (1 in the frame's corners), a barrel as wide as the aperture stands `κ·h`
 //!   aside of it, and only rays with `|u − κ·h| ≤ 1` pass.
 //!
 //! What changes the picture as a whole, whatever the blur, is here too: *lateral colour*, by which red and blue are larger or
 //! smaller pictures than green, and the *falloff* of brightness towards the corners: the fourth power of the cosine of the field angle,
-//! times what the rim leaves of the aperture.
+//! times what the barrel leaves of the aperture.
 
 use super::views::{moved_views, views};
 use super::{Aperture, ApertureImage, Field, View};
@@ -35,7 +35,7 @@ pub struct Optics {
     /// How much light passes each point of the aperture; all of it within the outline, if none.
     #[serde(skip)]
     pub image: Option<Arc<ApertureImage>>,
-    /// How far aside of the aperture the rim stands, seen from the frame's corners, in aperture radii.
+    /// How far aside of the aperture the barrel stands, seen from the frame's corners, in aperture radii.
     pub cats_eye: f32,
     /// CoC radius in picture pixels of the edge's rays where those of the middle meet.
     pub spherical_px: f32,
@@ -187,13 +187,13 @@ impl Optics {
         [-BEST_FOCUS * self.spherical_px, self.spherical_px]
     }
 
-    /// How far within the rim the ray through `lens` passes, seen from the place `height` of the field, in aperture radii; negative
+    /// How far within the barrel the ray through `lens` passes, seen from the place `height` of the field, in aperture radii; negative
     /// where it does not pass.
-    pub fn within_rim(&self, lens: Vec2, height: Vec2) -> f32 {
+    pub fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
         1.0 - (lens - self.cats_eye * height).length()
     }
 
-    /// The columns of picture row `y` from which a ray through `lens` passes `within` the rim, or farther within it.
+    /// The columns of picture row `y` from which a ray through `lens` passes `within` the barrel, or farther within it.
     pub fn columns(&self, lens: Vec2, y: usize, field: &Field, within: f32) -> Range<i32> {
         let height = field.height(Vec2::new(0.0, y as f32 + 0.5));
         let across = (1.0 - within).powi(2) - (lens.y - self.cats_eye * height.y).powi(2);
@@ -223,16 +223,16 @@ impl Optics {
     }
 
     /// From where to where light passes on the line through the lens's middle along the unit vector `direction`, seen from the place
-    /// `height` of the field: within the outline, or with an image its circle, and within the rim.
+    /// `height` of the field: within the outline, or with an image its circle, and within the barrel.
     pub fn open_along(&self, direction: Vec2, height: Vec2) -> [f32; 2] {
         let outline = if self.image.is_some() { self.aperture.without_blades() } else { self.aperture };
         let [before, behind] = [-outline.distance(-direction), outline.distance(direction)];
         if self.cats_eye <= 0.0 {
             return [before, behind];
         }
-        let rim = self.cats_eye * height;
-        let middle = direction.dot(rim);
-        let half_squared = 1.0 - rim.length_squared() + middle * middle;
+        let barrel = self.cats_eye * height;
+        let middle = direction.dot(barrel);
+        let half_squared = 1.0 - barrel.length_squared() + middle * middle;
         if half_squared <= 0.0 {
             return [0.0; 2];
         }
@@ -309,15 +309,15 @@ mod tests {
     }
 
     #[test]
-    fn the_columns_of_a_view_are_those_from_which_it_passes_the_rim() {
+    fn the_columns_of_a_view_are_those_from_which_it_passes_the_barrel() {
         let optics = lens(|lens| lens.cats_eye = 0.9);
         let field = Field::from_picture_size(64, 36);
         for (view, y) in views(32, Aperture::DISC).iter().flat_map(|view| [0, 17, 35].map(|y| (view, y))) {
             for least in [0.0, -0.1, 0.2] {
                 let columns = optics.columns(view.lens, y, &field, least);
                 for x in 0..64 {
-                    let within =
-                        optics.within_rim(view.lens, field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
+                    let within = optics
+                        .within_barrel(view.lens, field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
                     if (within - least).abs() > 1e-4 {
                         assert_eq!(columns.contains(&x), within > least, "{view:?} at {x}, {y}");
                     }

@@ -276,7 +276,7 @@ impl Look<'_> {
     fn spread(&self, pixel: usize, rng: &mut Rng) -> f32 {
         let rays = self.rays(SPREAD_RAYS, rng);
         let width = self.scene.picture_size().0;
-        let passes = |i: &usize| self.volume.passes_rim(pixel % width, pixel / width, &rays.green()[*i]);
+        let passes = |i: &usize| self.volume.passes_barrel(pixel % width, pixel / width, &rays.green()[*i]);
         let passing = (0..SPREAD_RAYS).filter(passes);
         let colors: Vec<[f32; 3]> = passing.map(|i| self.shown(pixel, &rays.single(i))).collect();
         let mean = |value: &dyn Fn(&[f32; 3]) -> f32| {

@@ -92,12 +92,12 @@ settings! {
             /// point behind focus shows it.
             aperture_image: PathBuf, Setting::new(Kind::File, "aperture image")
                 .preset_key("image").otherwise("none").flag("aperture-image", "FILE");
-            /// The cat's eye of the corners: how far the rim cuts in
+            /// The cat's eye of the corners: how far the barrel cuts in
             ///
-            /// Optical vignetting: a rim as wide as the aperture stands this many aperture radii aside of it, seen from the
+            /// Optical vignetting: a barrel as wide as the aperture stands this many aperture radii aside of it, seen from the
             /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
             cats_eye: f32 = 0.0, number("cat's eye", Range::Within(0.0, 1.2))
-                .unit("aperture radii").scale("how far the rim stands aside in the corners, in aperture radii")
+                .unit("aperture radii").scale("how far the barrel stands aside in the corners, in aperture radii")
                 .attribute("thinlens.cats_eye").flag("cats-eye", "RADII");
         }
         "lens" {

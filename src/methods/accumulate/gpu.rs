@@ -67,7 +67,7 @@ mirrored! {
         axis_y: f32,
         /// From there to the frame's corners.
         half_diagonal_px: f32,
-        /// How far aside of the aperture the rim stands, seen from there.
+        /// How far aside of the aperture the barrel stands, seen from there.
         cats_eye: f32,
     }
 }
@@ -147,9 +147,9 @@ impl Lens {
         let mut sets = Vec::new();
         for (set, channels) in rays.sets() {
             let first = views.len();
-            // Where the rim is the aperture's own, it is so for all pixels.
+            // Where the barrel is the aperture's own, it is so for all pixels.
             let passes = |view: &&LensView| {
-                volume.optics.cats_eye > 0.0 || volume.optics.within_rim(view.lens, Vec2::ZERO) >= 0.0
+                volume.optics.cats_eye > 0.0 || volume.optics.within_barrel(view.lens, Vec2::ZERO) >= 0.0
             };
             views.extend(set.iter().filter(passes).map(|view| View::of(view, volume)));
             sets.push((first..views.len(), channels));

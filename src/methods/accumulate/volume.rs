@@ -124,21 +124,21 @@ impl<L: Borrow<Layer>> Volume<L> {
         pixel
     }
 
-    /// The mean over the rays of those of `views` that pass the lens's rim from picture pixel `x, y`.
+    /// The mean over the rays of those of `views` that pass the lens's barrel from picture pixel `x, y`.
     fn seen(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
         let centre = centre(x, y);
         let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
-        for view in views.iter().filter(|view| self.optics.within_rim(view.lens, height) >= 0.0) {
+        for view in views.iter().filter(|view| self.optics.within_barrel(view.lens, height) >= 0.0) {
             sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
             rays += 1;
         }
         sum.mean(rays, self.transparent_background)
     }
 
-    /// Whether the ray of `view` passes the lens's rim from picture pixel `x, y`.
-    pub fn passes_rim(&self, x: usize, y: usize, view: &View) -> bool {
-        self.optics.within_rim(view.lens, self.field.height(centre(x, y))) >= 0.0
+    /// Whether the ray of `view` passes the lens's barrel from picture pixel `x, y`.
+    pub fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
+        self.optics.within_barrel(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
     /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last
@@ -150,7 +150,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             let missed = self.follow(&ray, &mut RaySum::default());
             if missed > 0.0 && self.passes_last_layer(&ray) { f64::from(missed) } else { 0.0 }
         };
-        let passing = samples.iter().filter(|view| self.passes_rim(x, y, view));
+        let passing = samples.iter().filter(|view| self.passes_barrel(x, y, view));
         passing.map(lost).sum::<f64>() / samples.len() as f64
     }
 

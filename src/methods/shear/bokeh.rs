@@ -4,10 +4,10 @@
 //! A point of light `e` brings `e / (A c²)` to each pixel that is fully within its shape, `A` the aperture's area at radius 1;
 //! softening keeps the area. As a rule the shape is the aperture's outline, exact along rows. With spherical aberration or an image the
 //! light of a place is that of the ring through it ([`Radial`]), times what the aperture lets through there; where that changes within
-//! a pixel, it is asked for at [`GRID`] × [`GRID`] places. Either way what does not pass the lens's rim is missing, and the rest is over
-//! what the rim leaves: as a picture is the mean over the rays that pass.
+//! a pixel, it is asked for at [`GRID`] × [`GRID`] places. Either way what does not pass the lens barrel is missing, and the rest is over
+//! what the barrel leaves: as a picture is the mean over the rays that pass.
 
-use crate::lens::{Field, Landing, Optics, Outline, Radial, RimShares};
+use crate::lens::{BarrelShares, Field, Landing, Optics, Outline, Radial};
 use glam::Vec2;
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -25,7 +25,7 @@ const MIN_COC_PX: f32 = 0.7;
 pub(super) struct Bokeh<'a> {
     optics: &'a Optics,
     field: Field,
-    shares: RimShares,
+    shares: BarrelShares,
     outline: Outline,
     /// Width of the fragment, see [`crate::scene::Plan::fragment_px`].
     fragment_px: f32,
@@ -60,7 +60,7 @@ impl<'a> Bokeh<'a> {
             let top = i as f32 * height - 0.5 * (1.0 + fragment_px);
             (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
         });
-        let (shares, outline) = (RimShares::new(optics), optics.aperture.outline());
+        let (shares, outline) = (BarrelShares::new(optics), optics.aperture.outline());
         let grid = std::array::from_fn(|i| quantile((i as f32 + 0.5) / GRID as f32, fragment_px));
         let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
         // A box of this half width has the rest of the variance.
@@ -110,14 +110,14 @@ impl<'a> Bokeh<'a> {
     /// to the point, seen through the squares of the pixel and of the fragment.
     fn covered(&self, offset: Vec2, coc_px: f32, height: Vec2) -> f32 {
         let depth = self.optics.aperture.depth_inside(offset, coc_px); // q − p = c·u
-        let depth = depth.min(coc_px.abs() * self.within_rim(offset / coc_px, height));
+        let depth = depth.min(coc_px.abs() * self.within_barrel(offset / coc_px, height));
         if depth.abs() >= FRAC_1_SQRT_2 * (1.0 + self.fragment_px) {
             return f32::from(u8::from(depth > 0.0));
         }
         // Exact along x, row by row along y.
         let row = |&(shift, share): &(f32, f32)| {
             let outline = self.outline.row(offset.y + shift, coc_px);
-            outline.and_then(|row| self.past_rim(row, offset.y + shift, coc_px, height)).map_or(
+            outline.and_then(|row| self.past_barrel(row, offset.y + shift, coc_px, height)).map_or(
                 0.0,
                 |[left, right]| {
                     let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
@@ -128,13 +128,13 @@ impl<'a> Bokeh<'a> {
         self.edge_rows.iter().map(row).sum()
     }
 
-    /// How far within the rim the lens point `lens` lies, seen from the place `height` of the field.
-    fn within_rim(&self, lens: Vec2, height: Vec2) -> f32 {
-        if self.optics.cats_eye > 0.0 { self.optics.within_rim(lens, height) } else { f32::INFINITY }
+    /// How far within the barrel the lens point `lens` lies, seen from the place `height` of the field.
+    fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
+        if self.optics.cats_eye > 0.0 { self.optics.within_barrel(lens, height) } else { f32::INFINITY }
     }
 
-    /// What of `row`, at `y` from the middle of a shape of radius `coc_px`, passes the rim seen from the place `height` of the field.
-    fn past_rim(&self, row: [f32; 2], y: f32, coc_px: f32, height: Vec2) -> Option<[f32; 2]> {
+    /// What of `row`, at `y` from the middle of a shape of radius `coc_px`, passes the barrel seen from the place `height` of the field.
+    fn past_barrel(&self, row: [f32; 2], y: f32, coc_px: f32, height: Vec2) -> Option<[f32; 2]> {
         if self.optics.cats_eye <= 0.0 {
             return Some(row);
         }
@@ -313,7 +313,7 @@ mod tests {
         let place = Vec2::splat(20.0);
         let light = |x: f32, y: f32| bokeh.share(shape, place, Vec2::new(x, y));
         let even = 1.0 / (std::f32::consts::PI * 144.0);
-        // Behind focus the rim cuts off what lies outwards.
+        // Behind focus the barrel cuts off what lies outwards.
         assert_eq!(light(13.0, 13.0), 0.0, "outwards");
         assert!(light(27.0, 27.0) > even, "inwards");
         let left = bokeh.shares.at(bokeh.field.height(Vec2::splat(20.5)));

@@ -20,21 +20,21 @@ pub(super) struct Canvas<'a> {
     /// The bins of the runs.
     pub(super) bins: &'a Bins,
     /// What cuts views off.
-    pub(super) rim: Option<Rim<'a>>,
+    pub(super) barrel: Option<Barrel<'a>>,
     /// How far aberrations move a view, at most.
     pub(super) astray_px: f32,
 }
 
-/// The rim of a lens, which hides some lens points from some places of the picture.
+/// The barrel of a lens, which hides some lens points from some places of the picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rim<'a> {
+pub(super) struct Barrel<'a> {
     pub(super) optics: &'a Optics,
     pub(super) field: Field,
-    /// Over how many aperture radii a view fades in at the rim: where few views come and go, steps would show.
+    /// Over how many aperture radii a view fades in at the barrel: where few views come and go, steps would show.
     pub(super) softness: f32,
 }
 
-impl Rim<'_> {
+impl Barrel<'_> {
     /// The columns of row `y` from which any of the view through `lens` passes, and those from which all of it does.
     pub(super) fn columns(&self, lens: Vec2, y: usize) -> [Range<i32>; 2] {
         [-0.5, 0.5].map(|within| self.optics.columns(lens, y, &self.field, within * self.softness))
@@ -43,7 +43,7 @@ impl Rim<'_> {
     /// How much of the view through `lens` passes, seen from pixel `x, y`.
     pub(super) fn passing(&self, lens: Vec2, x: usize, y: usize) -> f32 {
         let height = self.field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-        (self.optics.within_rim(lens, height) / self.softness + 0.5).clamp(0.0, 1.0)
+        (self.optics.within_barrel(lens, height) / self.softness + 0.5).clamp(0.0, 1.0)
     }
 }
 

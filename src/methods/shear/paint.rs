@@ -13,7 +13,7 @@
 //! The inner loops are compiled for several instruction sets and chosen at run time. They add, multiply and select in
 //! one order and never fuse, so every path gives the same bits.
 
-use super::canvas::{Canvas, Rim, Shear, Shift};
+use super::canvas::{Barrel, Canvas, Shear, Shift};
 use super::runs::Run;
 use crate::image::MARGIN;
 use glam::Vec2;
@@ -84,7 +84,7 @@ pub(super) struct RowSums {
     unwanted: Vec<Mask>,
     /// From the first column that is asked for to past the last.
     wanted: Range<i32>,
-    /// Views that the rim hides from each column.
+    /// Views that the barrel hides from each column.
     hidden: Vec<f32>,
     /// Of the go at hand.
     sums: Sums,
@@ -205,11 +205,12 @@ impl RowSums {
         self.words_on_their_way()
     }
 
-    /// Lets the rays of the view through `lens` go, as far as they pass `rim`, and says how many words of row `y` have any.
-    fn start_view_past(&mut self, rim: &Rim<'_>, lens: Vec2, y: usize) -> usize {
+    /// Lets the rays of the view through `lens` go, as far as they pass `barrel`, and says how many words of row `y` have any.
+    fn start_view_past(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
         let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
-        let [[first, end], [first_whole, end_whole]] =
-            rim.columns(lens, y).map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
+        let [[first, end], [first_whole, end_whole]] = barrel
+            .columns(lens, y)
+            .map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
         self.hidden[..first].iter_mut().for_each(|hidden| *hidden += 1.0);
         self.hidden[end..].iter_mut().for_each(|hidden| *hidden += 1.0);
         for (word, (stopped, unwanted)) in self.stopped.iter_mut().zip(&self.unwanted).enumerate() {
@@ -220,7 +221,7 @@ impl RowSums {
         let [first_whole, end_whole] =
             if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
         for x in (first..first_whole).chain(end_whole..end) {
-            let passing = rim.passing(lens, x, y);
+            let passing = barrel.passing(lens, x, y);
             self.hidden[x] += 1.0 - passing;
             self.dimmed[x / LANES] |= 1 << (x % LANES);
             self.left[x / LANES].0[x % LANES] = passing;
@@ -265,9 +266,9 @@ impl WithSimd for AddViews<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         for shear in self.shears {
-            let words_left = match self.canvas.rim {
+            let words_left = match self.canvas.barrel {
                 None => self.row.start_view(),
-                Some(rim) => self.row.start_view_past(&rim, shear.lens, self.y),
+                Some(barrel) => self.row.start_view_past(&barrel, shear.lens, self.y),
             };
             let mut brush = Brush { simd, words_left, row: self.row };
             brush.paint_view(self.canvas, self.y, &shear.shifts, self.bins);
@@ -494,7 +495,7 @@ mod tests {
         let runs = runs::find(&layers, &bins);
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
-        paint(&Canvas { layers: &layers, runs: &runs, bins: &bins, rim: None, astray_px: 0.0 }, &shears)
+        paint(&Canvas { layers: &layers, runs: &runs, bins: &bins, barrel: None, astray_px: 0.0 }, &shears)
     }
 
     fn rows(canvas: &Canvas<'_>, goes: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {

@@ -81,7 +81,7 @@ mod tests {
         let bins = Bins::new([0.0, 10.0], 0.5);
         let runs = runs::find(&layers, &bins);
         let reach = Reach::of(&runs, &bins, (width, height));
-        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins, rim: None, astray_px: 0.0 };
+        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins, barrel: None, astray_px: 0.0 };
         let (sharp, blurred) = (bins.index(0.0), bins.index(10.0));
         assert_eq!(reach.bins(&canvas, 20, &[52]), [sharp, blurred], "within its radius");
         assert_eq!(reach.bins(&canvas, 29, &[60]), [sharp, blurred], "and below it");

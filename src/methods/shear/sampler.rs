@@ -2,7 +2,7 @@
 
 use super::bins::{Bins, bin_width_px};
 use super::bokeh::Bokeh;
-use super::canvas::{Canvas, Rim, Shear};
+use super::canvas::{Barrel, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::prefilter;
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::f32::consts::PI;
 
-/// Views fade in at the rim over this share of the gap between them.
+/// Views fade in at the barrel over this share of the gap between them.
 const RIM_SOFTNESS: f32 = 0.5;
 
 /// The bins in which `views` views are painted.
@@ -29,8 +29,8 @@ pub(super) fn bins(plan: &Plan, views: usize) -> Bins {
     Bins::new(plan.coc_range_px, bin_width_px(views))
 }
 
-/// Over how many aperture radii each of `views` views fades in at the rim.
-pub(super) fn rim_softness(views: usize) -> f32 {
+/// Over how many aperture radii each of `views` views fades in at the barrel.
+pub(super) fn barrel_softness(views: usize) -> f32 {
     RIM_SOFTNESS * (PI / views as f32).sqrt()
 }
 
@@ -110,9 +110,9 @@ impl Ready {
     fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
         let Self { layers, runs, bins, .. } = self;
         let optics = &plan.optics;
-        let softness = rim_softness(self.views);
-        let rim = (optics.cats_eye > 0.0).then_some(Rim { optics, field, softness });
-        Canvas { layers, runs, bins, rim, astray_px: optics.longest_shift_px() }
+        let softness = barrel_softness(self.views);
+        let barrel = (optics.cats_eye > 0.0).then_some(Barrel { optics, field, softness });
+        Canvas { layers, runs, bins, barrel, astray_px: optics.longest_shift_px() }
     }
 
     /// Paints all views: the picture, and for each pixel the share of rays that met something in focus.
@@ -212,7 +212,7 @@ fn add_row(
     arch: Arch,
 ) {
     if shears.iter().all(|shear| shear.keeps_still(bins)) {
-        sums.add(&Canvas { rim: None, ..*canvas }, (y, bins), &shears[..1], arch);
+        sums.add(&Canvas { barrel: None, ..*canvas }, (y, bins), &shears[..1], arch);
     } else {
         sums.add(canvas, (y, bins), shears, arch);
     }

@@ -60,19 +60,19 @@ pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
 }
 
 pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
-    let rim = inputs.optics.cats_eye;
-    if rim == 0.0 {
+    let barrel = inputs.optics.cats_eye;
+    if barrel == 0.0 {
         return Effect::new(
             EffectKind::CatsEye,
             false,
-            "the rim cuts nothing off: cats_eye is 0",
+            "the barrel cuts nothing off: cats_eye is 0",
             "with it, nothing",
         );
     }
-    let cut_px = rim * inputs.max_coc_px();
-    let left = 100.0 * inputs.optics.rim_share(Vec2::X);
+    let cut_px = barrel * inputs.max_coc_px();
+    let left = 100.0 * inputs.optics.barrel_share(Vec2::X);
     let reason = format!(
-        "the rim leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
+        "the barrel leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
     );
     let change = "without it, blurred points would be as round in the corners as in the middle";
     Effect::new(EffectKind::CatsEye, cut_px > MIN_OUTLINE_PX, reason, change)

@@ -16,7 +16,7 @@ use super::paint::{MIN_HIT, STOPPED_BELOW};
 use super::prefilter;
 use super::resolve;
 use super::runs;
-use super::sampler::{ShearSet, bins, rim_softness, shears};
+use super::sampler::{ShearSet, barrel_softness, bins, shears};
 use crate::error::Error;
 use crate::gpu::{Constant, Gpu, Mirrored, Shader, bands, mirrored};
 use crate::image::{Image, Plane};
@@ -247,7 +247,7 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
         axis_x_px: field.axis_px.x,
         axis_y_px: field.axis_px.y,
         half_diagonal_px: field.half_diagonal_px,
-        softness: rim_softness(views),
+        softness: barrel_softness(views),
     }
 }
 

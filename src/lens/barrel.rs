@@ -1,18 +1,18 @@
-//! What the rim of a lens leaves of its aperture, and of the brightness of the picture.
+//! What the barrel of a lens leaves of its aperture, and of the brightness of the picture.
 
 use super::{Aperture, Field, Optics};
 use glam::Vec2;
 use std::f32::consts::PI;
 
-/// What the rim leaves of the aperture's light, by direction and distance from the axis.
+/// What the barrel leaves of the aperture's light, by direction and distance from the axis.
 #[derive(Debug, Clone)]
-pub struct RimShares {
+pub struct BarrelShares {
     cats_eye: f32,
-    /// By direction, and within one by how far aside the rim stands: 0 … 2 aperture radii. None for a disc, which has a closed form.
+    /// By direction, and within one by how far aside the barrel stands: 0 … 2 aperture radii. None for a disc, which has a closed form.
     table: Option<Vec<[f32; Self::STEPS + 1]>>,
 }
 
-impl RimShares {
+impl BarrelShares {
     const DIRECTIONS: usize = 32;
     const STEPS: usize = 32;
 
@@ -31,11 +31,11 @@ impl RimShares {
 
     /// What is left at the place `height` of the field: 1 on the axis.
     pub fn at(&self, height: Vec2) -> f32 {
-        let rim = self.cats_eye * height;
-        let aside = rim.length();
+        let barrel = self.cats_eye * height;
+        let aside = barrel.length();
         let Some(table) = &self.table else { return lens_share(aside) };
         let (step, along) = split(aside * 0.5 * Self::STEPS as f32, Self::STEPS);
-        let turn = (rim.to_angle() / (2.0 * PI)).rem_euclid(1.0) * Self::DIRECTIONS as f32;
+        let turn = (barrel.to_angle() / (2.0 * PI)).rem_euclid(1.0) * Self::DIRECTIONS as f32;
         let (direction, between) = split(turn, Self::DIRECTIONS);
         let of = |direction: usize| {
             let row = &table[direction % Self::DIRECTIONS];
@@ -46,22 +46,22 @@ impl RimShares {
 }
 
 impl Optics {
-    /// What the rim leaves of the aperture's light at the place `height` of the field, for a single place: see [`RimShares`].
-    pub fn rim_share(&self, height: Vec2) -> f32 {
-        let rim = self.cats_eye * height;
-        Light::of(self).map_or_else(|| lens_share(rim.length()), |light| light.share(rim))
+    /// What the barrel leaves of the aperture's light at the place `height` of the field, for a single place: see [`BarrelShares`].
+    pub fn barrel_share(&self, height: Vec2) -> f32 {
+        let barrel = self.cats_eye * height;
+        Light::of(self).map_or_else(|| lens_share(barrel.length()), |light| light.share(barrel))
     }
 
     /// What the lens leaves of the brightness at `place` of its `field`, for a single place: see [`Falloff`].
     pub fn brightness(&self, field: &Field, place: Vec2) -> f32 {
-        brightness(self.rim_share(field.height(place)), field.cosine(place), self.vignetting)
+        brightness(self.barrel_share(field.height(place)), field.cosine(place), self.vignetting)
     }
 }
 
 /// Points that stand for equal shares of an aperture's light.
 struct Light {
     points: Vec<Vec2>,
-    /// How many of them lie within the rim on the axis.
+    /// How many of them lie within the barrel on the axis.
     whole: f32,
 }
 
@@ -83,10 +83,10 @@ impl Light {
         Some(Self { whole, ..light })
     }
 
-    /// The share of it within a rim that stands `rim` aside.
-    fn share(&self, rim: Vec2) -> f32 {
+    /// The share of it within a barrel that stands `barrel` aside.
+    fn share(&self, barrel: Vec2) -> f32 {
         let inside =
-            |point: &Vec2| ((1.0 - (*point - rim).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
+            |point: &Vec2| ((1.0 - (*point - barrel).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
         self.points.iter().map(inside).sum::<f32>() / self.whole
     }
 }
@@ -94,7 +94,7 @@ impl Light {
 /// The brightness that a lens leaves of each place in its field.
 #[derive(Debug, Clone)]
 pub struct Falloff {
-    shares: RimShares,
+    shares: BarrelShares,
     field: Field,
     power: f32,
 }
@@ -102,7 +102,7 @@ pub struct Falloff {
 impl Falloff {
     /// That of the lens of `optics` in its `field`.
     pub fn new(optics: &Optics, field: Field) -> Self {
-        Self { shares: RimShares::new(optics), field, power: optics.vignetting }
+        Self { shares: BarrelShares::new(optics), field, power: optics.vignetting }
     }
 
     /// What is left at `place`, in picture pixels from the picture's corner: 1 on the axis.
@@ -111,7 +111,7 @@ impl Falloff {
     }
 }
 
-/// What is left of brightness where the rim leaves `share` of the aperture and the axis is at an angle of this `cosine`.
+/// What is left of brightness where the barrel leaves `share` of the aperture and the axis is at an angle of this `cosine`.
 fn brightness(share: f32, cosine: f32, power: f32) -> f32 {
     (share * cosine.powi(4)).powf(power)
 }
@@ -140,39 +140,39 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rim_leaves_of_a_disc_what_two_discs_share_and_of_blades_what_is_counted() {
+    fn the_barrel_leaves_of_a_disc_what_two_discs_share_and_of_blades_what_is_counted() {
         let disc = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         let polygon = Optics { aperture: Aperture::new(6, 10.0).unwrap(), ..disc.clone() };
         for height in [Vec2::ZERO, Vec2::new(0.5, 0.0), Vec2::new(-0.3, 0.8), Vec2::new(0.0, -1.1)] {
             for optics in [&disc, &polygon] {
                 let count = 200_000;
                 let within = |i: &usize| {
-                    optics.within_rim(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
+                    optics.within_barrel(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
                 };
                 let counted = (0..count).filter(within).count() as f32 / count as f32;
-                for share in [RimShares::new(optics).at(height), optics.rim_share(height)] {
+                for share in [BarrelShares::new(optics).at(height), optics.barrel_share(height)] {
                     assert!((share - counted).abs() < 5e-3, "{height}: {share}, counted {counted}");
                 }
             }
         }
-        let half = RimShares::new(&disc).at(Vec2::X);
+        let half = BarrelShares::new(&disc).at(Vec2::X);
         assert!((half - 0.391).abs() < 1e-3, "two unit discs a radius apart share 39.1 %: {half}");
     }
 
     #[test]
-    fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_what_the_rim_takes() {
+    fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_what_the_barrel_takes() {
         let field = Field { focal_length_px: 50.0, ..Field::from_picture_size(80, 60) };
         let optics = Optics { vignetting: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         // 50 px from the axis, as far as the picture from the lens: cos⁴ 45° = 1/4.
         assert!((Falloff::new(&optics, field).at(Vec2::ZERO) - 0.25).abs() < 1e-6);
-        let rim = Optics { cats_eye: 1.0, ..optics.clone() };
-        assert!((Falloff::new(&rim, field).at(Vec2::ZERO) - 0.25 * 0.391).abs() < 1e-3);
+        let barrel = Optics { cats_eye: 1.0, ..optics.clone() };
+        assert!((Falloff::new(&barrel, field).at(Vec2::ZERO) - 0.25 * 0.391).abs() < 1e-3);
         let half = Optics { vignetting: 0.5, ..optics };
         assert!((Falloff::new(&half, field).at(Vec2::ZERO) - 0.5).abs() < 1e-6);
-        assert_eq!(Falloff::new(&rim, field).at(field.axis_px), 1.0, "on the axis");
+        assert_eq!(Falloff::new(&barrel, field).at(field.axis_px), 1.0, "on the axis");
         let place = Vec2::new(11.0, 17.0);
         assert!(
-            (Falloff::new(&rim, field).at(place) - rim.brightness(&field, place)).abs() < 1e-5,
+            (Falloff::new(&barrel, field).at(place) - barrel.brightness(&field, place)).abs() < 1e-5,
             "one place alone"
         );
     }
