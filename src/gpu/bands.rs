@@ -58,6 +58,6 @@ mod tests {
     #[test]
     fn a_reach_that_leaves_no_row_is_refused() {
         let error = bands(100, 30, 60).unwrap_err().to_string();
-        assert!(error.contains("100 rows") && error.contains("--device cpu"), "{error}");
+        assert!(error.contains("100 rows") && error.contains("device = cpu"), "{error}");
     }
 }

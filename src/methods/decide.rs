@@ -303,7 +303,7 @@ mod tests {
         let refused = |method, effort| checked(method, effort, Origin::Flag).unwrap_err();
         assert!(refused(&Scatter, Effort::Views(32)).contains("scatter does not sample the lens"));
         let target = refused(&Gather, Effort::TargetDb(40.0));
-        assert!(target.contains("--target-db 40") && target.contains("shear, accumulate"), "{target}");
+        assert!(target.contains("`target_db = 40`") && target.contains("shear, accumulate"), "{target}");
         assert_eq!(checked(&Gather, Effort::Views(32), Origin::Flag), Ok(()));
         assert_eq!(checked(&PeelRays, Effort::TimeBudget(1.0), Origin::Flag), Ok(()));
         assert_eq!(checked(&Accumulate, Effort::TargetDb(40.0), Origin::Flag), Ok(()));
