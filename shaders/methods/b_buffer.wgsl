@@ -1,13 +1,13 @@
-// A-buffer and B-buffers (2003): contributions are splatted into two pyramids, in front of and behind focus, at the level of their
-// blur. CPU version: src/methods/published/b_buffer/.
+// A-buffer and B-buffers (2003): contributions are splatted into two pyramids, in front of and behind focus, at the level of
+// their blur. CPU version: src/methods/published/b_buffer/.
 // Concatenated after coverage_planes.wgsl, other_coverage_planes.wgsl, pyramid.wgsl, first_level.wgsl.
 //
-// Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
-// One pyramid buffer serves all levels of a field, the coarsest first: the contributions of level n are splatted to level 1, reduced
-// to level n, and combined with level n + 1, which is complete by then.
+// Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer
+// level. One pyramid buffer serves all levels of a field, the coarsest first: the contributions of level n are splatted to level
+// 1, reduced to level n, and combined with level n + 1, which is complete by then.
 //
-// The other coverage planes hold sums. While peels are culled, their colours hold the CoC radius of the last opaque contribution and
-// the transmittance since then.
+// The other coverage planes hold sums. While peels are culled, their colours hold the CoC radius of the last opaque contribution
+// and the transmittance since then.
 //
 // cull:               removes from a peel the contributions that the A-buffer does not need.
 // clear:              sets level 1 to zero.
@@ -49,8 +49,8 @@ struct PeelUniform {
 // Signed CoC radius in pixels of no surface: nearer than every real one.
 const NO_SURFACE_PX: f32 = -3e38;
 
-// The kept share of the next contribution of a pixel. Negative transmittance in front of focus marks a pixel that is occluded: every
-// farther contribution is culled.
+// The kept share of the next contribution of a pixel. Negative transmittance in front of focus marks a pixel that is occluded:
+// every farther contribution is culled.
 fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
     let plane = source_plane();
     var surface_px = NO_SURFACE_PX;

@@ -2,8 +2,8 @@
 // CPU version: src/methods/published/pyramid_disocclusion/mod.rs.
 // Concatenated after coverage_planes.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
-// Two pyramids: one fills holes, with the channels content, CoC radius and known share; the other blurs, with the channels content
-// and alpha. Samples of level 0 of the filled picture are computed where they are needed, from the picture and level 1.
+// Two pyramids: one fills holes, with the channels content, CoC radius and known share; the other blurs, with the channels
+// content and alpha. Samples of level 0 of the filled picture are computed where they are needed, from the picture and level 1.
 //
 // pull_first:         level 1 of the pixels that are not nearer than the sub-image.
 // pull:               the next coarser level of them.

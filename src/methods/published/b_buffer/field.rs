@@ -76,8 +76,8 @@ impl Field {
         Arch::new().dispatch(WeighRow { field: *self, rise, fall, coc_px, weights });
     }
 
-    /// Squared CoC radii at which the share of level `n` begins and ends, and the slopes there. The share of level 0 has no beginning
-    /// and that of the coarsest level no end.
+    /// Squared CoC radii at which the share of level `n` begins and ends, and the slopes there. The share of level 0 has no
+    /// beginning and that of the coarsest level no end.
     fn ramps(&self, n: usize) -> [[f32; 2]; 2] {
         let [below, own, above] =
             [n.saturating_sub(1), n, n + 1].map(|n| level_variance(n) / self.second_moment);
@@ -124,9 +124,9 @@ impl Field {
 
     /// Combines the rows `own` of a level with the `expanded` rows of the coarser levels, in place; the last row is occupancy.
     ///
-    /// The nearer of the two is kept, and the farther fills the remaining occupancy up to one. Behind focus, `in_finer` stays free as
-    /// well: the occupancy that the surfaces of this level have in the next finer one. Otherwise these surfaces would mix with what
-    /// they hide before they are complete.
+    /// The nearer of the two is kept, and the farther fills the remaining occupancy up to one. Behind focus, `in_finer` stays
+    /// free as well: the occupancy that the surfaces of this level have in the next finer one. Otherwise these surfaces would mix
+    /// with what they hide before they are complete.
     pub(super) fn combine(&self, own: &[&[f32]], in_finer: Option<&[f32]>, expanded: &mut Rows) {
         let (Some((own_occupancy, own)), Some((occupancy, expanded))) =
             (own.split_last(), expanded.split_last_mut())

@@ -1,26 +1,29 @@
-//! A-buffer and B-buffers: contributions are splatted into two pyramids, in front of and behind focus, at the level of their blur.
+//! A-buffer and B-buffers: contributions are splatted into two pyramids, in front of and behind focus, at the level of their
+//! blur.
 //!
 //! Paper: A-/B-buffers, 2003, on the see-through effect, section IV. Its authors could not run it on the hardware of the time.
 //! The peels are the A-buffer: a list of contributions per pixel. Each contribution is culled, kept in the in-focus image, or
 //! splatted into one of two pyramids, the B-buffers: one in front of the focal plane, one behind it, each with as many levels as
-//! the largest blur needs. A level holds colour and occupancy, because a pixel of full resolution covers only part of a coarse one.
-//! Levels are recombined from coarse to fine, each splatted onto the next finer one. Near is composited over in-focus over far.
+//! the largest blur needs. A level holds colour and occupancy, because a pixel of full resolution covers only part of a coarse
+//! one. Levels are recombined from coarse to fine, each splatted onto the next finer one. Near is composited over in-focus over
+//! far.
 //!
 //! Not specified by the paper:
 //! * Level: one halving ([`SPLAT`]) and one doubling each add `4^(l−1)·3/4` px² of variance, so level `n` has
-//!   `V_n = (4ⁿ − 1)/2` on each axis. A contribution has the variance `m·c²`, with `m` the second moment of the aperture, 1/4 for a
-//!   disc. It is divided between the two levels around that variance, linearly in variance, so that no edge shows where one level
-//!   ends.
-//! * Recombination: behind focus the finer level is nearer, in front of focus the coarser one. The nearer level is kept whole, and
-//!   the other fills the remaining occupancy up to one. Occupancies are added up to saturation, not multiplied, because they are
-//!   usually parts of one surface, divided between levels, which has to stay opaque. A sum over one in a single level is
+//!   `V_n = (4ⁿ − 1)/2` on each axis. A contribution has the variance `m·c²`, with `m` the second moment of the aperture, 1/4 for
+//!   a disc. It is divided between the two levels around that variance, linearly in variance, so that no edge shows where one
+//!   level ends.
+//! * Recombination: behind focus the finer level is nearer, in front of focus the coarser one. The nearer level is kept whole,
+//!   and the other fills the remaining occupancy up to one. Occupancies are added up to saturation, not multiplied, because they
+//!   are usually parts of one surface, divided between levels, which has to stay opaque. A sum over one in a single level is
 //!   normalised. Behind focus, a level also leaves free the occupancy that its own surfaces have in the next finer level;
 //!   otherwise these surfaces would mix with what they hide.
 //! * Culling: everything behind an opaque contribution that is itself behind the focal plane is dropped. Behind any opaque
-//!   contribution, what is "at a similar depth" is dropped: within `same_surface_px` of it, or within half of its CoC radius, which
-//!   is one level of the pyramid. A level does not store z, so hidden contributions of that level would show through. Because
-//!   occupancies add, a contribution is first attenuated by the translucent ones in front of it in its pixel and field. A transparent
-//!   background is a contribution of every pixel: where the blurred edge of what hides it lets light through, it shows again.
+//!   contribution, what is "at a similar depth" is dropped: within `same_surface_px` of it, or within half of its CoC radius,
+//!   which is one level of the pyramid. A level does not store z, so hidden contributions of that level would show through.
+//!   Because occupancies add, a contribution is first attenuated by the translucent ones in front of it in its pixel and field. A
+//!   transparent background is a contribution of every pixel: where the blurred edge of what hides it lets light through, it
+//!   shows again.
 //! * Past the frame the border pixels repeat. At the end, a division by coverage compensates for uncovered parts.
 //!
 //! Cost: (peels + 1) × pixels × levels; rows without contributions to a level are skipped. Memory: the peels, three planes, and

@@ -8,15 +8,15 @@
 //! - *leakage control*: a `q` behind `p` spreads no further than `p` itself does, so that no blurred background leaks into an
 //!   in-focus foreground. The disc of `q` then has the radius of `p` in both factors above, so that it fades in continuously.
 //!
-//! The paper filters along rows, then along columns, as the graphics cards of its time required; that is not a true disc. Here the
-//! whole disc is evaluated. Every pixel of it is visited if their number is at most the parameter `samples`. A larger disc is
-//! sampled, more densely towards its centre so that small discs are found too (see [`mod@quadrature`]). Only fragments in front of
-//! focus can reach further than the CoC of the pixel itself, so the radius to visit is known exactly (see [`reach`]). Samples past
-//! the frame are skipped.
+//! The paper filters along rows, then along columns, as the graphics cards of its time required; that is not a true disc. Here
+//! the whole disc is evaluated. Every pixel of it is visited if their number is at most the parameter `samples`. A larger disc is
+//! sampled, more densely towards its centre so that small discs are found too (see [`mod@quadrature`]). Only fragments in front
+//! of focus can reach further than the CoC of the pixel itself, so the radius to visit is known exactly (see [`reach`]). Samples
+//! past the frame are skipped.
 //!
 //! Lee, Kim & Choi 2009, "Real-Time Depth-of-Field Rendering Using Anisotropically Filtered Mipmap Interpolation", apply the
-//! same filter to a pyramid. This module implements what both papers share. From the pyramid it takes one idea: a sample that stands
-//! for many pixels reads their mean (see [`prefilter`]).
+//! same filter to a pyramid. This module implements what both papers share. From the pyramid it takes one idea: a sample that
+//! stands for many pixels reads their mean (see [`prefilter`]).
 //!
 //! Cost: pixels × the area of their discs, at most `samples` each; in-focus pixels that nothing reaches are copied. Memory: three
 //! times the picture, and once more for each box width. Limits, by design: the method reads only the pinhole picture, so there is

@@ -1,7 +1,7 @@
 //! Box means of the picture: a sample that stands for many pixels reads their mean instead of its own colour.
 //!
-//! This removes the noise of sparse samples, as a pyramid does in methods that filter on one. A mean includes only pixels of similar
-//! blur, so that nothing leaks across an edge in depth. Where all pixels have similar blur, it is a plain box.
+//! This removes the noise of sparse samples, as a pyramid does in methods that filter on one. A mean includes only pixels of
+//! similar blur, so that nothing leaks across an edge in depth. Where all pixels have similar blur, it is a plain box.
 
 use crate::image::Plane;
 use rayon::prelude::*;

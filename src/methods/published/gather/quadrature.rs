@@ -4,12 +4,12 @@ use crate::lens::{Aperture, views};
 use glam::IVec2;
 use std::f32::consts::{PI, TAU};
 
-/// At most about `count` pixels of the disc of radius `radius_px` + 0.5, as offsets from its centre, each with the number of pixels
-/// that it stands for: 1 for all of them where the disc has at most `count` pixels.
+/// At most about `count` pixels of the disc of radius `radius_px` + 0.5, as offsets from its centre, each with the number of
+/// pixels that it stands for: 1 for all of them where the disc has at most `count` pixels.
 ///
-/// Of a larger disc, the inner part of radius `r₀` is visited whole, and the rest with density `r₀/r` at radius `r`. A pixel there
-/// contributes only if its own disc has radius `r` or more, so every scale of discs gets its share of the samples. With the outer
-/// radius `R`, `π r₀² + 2π r₀ (R − r₀) = count` gives `r₀ = R − √(R² − count/π)`.
+/// Of a larger disc, the inner part of radius `r₀` is visited whole, and the rest with density `r₀/r` at radius `r`. A pixel
+/// there contributes only if its own disc has radius `r` or more, so every scale of discs gets its share of the samples. With the
+/// outer radius `R`, `π r₀² + 2π r₀ (R − r₀) = count` gives `r₀ = R − √(R² − count/π)`.
 pub(super) fn quadrature(radius_px: f32, count: usize) -> Vec<(IVec2, f32)> {
     let outer = radius_px + 0.5;
     let inner = outer - (outer * outer - count as f32 / PI).max(0.0).sqrt();
@@ -25,7 +25,8 @@ pub(super) fn quadrature(radius_px: f32, count: usize) -> Vec<(IVec2, f32)> {
         let core = (samples.len() as f32 / PI).sqrt();
         let rest = count.saturating_sub(samples.len());
         for view in views(rest, Aperture::DISC) {
-            // For points uniform over a disc, the squared radius is uniform. So the radius here is uniform, and density falls as 1/r.
+            // For points uniform over a disc, the squared radius is uniform. So the radius here is uniform, and density falls as
+            // 1/r.
             let radius = core + (outer - core) * view.lens.length_squared();
             let offset = (view.lens.normalize_or_zero() * radius).round().as_ivec2();
             if !is_inner(offset) {

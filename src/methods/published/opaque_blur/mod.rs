@@ -5,11 +5,11 @@
 //! opaque image blur (section 4) and composited over the result (eq. 6). The opaque blur of sub-image `i` is a pyramid of `|i|`
 //! levels, 4×4 box analysis and biquadratic B-spline synthesis, with two syntheses from one analysis: the ordinary one,
 //! `RGBA_blur`, and a glow of alpha, `A_syn = A_exp + A_ana − A_exp·A_ana` at each level (eqs. 8, 9), which is at least
-//! the alpha of the sub-image itself everywhere. The result is `RGBA_blur · A_glow / A_blur` (eq. 7). So the blur uncovers nothing
-//! that the pinhole picture hides, and silhouettes are too opaque, a drawback that the paper states.
+//! the alpha of the sub-image itself everywhere. The result is `RGBA_blur · A_glow / A_blur` (eq. 7). So the blur uncovers
+//! nothing that the pinhole picture hides, and silhouettes are too opaque, a drawback that the paper states.
 //!
-//! Not specified by the paper: the border of transparent black is at least one pixel wide, and wide enough to round the frame up to
-//! multiples of 2^levels (`shared/pyramid`). Past it every level is transparent. Pixels that matting and glow leave partly
+//! Not specified by the paper: the border of transparent black is at least one pixel wide, and wide enough to round the frame up
+//! to multiples of 2^levels (`shared/pyramid`). Past it every level is transparent. Pixels that matting and glow leave partly
 //! uncovered, by rounding only, are divided by coverage at the end.
 //!
 //! The paper states a radius of 1.7·2^(n−1) px for the blur of `n` levels. Its standard deviation is `√(2(4ⁿ − 1)/3)`, that of a

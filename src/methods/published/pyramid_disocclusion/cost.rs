@@ -1,4 +1,5 @@
-//! The cost of `pyramid-disocclusion`, in the terms that its module head names. The nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `pyramid-disocclusion`, in the terms that its module head names. The nanoseconds are fitted by
+//! `examples/cost_model.rs`.
 
 use super::parameters::PyramidDisocclusionParameters;
 use crate::methods::contract::Plan;

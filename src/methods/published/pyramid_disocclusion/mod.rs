@@ -1,18 +1,18 @@
 //! Sub-images by depth, in which pyramid interpolation fills the parts that nearer ones hide.
 //!
-//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as described by Kraus 2011, "Using Opaque Image
-//! Blur for Real-Time Depth-of-Field Rendering", which compares itself with it. Only the pinhole picture is read. For each sub-image,
-//! farthest first: pixels nearer than its range are culled; the holes are filled from their surroundings, depth included; the filled
-//! picture is matted by depth (`shared/sub_images.rs`), blurred by a pyramid of `|i|` levels, 4×4 box analysis and biquadratic
-//! B-spline synthesis, and composited over the result.
+//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as described by Kraus 2011, "Using Opaque
+//! Image Blur for Real-Time Depth-of-Field Rendering", which compares itself with it. Only the pinhole picture is read. For each
+//! sub-image, farthest first: pixels nearer than its range are culled; the holes are filled from their surroundings, depth
+//! included; the filled picture is matted by depth (`shared/sub_images.rs`), blurred by a pyramid of `|i|` levels, 4×4 box
+//! analysis and biquadratic B-spline synthesis, and composited over the result.
 //!
 //! The 2007 paper itself was not available. These choices are not specified by the 2011 paper. Culling is soft: a pixel is
 //! kept in the share `ω` that rises from `z_(i−2)` to `z_(i−1)`, so that no slanted surface is cut. Filling is pull-push. Pull: a
 //! coarse sample is the mean of the known finer samples, and its known share is raised to what the best known quarter of its area
-//! would give. Push: each level adds the expanded coarser level in the share that it does not know itself. The pyramid has as many
-//! levels as the largest blur, because no blur shows more of a hole. The part that even the coarsest level does not know is the mean
-//! of everything known. Depth is interpolated as CoC radius, which unlike depth stays finite, and is linear across a flat surface.
-//! Past the frame the border pixels repeat, depth included, in place of the larger framebuffer of the paper.
+//! would give. Push: each level adds the expanded coarser level in the share that it does not know itself. The pyramid has as
+//! many levels as the largest blur, because no blur shows more of a hole. The part that even the coarsest level does not know is
+//! the mean of everything known. Depth is interpolated as CoC radius, which unlike depth stays finite, and is linear across a
+//! flat surface. Past the frame the border pixels repeat, depth included, in place of the larger framebuffer of the paper.
 //!
 //! Cost: pixels × sub-images as for `opaque-blur`, each with one more pyramid, of the full size. Memory: twelve planes and
 //! two pyramids. Limits: one colour and depth per pixel, hidden parts are guessed; no aperture shape; the blur radii are those of
@@ -178,8 +178,8 @@ fn keep_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Grid
 /// A quarter of the fine samples of which a coarse sample is a mean.
 const BEST_QUARTER: f32 = 0.25;
 
-/// Raises the known share of coarse samples, the last plane, to what the best known quarter of their area could give, and scales their
-/// values with it: a known neighbour is a better guess than a distant mean.
+/// Raises the known share of coarse samples, the last plane, to what the best known quarter of their area could give, and scales
+/// their values with it: a known neighbour is a better guess than a distant mean.
 fn raise_known(planes: &mut [Plane]) {
     let Some((known, values)) = planes.split_last_mut() else { return };
     let raise = |known: f32| 1.0 / known.max(BEST_QUARTER);
@@ -203,8 +203,8 @@ fn filled_with_mean(mut planes: Vec<Plane>) -> Option<Vec<Plane>> {
     Some(planes)
 }
 
-/// Adds the `known` rows of a level to those `expanded` from the coarser one, which get the share that the level does not know. The
-/// last known row is the known share.
+/// Adds the `known` rows of a level to those `expanded` from the coarser one, which get the share that the level does not know.
+/// The last known row is the known share.
 fn complete_row(known: &[&[f32]], expanded: &mut Rows) {
     let Some((share, values)) = known.split_last() else { return };
     for (expanded, known) in expanded.iter_mut().zip(values) {

@@ -1,22 +1,22 @@
 //! `scatter`: each pixel of the visible picture is drawn as a disc of its CoC, nearest first.
 //!
-//! Potmesil & Chakravarty 1981, "A Lens and Aperture Camera Model for Synthetic Image Generation". A sprite spreads the light of a
-//! pixel evenly over its disc, and each pixel of the result is divided by its summed coverage. The paper adds all sprites at every
-//! depth. Later comparisons sort the sprites and blend them from far to near; then each sprite attenuates everything behind it,
-//! including its own surface, and the result depends on the order of sprites of equal depth. Here sprites are added from near to
-//! far until the coverage of a pixel reaches the parameter `saturation`. The sprites of one surface add up to exactly one, so a
-//! complete surface hides what is behind it, and a partial one hides the same part. A large `saturation` gives the plain sum of
+//! Potmesil & Chakravarty 1981, "A Lens and Aperture Camera Model for Synthetic Image Generation". A sprite spreads the light of
+//! a pixel evenly over its disc, and each pixel of the result is divided by its summed coverage. The paper adds all sprites at
+//! every depth. Later comparisons sort the sprites and blend them from far to near; then each sprite attenuates everything behind
+//! it, including its own surface, and the result depends on the order of sprites of equal depth. Here sprites are added from near
+//! to far until the coverage of a pixel reaches the parameter `saturation`. The sprites of one surface add up to exactly one, so
+//! a complete surface hides what is behind it, and a partial one hides the same part. A large `saturation` gives the plain sum of
 //! the paper.
 //!
-//! Sprites are sorted by radius into bins 1/32 of the radius wide, and at least 1/8 px. Those of one bin are drawn with one radius
-//! and added at once, so that the result does not depend on their order. Sprites of neighbouring pixels differ only at their edges:
-//! a row of a bin is drawn as steps, up at each left edge and down at each right edge, and summed once. Coverage is counted in
-//! integers, so the coverage of a pixel that no sprite covers is exactly 0.
+//! Sprites are sorted by radius into bins 1/32 of the radius wide, and at least 1/8 px. Those of one bin are drawn with one
+//! radius and added at once, so that the result does not depend on their order. Sprites of neighbouring pixels differ only at
+//! their edges: a row of a bin is drawn as steps, up at each left edge and down at each right edge, and summed once. Coverage is
+//! counted in integers, so the coverage of a pixel that no sprite covers is exactly 0.
 //!
 //! Cost: pixels × rows of their discs, and bins × pixels. Memory: the picture twice, and 24 bytes for each span of pixels in
 //! one bin. Limits, by design: the method reads only the pinhole picture. Where a blurred foreground has no visible background to
-//! share a pixel with, the division makes the whole pixel foreground, so the inner outline is sharp. On a surface of steep CoC the
-//! nearer sprites saturate first, which shifts the blur towards them.
+//! share a pixel with, the division makes the whole pixel foreground, so the inner outline is sharp. On a surface of steep CoC
+//! the nearer sprites saturate first, which shifts the blur towards them.
 
 mod bins;
 mod cost;

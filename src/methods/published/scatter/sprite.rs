@@ -22,7 +22,8 @@ pub(super) struct Step {
 /// A disc, clipped to the size of the picture.
 #[derive(Debug)]
 pub(super) struct Sprite {
-    /// One over the area of the disc, where [`FULL_COVERAGE`] is one pixel, so that the whole disc adds up to the energy of one pixel.
+    /// One over the area of the disc, where [`FULL_COVERAGE`] is one pixel, so that the whole disc adds up to the energy of one
+    /// pixel.
     pub intensity: f64,
     /// Row of the first steps, relative to the centre of the disc.
     top: i32,
@@ -100,7 +101,8 @@ impl Shape {
         (f64::from((self.apothem_px - distance + 0.5).clamp(0.0, 1.0)) * FULL_COVERAGE).round()
     }
 
-    /// First and last column of row `dy` that lie at least `depth_px` pixels inside; the first is past the last where there is none.
+    /// First and last column of row `dy` that lie at least `depth_px` pixels inside; the first is past the last where there is
+    /// none.
     fn columns_inside(&self, dy: i32, depth_px: f32) -> [f32; 2] {
         let (distance, dy) = (self.apothem_px - depth_px, dy as f32);
         if self.normals.is_empty() {
@@ -119,7 +121,8 @@ impl Shape {
         })
     }
 
-    /// The steps of row `dy`, of columns up to `limit` to either side; steps further left are moved to the first of these columns.
+    /// The steps of row `dy`, of columns up to `limit` to either side; steps further left are moved to the first of these
+    /// columns.
     fn row(&self, dy: i32, limit: i32) -> Vec<Step> {
         let clip = |x: f32| x.clamp(-limit as f32, limit as f32) as i32;
         let [outer_from, outer_to] = self.columns_inside(dy, -0.5);

@@ -7,7 +7,8 @@ use crate::gpu::{Buffer, Gpu, Kernel, Work};
 use crate::methods::shared::{BOX, Grid, Levels, SubImages};
 use std::ops::Range;
 
-/// The finest level that is stored for the frame_levels frame, or the coarsest where there are fewer. It has 1/64 of the samples of the frame.
+/// The finest level that is stored for the whole frame, or the coarsest where there are fewer. It has 1/64 of the samples of the
+/// frame.
 const SPLIT_LEVEL: usize = 3;
 
 /// The entry points that fill.

@@ -1,9 +1,9 @@
 //! Sub-images with disocclusion on a GPU: for each, a pyramid that fills holes and one that blurs.
 //!
-//! Level 0 of neither is stored. A hole may be filled from anywhere in the frame, so the coarse levels of the filling pyramid are those
-//! of the whole frame (`holes.rs`). The rows that a band reads are then limited by the blur and the finest filling levels. If there
-//! are several bands, the levels of the whole frame are first collected from all bands, for every sub-image. A band that is the whole
-//! frame processes one sub-image after the other.
+//! Level 0 of neither is stored. A hole may be filled from anywhere in the frame, so the coarse levels of the filling pyramid are
+//! those of the whole frame (`holes.rs`). The rows that a band reads are then limited by the blur and the finest filling levels.
+//! If there are several bands, the levels of the whole frame are first collected from all bands, for every sub-image. A band that
+//! is the whole frame processes one sub-image after the other.
 //!
 //! Limits: level 3 of the whole frame, or the coarsest where there are fewer, has to fit into one buffer. If no blur exceeds the
 //! first radius, that is level 1, which has a quarter of all samples.
@@ -145,7 +145,8 @@ impl BandRenderer<'_> {
         all.into_iter().map(|frame_levels| self.holes.fill(frame_levels, &frame)).collect()
     }
 
-    /// Content and, last, coverage of the rows of a band; `filled` has the levels from [`Self::fill_all`], where they exist already.
+    /// Content and, last, coverage of the rows of a band; `filled` has the levels from [`Self::fill_all`], where they exist
+    /// already.
     fn band(
         &self,
         band: &Band,
