@@ -1,4 +1,4 @@
-//! Filling of holes: a pyramid whose finest levels belong to a band, and whose coarse levels belong to the frame_levels frame.
+//! Filling of holes: a pyramid whose finest levels belong to a band, and whose coarse levels belong to the whole frame.
 
 use super::buffers::{Pyramid, Source};
 use super::shader::{Means, PART_VALUES, SHADER};
@@ -35,7 +35,7 @@ impl Kernels {
     }
 }
 
-/// The levels of the frame_levels frame from which the holes of a sub-image are filled.
+/// The levels of the whole frame from which the holes of a sub-image are filled.
 pub(super) struct FrameLevels {
     values: Buffer,
     /// Whether any pixel is not nearer than the sub-image.
@@ -50,7 +50,7 @@ pub(super) struct Holes<'a> {
     grid: &'a Grid,
     /// Number of planes of content.
     channels: usize,
-    /// The levels of the frame_levels frame.
+    /// The levels of the whole frame.
     pub frame_levels: Levels,
     /// The finest of them. The levels of a band end with it.
     pub split_level: usize,
