@@ -3,9 +3,8 @@
 //! The library calls a setting by its key in backquotes, as in `` `near_clip` `` or `` `f_number = inf` ``. Whoever sits at a
 //! terminal knows it as `--near-clip`, and gets to read that.
 
-use super::Cli;
 use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
-use clap::{Arg, ArgMatches, Args, Command, CommandFactory, FromArgMatches};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value, Values, Word};
 
 /// Settings whose range is checked while the command line is parsed, so that a value out of it is a usage error. All others are
@@ -159,19 +158,29 @@ fn kebab(word: &str) -> String {
     word.replace('_', "-")
 }
 
-/// A text of the library in the words of the command line: keys of settings become their flags, those of the flags of
-/// this program that are no setting included.
+/// Keys of the library that are no setting, with their flags: fields of a job and of how its files are read.
+pub(super) const OTHER_FLAGS: [(&str, &str); 14] = [
+    ("color_channel", "color-channel"),
+    ("confidence", "confidence"),
+    ("depth_channel", "depth-channel"),
+    ("depth_file", "depth-file"),
+    ("device", "device"),
+    ("force", "force"),
+    ("frame", "frame"),
+    ("method", "method"),
+    ("quality", "quality"),
+    ("set", "set"),
+    ("target_db", "target-db"),
+    ("time_budget_s", "time-budget"),
+    ("views", "views"),
+    ("without", "without"),
+];
+
+/// A text of the library in the words of the command line: keys become their flags.
 pub(super) fn spoken(text: &str) -> String {
-    if !text.contains('`') {
-        return text.to_owned();
-    }
-    let command = Cli::command();
     replace_keys(text, |key| {
-        setting_on_command_line(key).or_else(|| {
-            let mut arguments = command.get_subcommands().flat_map(Command::get_arguments);
-            let argument = arguments.find(|argument| argument.get_id() == key)?;
-            argument.get_long().map(|name| format!("--{name}"))
-        })
+        let other = || OTHER_FLAGS.iter().find(|(other, _)| *other == key);
+        setting_on_command_line(key).or_else(|| other().map(|(_, name)| format!("--{name}")))
     })
 }
 

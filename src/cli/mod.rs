@@ -167,6 +167,16 @@ mod tests {
     }
 
     #[test]
+    fn every_flag_that_a_key_of_the_library_becomes_is_one_of_a_render() {
+        let cli = Cli::command();
+        let render = cli.find_subcommand("render").unwrap();
+        for (key, name) in flags::OTHER_FLAGS {
+            let known = render.get_arguments().any(|argument| argument.get_long() == Some(name));
+            assert!(known, "{key}: --{name}");
+        }
+    }
+
+    #[test]
     fn every_first_line_of_help_is_under_60_characters() {
         fn check(command: &clap::Command) {
             for argument in command.get_arguments() {
