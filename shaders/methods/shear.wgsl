@@ -1,17 +1,18 @@
 // `shear` on a GPU; the CPU code is src/methods/shear/.
 //
-// The ray of view (u, j) at pixel p passes, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋. The CPU computes these
-// shifts as whole numbers. A workgroup has a tile of pixels. For each tile and view there is a list of the groups of neighbouring bins
-// that the view moves by the same shift and that may be visible in the tile, nearest first; most lists have one or two groups. A
-// thread follows the rays of four pixels along the list until they are occluded. Where one opaque surface covers the tile in a view,
-// the list is not followed. No fragments are sorted, and no two threads write to the same address.
+// The ray of view (u, j) at pixel p passes, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋. The CPU computes
+// these shifts as whole numbers. A workgroup has a tile of pixels. For each tile and view there is a list of the groups of
+// neighbouring bins that the view moves by the same shift and that may be visible in the tile, nearest first; most lists have
+// one or two groups. A thread follows the rays of four pixels along the list until they are occluded. Where one opaque surface
+// covers the tile in a view, the list is not followed. No fragments are sorted, and no two threads write to the same address.
 //
 // shear_lists.wgsl is part of the same module and builds the lists. This file has the declarations of both, and
 //
 //   paint              views → sums, or the picture
 //   paint_translucent  the same for scenes with translucent fragments
 //
-// Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column] with the rows that the band writes.
+// Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column] with the rows that the band
+// writes.
 
 struct Params {
     // Size of the picture, in pixels.
@@ -50,11 +51,11 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 // [view][bin], four to a vector; `unpacked_shift` reads one.
 @group(0) @binding(1) var<uniform> shifts: array<vec4u, 4096>;
-// A key has a fragment's first bin from bit BIN_SHIFT on, the number of further bins from EXTRA_SHIFT on, and the flag OPAQUE. NO_KEY for
-// no fragment. A texel has four layers, a word two.
+// A key has a fragment's first bin from bit BIN_SHIFT on, the number of further bins from EXTRA_SHIFT on, and the flag OPAQUE.
+// NO_KEY for no fragment. A texel has four layers, a word two.
 @group(0) @binding(2) var keys: texture_2d_array<u32>;
-// [word][row of blocks][column], one bit for each bin: the bins in a block, in the window that begins at it, and in the windows of the
-// square that begins at it.
+// [word][row of blocks][column], one bit for each bin: the bins in a block, in the window that begins at it, and in the windows
+// of the square that begins at it.
 @group(0) @binding(3) var<storage, read_write> block_bins: array<u32>;
 @group(0) @binding(4) var<storage, read_write> window_bins: array<u32>;
 @group(0) @binding(5) var<storage, read_write> square_window_bins: array<u32>;
@@ -80,8 +81,8 @@ struct Params {
 // Planes: red, green, blue, alpha, share of rays in focus.
 @group(0) @binding(16) var<storage, read_write> picture: array<f32>;
 
-// The program defines OPAQUE_ALPHA, MIN_TRANSMITTANCE, MIN_HIT_VIEWS, the layout of keys, and the sides TILE and BLOCK in pixels and
-// SQUARE in tiles.
+// The program defines OPAQUE_ALPHA, MIN_TRANSMITTANCE, MIN_HIT_VIEWS, the layout of keys, and the sides TILE and BLOCK in
+// pixels and SQUARE in tiles.
 
 // Constants of a pipeline: whether the stack has more layers than a texel of keys, and whether a barrel hides views.
 override MANY_LAYERS = true;
@@ -117,8 +118,8 @@ fn keys_at(source: vec2u, slice: u32) -> vec4u {
     return vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
 }
 
-// `nearest` among the four layers from `4 · slice` on. Fragments are compared by bin, and within a bin by layer, which takes the place of
-// the lowest bits of the key.
+// `nearest` among the four layers from `4 · slice` on. Fragments are compared by bin, and within a bin by layer, which takes
+// the place of the lowest bits of the key.
 fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
     let key = keys_at(source, slice);
     let begin = group.first << BIN_SHIFT;
@@ -132,8 +133,8 @@ fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
     return select(((best >> BIN_SHIFT) << 8u) | (4u * slice + (best & 3u)), NONE, best == NONE);
 }
 
-// The order of the nearest fragment of `group` at `source` whose order is at least `start`, or NONE. An order has the bin and, in the
-// eight lowest bits, the layer.
+// The order of the nearest fragment of `group` at `source` whose order is at least `start`, or NONE. An order has the bin and,
+// in the eight lowest bits, the layer.
 fn nearest(group: Group, source: vec2u, start: u32) -> u32 {
     var best = nearest_of_four(group, source, 0u, start);
     if MANY_LAYERS {
@@ -354,9 +355,9 @@ fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgr
     add_thread_sums(tile, at, total);
 }
 
-// Writes a pixel of the picture: the mean over all views but the `hidden` ones, which the barrel blocks. Rays that hit nothing, `missed`,
-// count as transparent if the background is transparent, and are excluded from the mean otherwise. The planes are red, green, blue,
-// alpha, and the share of rays that hit something in focus, which is the fourth component of `sum`.
+// Writes a pixel of the picture: the mean over all views but the `hidden` ones, which the barrel blocks. Rays that hit nothing,
+// `missed`, count as transparent if the background is transparent, and are excluded from the mean otherwise. The planes are
+// red, green, blue, alpha, and the share of rays that hit something in focus, which is the fourth component of `sum`.
 fn write_pixel(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;

@@ -75,8 +75,8 @@ fn find_square_window_bins(@builtin(global_invocation_id) at: vec3u) {
     square_window_bins[(at.z * size.y + at.y) * size.x + at.x] = bits;
 }
 
-// The smallest and largest first bin of the first layer, if at each sample it is opaque and no other layer begins in a nearer bin: a
-// group with all of these bins occludes every ray there. Otherwise `last` lies past all bins.
+// The smallest and largest first bin of the first layer, if at each sample it is opaque and no other layer begins in a nearer
+// bin: a group with all of these bins occludes every ray there. Otherwise `last` lies past all bins.
 struct Occluder {
     first: u32,
     last: u32,
@@ -164,8 +164,8 @@ struct Group {
     shift: u32,
 }
 
-// Bits of an entry: its first bin and its end, and flags: the last entry of its list, a group in which the first layer covers the tile
-// and occludes every ray, and whether that layer is in focus.
+// Bits of an entry: its first bin and its end, and flags: the last entry of its list, a group in which the first layer covers
+// the tile and occludes every ray, and whether that layer is in focus.
 const END_SHIFT = 13u;
 const BIN_MASK = 0x1fffu;
 const LAST = 0x4000000u;
@@ -198,7 +198,8 @@ fn word_of(window: u32, bin: u32) -> u32 {
     return (bin >> 5u) * size.x * size.y + window;
 }
 
-// Flags of `group` for a tile with `occluder`: COVERED if the first layer occludes every ray in it, and all of it is in focus or none.
+// Flags of `group` for a tile with `occluder`: COVERED if the first layer occludes every ray in it, and all of it is in focus
+// or none.
 fn covered_flags(group: Group, occluder: Occluder) -> u32 {
     let covers = occluder.first >= group.first && occluder.last < group.end;
     let focused = occluder.first >= params.focused_start && occluder.last < params.focused_end;

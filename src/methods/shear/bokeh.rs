@@ -1,11 +1,12 @@
-//! The shape of a blurred point of light: the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel and of the
-//! fragment.
+//! The shape of a blurred point of light: the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel
+//! and of the fragment.
 //!
-//! A point of energy `e` adds `e / (A c²)` to each pixel that lies fully within its shape, where `A` is the aperture's area at radius 1.
-//! Softening keeps the area. Usually the shape is the aperture's outline, exact along rows. With spherical aberration or an aperture
-//! image the light at a point of the shape is that of the ring through it ([`Radial`]) times the aperture's transmittance there; where it
-//! varies within a pixel, it is sampled at [`GRID`] × [`GRID`] points. In both cases rays that the lens barrel blocks are excluded, and
-//! the rest is divided by the share of rays that passes, because a pixel is the mean over the rays that pass.
+//! A point of energy `e` adds `e / (A c²)` to each pixel that lies fully within its shape, where `A` is the aperture's area at
+//! radius 1. Softening keeps the area. Usually the shape is the aperture's outline, exact along rows. With spherical aberration
+//! or an aperture image the light at a point of the shape is that of the ring through it ([`Radial`]) times the aperture's
+//! transmittance there; where it varies within a pixel, it is sampled at [`GRID`] × [`GRID`] points. In both cases rays that
+//! the lens barrel blocks are excluded, and the rest is divided by the share of rays that passes, because a pixel is the mean
+//! over the rays that pass.
 
 use crate::lens::{BarrelShares, Field, Landing, Optics, Outline, Radial};
 use glam::Vec2;
@@ -106,8 +107,8 @@ impl<'a> Bokeh<'a> {
         if passing > 0.0 { share / (passing * self.optics.area()) } else { 0.0 }
     }
 
-    /// Share of a pixel that the aperture's shape of radius `coc_px` covers, filtered by the squares of the pixel and of the fragment.
-    /// `offset` leads from the pixel to the point, `height` is the pixel's position in the field.
+    /// Share of a pixel that the aperture's shape of radius `coc_px` covers, filtered by the squares of the pixel and of the
+    /// fragment. `offset` leads from the pixel to the point, `height` is the pixel's position in the field.
     fn covered(&self, offset: Vec2, coc_px: f32, height: Vec2) -> f32 {
         let depth = self.optics.aperture.depth_inside(offset, coc_px); // q − p = c·u
         let depth = depth.min(coc_px.abs() * self.within_barrel(offset / coc_px, height));
@@ -133,8 +134,8 @@ impl<'a> Bokeh<'a> {
         if self.optics.cats_eye > 0.0 { self.optics.within_barrel(lens, height) } else { f32::INFINITY }
     }
 
-    /// The part of `row`, at `y` from the centre of a shape of radius `coc_px`, that passes the barrel, seen from position `height` of the
-    /// field.
+    /// The part of `row`, at `y` from the centre of a shape of radius `coc_px`, that passes the barrel, seen from position
+    /// `height` of the field.
     fn past_barrel(&self, row: [f32; 2], y: f32, coc_px: f32, height: Vec2) -> Option<[f32; 2]> {
         if self.optics.cats_eye <= 0.0 {
             return Some(row);
@@ -149,8 +150,8 @@ impl<'a> Bokeh<'a> {
         (left < right).then_some([left, right])
     }
 
-    /// Density of the light on a pixel relative to that on the lens. `offset` leads from the pixel to the point, `height` is the pixel's
-    /// position in the field.
+    /// Density of the light on a pixel relative to that on the lens. `offset` leads from the pixel to the point, `height` is
+    /// the pixel's position in the field.
     fn density(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
         let reach = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
         if let Some(light) = self.uniform_light(radial, offset, height, reach) {
@@ -162,8 +163,8 @@ impl<'a> Bokeh<'a> {
         sum / (GRID * GRID) as f32
     }
 
-    /// The light at `offset` from a point, if neither an end of the rays nor an edge of the opening lies within `reach`: except for an
-    /// aperture image, it is then uniform over the pixel. Otherwise `None`.
+    /// The light at `offset` from a point, if neither an end of the rays nor an edge of the opening lies within `reach`: except
+    /// for an aperture image, it is then uniform over the pixel. Otherwise `None`.
     fn uniform_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
         let distance = offset.length();
         let (inner, outer) = (distance - reach, distance + reach);

@@ -1,9 +1,9 @@
 //! Bright points as exact discs: with few views a point a thousand times brighter than its surroundings would show as dots.
 //!
-//! [`extract`] removes the excess of a bright, blurred fragment over its surroundings from its surface; [`draw`] adds it back in the
-//! shape that [`super::bokeh`] computes. Each row of a disc is clipped by the spans of nearer bins, seen from the highlight: the ray from
-//! picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`. This is affine in `p`, so a
-//! span is projected to a span.
+//! [`extract`] removes the excess of a bright, blurred fragment over its surroundings from its surface; [`draw`] adds it back
+//! in the shape that [`super::bokeh`] computes. Each row of a disc is clipped by the spans of nearer bins, seen from the
+//! highlight: the ray from picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`.
+//! This is affine in `p`, so a span is projected to a span.
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
@@ -75,8 +75,8 @@ fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
     (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > MIN_COC_PX).collect()
 }
 
-/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, at most the fragment's own colour. Without such
-/// fragments, the fragment's own colour scaled to the threshold.
+/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, at most the fragment's own colour. Without
+/// such fragments, the fragment's own colour scaled to the threshold.
 fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
     let own = layer.color_at(x, y);
     let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
@@ -233,7 +233,8 @@ impl<'a> Disc<'a> {
     }
 }
 
-/// `p = offset + scale · s`: the projection of column `s` of an occluder's row to column `p` of the picture, seen from the highlight.
+/// `p = offset + scale · s`: the projection of column `s` of an occluder's row to column `p` of the picture, seen from the
+/// highlight.
 #[derive(Clone, Copy)]
 struct Affine {
     offset: f32,
@@ -286,7 +287,8 @@ mod tests {
 
     const SIZE: usize = 64;
 
-    /// The disc of one highlight of energy 1 at the centre, behind a wall of CoC radius −10 and of coverage `wall(x)` in column `x`.
+    /// The disc of one highlight of energy 1 at the centre, behind a wall of CoC radius −10 and of coverage `wall(x)` in column
+    /// `x`.
     fn drawn(coc_px: f32, size_px: f32, optics: &Optics, wall: impl Fn(usize) -> f32) -> Image {
         drawn_behind(-10.0, coc_px, size_px, optics, wall)
     }
@@ -334,7 +336,8 @@ mod tests {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
                     let sum = energy(&drawn(coc, size, &Optics::from_aperture(aperture), |_| 0.0));
-                    // Midpoint rule over rows 2/16 px high: the smallest disc, which is all edge, is off by less than their square.
+                    // Midpoint rule over rows 2/16 px high: the smallest disc, which is all edge, is off by less than their
+                    // square.
                     assert!((sum - 1.0).abs() < 5e-3, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
                 }
             }
@@ -343,8 +346,8 @@ mod tests {
 
     #[test]
     fn a_wall_in_front_of_the_right_half_of_the_picture_hides_half_of_the_disc() {
-        // The wall begins at column 32, so its edge lies at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10 / 20.
-        // It passes the edge at p = (31.5 + 16) / 1.5 = 31 ⅔, so a sixth of the width of column 32 is visible.
+        // The wall begins at column 32, so its edge lies at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10
+        // / 20. It passes the edge at p = (31.5 + 16) / 1.5 = 31 ⅔, so a sixth of the width of column 32 is visible.
         let free = drawn(20.0, 1.0, &disc(), |_| 0.0);
         let hidden = drawn(20.0, 1.0, &disc(), |x| f32::from(u8::from(x >= 32)));
         for x in 0..SIZE {

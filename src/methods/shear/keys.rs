@@ -1,10 +1,10 @@
 //! Keys: for each fragment its bin, and the neighbouring bins that it joins.
 //!
-//! **Watertight rule**: an opaque fragment also joins the next nearer or farther bin if one of its four neighbours lies on that side and
-//! differs by less than [`surface::JOIN_PX`] in CoC radius. The neighbour is the one in the fragment's own peel or, where that belongs to
-//! another surface, in any other peel. Surfaces then have no cracks where they cross from bin to bin, nor where a nearer surface
-//! begins and they continue one peel farther back. A larger limit would thicken edges. A translucent fragment is in one bin only:
-//! in two it would be composited twice.
+//! **Watertight rule**: an opaque fragment also joins the next nearer or farther bin if one of its four neighbours lies on that
+//! side and differs by less than [`surface::JOIN_PX`] in CoC radius. The neighbour is the one in the fragment's own peel or, where that
+//! belongs to another surface, in any other peel. Surfaces then have no cracks where they cross from bin to bin, nor where a
+//! nearer surface begins and they continue one peel farther back. A larger limit would thicken edges. A translucent fragment is
+//! in one bin only: in two it would be composited twice.
 
 use super::bins::{Bins, EMPTY};
 use crate::scene::{Layer, OPAQUE_ALPHA, surface};
@@ -175,8 +175,8 @@ fn join_surface<'a>(
     }
 }
 
-/// Sets in `keys` the flags of the bins that the fragments `here` join because of `neighbours`, except where a neighbour was `found`
-/// before.
+/// Sets in `keys` the flags of the bins that the fragments `here` join because of `neighbours`, except where a neighbour was
+/// `found` before.
 #[inline(always)]
 fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, neighbours: Row<'_>) {
     let fragments = here.0.iter().zip(here.1).zip(neighbours.0.iter().zip(neighbours.1));

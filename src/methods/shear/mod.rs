@@ -1,9 +1,9 @@
 //! `shear`: the default method. The stack is cut into slices of equal CoC radius, which are sheared for each lens sample.
 //!
-//! In `(x, y, c)` space a lens ray is straight, so that all fragments of one CoC radius, seen from lens point `u`, are their own
-//! image shifted by `−c·u`. The picture is the mean over `N` views `(u, j)`, lens point and position in the pixel, of the first
-//! fragment that each ray hits. This equals casting `N` rays per pixel, including visibility correlated over the lens, at the cost
-//! of about one masked add for each visible pixel and view. It converges to [`super::accumulate`].
+//! In `(x, y, c)` space a lens ray is straight, so that all fragments of one CoC radius, seen from lens point `u`, are their
+//! own image shifted by `−c·u`. The picture is the mean over `N` views `(u, j)`, lens point and position in the pixel, of the
+//! first fragment that each ray hits. This equals casting `N` rays per pixel, including visibility correlated over the lens, at
+//! the cost of about one masked add for each visible pixel and view. It converges to [`super::accumulate`].
 //!
 //! Passes:
 //!
@@ -20,8 +20,8 @@
 //!
 //! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) each pixel searches for its fragments, and no spans are made.
 //!
-//! Cost: rows × views × (bins + pixels). Memory: the scene, which is modified in place, the spans, and the picture. Limits: only surfaces
-//! in the peels are known; past the frame the border is repeated.
+//! Cost: rows × views × (bins + pixels). Memory: the scene, which is modified in place, the spans, and the picture. Limits:
+//! only surfaces in the peels are known; past the frame the border is repeated.
 
 mod bins;
 mod bokeh;

@@ -6,9 +6,9 @@
 //!   span [start, end) lands on      [start − shift, end − shift)
 //! ```
 //!
-//! One bit per pixel marks an occluded ray; only unoccluded rays accumulate light. There is no z-buffer, no sort and no image per
-//! view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive memory.
-//! Translucent spans keep, beside the bit, the transmittance of the ray.
+//! One bit per pixel marks an occluded ray; only unoccluded rays accumulate light. There is no z-buffer, no sort and no image
+//! per view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive
+//! memory. Translucent spans keep, beside the bit, the transmittance of the ray.
 //!
 //! The inner loops are compiled for several instruction sets, one of which is selected when the program runs. Additions,
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
@@ -74,7 +74,8 @@ impl Sums {
 /// Sums over views for one output row, and the rays of the current view. Views may be added in several calls: the bits are those
 /// of one call.
 ///
-/// Each quantity has its own vector with one chunk or mask for each 16 pixels, so that what every span touches stays close together.
+/// Each quantity has its own vector with one chunk or mask for each 16 pixels, so that what every span touches stays close
+/// together.
 #[derive(Debug)]
 pub(super) struct RowSums {
     width: usize,
@@ -148,7 +149,8 @@ impl RowSums {
         self.views as f32 - self.hidden[x]
     }
 
-    /// Adds the views `shears` of output row `y` with the instructions of `arch`; `bins` holds every bin that they can move there.
+    /// Adds the views `shears` of output row `y` with the instructions of `arch`; `bins` holds every bin that they can move
+    /// there.
     pub(super) fn add(
         &mut self,
         canvas: &Canvas<'_>,
@@ -205,8 +207,8 @@ impl RowSums {
         self.active_chunks()
     }
 
-    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks that have
-    /// such rays.
+    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks
+    /// that have such rays.
     fn start_view_through(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
         let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
         let [[first, end], [first_whole, end_whole]] = barrel
@@ -401,8 +403,8 @@ impl<S: Simd> Painter<'_, S> {
         self.row.occluded[chunk] |= free;
     }
 
-    /// Composites `source` behind what the rays of the lanes in `free` have passed: adds it times their transmittance, and attenuates
-    /// them by its coverage.
+    /// Composites `source` behind what the rays of the lanes in `free` have passed: adds it times their transmittance, and
+    /// attenuates them by its coverage.
     #[inline(always)]
     fn composite(&mut self, chunk: usize, source: &SourceRow<'_>, free: Mask) {
         let simd = self.simd;
@@ -441,7 +443,8 @@ impl SourceRow<'_> {
     fn vector<S: Simd>(&self, simd: S, row: &[f32], chunk: usize, i: usize) -> S::f32s {
         match self.column {
             SourceColumn::Shifted(shift) => {
-                // The painted columns and their sources lie within the picture, so a chunk extends past its ends by less than the margin.
+                // The painted columns and their sources lie within the picture, so a chunk extends past its ends by less than
+                // the margin.
                 let start = (chunk * LANES + i * S::F32_LANES + MARGIN) as i32 + shift;
                 let values = &row[start as usize..][..S::F32_LANES];
                 S::as_simd_f32s(values).0[0]

@@ -13,7 +13,8 @@ const COMPLETE_LAYERS: usize = 3;
 /// CoC radius in picture pixels up to which near blur is ignored: then only far edges disocclude surfaces that the stack lacks.
 const NEAR_BLUR_FROM_PX: f32 = 0.5;
 
-/// A fragment of at least this CoC radius is out of focus whatever bin it is rounded to: 1 px plus the bin width, in picture pixels.
+/// A fragment of at least this CoC radius is out of focus whatever bin it is rounded to: 1 px plus the bin width, in picture
+/// pixels.
 const OUT_OF_FOCUS_FROM_PX: f32 = 1.5;
 
 /// The largest total area of exact discs, as a multiple of the picture's area. More discs would cost more than the views.

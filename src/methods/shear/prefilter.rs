@@ -1,10 +1,10 @@
 //! Smoothing within a surface by the gap between lens samples, so that few views show no separate copies.
 //!
-//! `N` lens samples on a disc of radius `|c|` pixels lie `|c|·√(π/N)` apart. Finer detail of a blurred surface would show as `N`
-//! separate copies. The filter is a box whose radius is half that gap times a strength: with enough views the blur removes the same
-//! detail. It is applied as an edge-aware recursive filter of the same variance, along rows, then along columns, once in each
-//! direction: `y_i = x_i + a (y_{i−1} − x_i)`, with `a = 0` where the surface ends. The result is always a convex combination of the
-//! surface's own colours.
+//! `N` lens samples on a disc of radius `|c|` pixels lie `|c|·√(π/N)` apart. Finer detail of a blurred surface would show as
+//! `N` separate copies. The filter is a box whose radius is half that gap times a strength: with enough views the blur removes
+//! the same detail. It is applied as an edge-aware recursive filter of the same variance, along rows, then along columns, once
+//! in each direction: `y_i = x_i + a (y_{i−1} − x_i)`, with `a = 0` where the surface ends. The result is always a convex
+//! combination of the surface's own colours.
 
 use crate::image::Plane;
 use crate::scene::{Layer, surface};
@@ -201,8 +201,8 @@ fn strips(color: Channels<'_>, width: usize) -> Vec<Strip<'_>> {
     strips
 }
 
-/// Both directions over one channel of a strip. Row `y` of `weights` has the weights between rows `y − 1` and `y`, which are all 0
-/// where `blurred[y]` is false.
+/// Both directions over one channel of a strip. Row `y` of `weights` has the weights between rows `y − 1` and `y`, which are
+/// all 0 where `blurred[y]` is false.
 struct SmoothColumns<'a, 'b> {
     rows: &'a mut [&'b mut [f32]],
     weights: &'a [f32],

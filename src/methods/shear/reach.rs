@@ -1,5 +1,5 @@
-//! The bins that views can move to single pixels. Most bins lie elsewhere in the picture, and for a few pixels most of the time would be
-//! spent on looking for their spans.
+//! The bins that views can move to single pixels. Most bins lie elsewhere in the picture, and for a few pixels most of the time
+//! would be spent on looking for their spans.
 
 use super::bins::Bins;
 use super::canvas::Canvas;

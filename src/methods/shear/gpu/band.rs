@@ -94,7 +94,8 @@ impl<'a> BandBuffers<'a> {
         Ok(())
     }
 
-    /// Uploads the colours of rows `source`, prefiltered if the plan has a prefilter, and records whether any fragment is translucent.
+    /// Uploads the colours of rows `source`, prefiltered if the plan has a prefilter, and records whether any fragment is
+    /// translucent.
     fn fill_colors(&mut self, source: &Range<usize>) -> Result<(), Error> {
         let Frame { gpu, layers, radius_per_coc, size: (width, _), .. } = self.frame;
         let values = source.start * width..source.end * width;
@@ -189,8 +190,8 @@ impl<'a> BandBuffers<'a> {
         Ok(views.min(MAX_BATCH_VIEWS))
     }
 
-    /// Adds the views `batch` of `shears` to those before and returns their number. Returns 0 if a list was too long: the lists of the
-    /// next call are larger. The last batch writes the picture.
+    /// Adds the views `batch` of `shears` to those before and returns their number. Returns 0 if a list was too long: the lists
+    /// of the next call are larger. The last batch writes the picture.
     fn paint(&mut self, shears: &[Shear], batch: Range<usize>) -> Result<usize, Error> {
         let (gpu, views, [is_first, is_last]) =
             (self.frame.gpu, batch.len(), [batch.start == 0, batch.end == shears.len()]);
@@ -271,8 +272,8 @@ impl<'a> BandBuffers<'a> {
     }
 }
 
-/// Columns and rows by which each of `shears` moves each bin, in the shader's layout. 16 bits are enough, because past the border all
-/// samples are those of the border.
+/// Columns and rows by which each of `shears` moves each bin, in the shader's layout. 16 bits are enough, because past the
+/// border all samples are those of the border.
 fn shifts(shears: &[Shear]) -> Vec<[i16; 2]> {
     let max = i32::from(i16::MAX);
     let clamped = |shift: i32| shift.clamp(-max, max) as i16;

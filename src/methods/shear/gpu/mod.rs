@@ -1,8 +1,8 @@
 //! `shear` on a GPU: `shaders/methods/shear.wgsl`.
 //!
-//! The CPU does what is done once per fragment, whatever the number of views, with the code of the CPU path and row by row during the
-//! upload: bins, keys and the prefilter. It also computes the shifts of views, and draws the few discs of highlights while the GPU paints.
-//! The rows that a band ([`band`]) reads extend past it by the reach of views and prefilter.
+//! The CPU does what is done once per fragment, whatever the number of views, with the code of the CPU path and row by row
+//! during the upload: bins, keys and the prefilter. It also computes the shifts of views, and draws the few discs of highlights
+//! while the GPU paints. The rows that a band ([`band`]) reads extend past it by the reach of views and prefilter.
 //!
 //! Memory: 18 bytes per fragment and 100 per pixel.
 
