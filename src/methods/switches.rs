@@ -65,7 +65,9 @@ fn check(kind: EffectKind, on: bool, stats: &SceneStats, plan: &Plan) -> Result<
                 stats.supersample
             )
         }
-        (EffectKind::Merge, true) => "the stack has one sample per pixel: there is nothing to merge".to_owned(),
+        (EffectKind::Merge, true) => {
+            "the stack has one sample per pixel: there is nothing to merge".to_owned()
+        }
         (EffectKind::Translucency, false) => {
             format!(
                 "{} fragments have an alpha below 1, which is part of the stack",
@@ -76,5 +78,6 @@ fn check(kind: EffectKind, on: bool, stats: &SceneStats, plan: &Plan) -> Result<
         _ => return Ok(()),
     };
     let (done, key) = if on { ("forced", "force") } else { ("left out", "without") };
-    Err(Error::settings(format!("'{name}' cannot be {done}: {why}")).help(format!("leave `{key} = {name}` out")))
+    Err(Error::settings(format!("'{name}' cannot be {done}: {why}"))
+        .help(format!("leave `{key} = {name}` out")))
 }

@@ -331,9 +331,11 @@ mod tests {
             [[0.0, 0.2], [0.2, 0.4], [2.0, 2.0]],
             "the first extends to the second, the second to the first, the third to none"
         );
-        for coc_interval in [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
+        for coc_interval in
+            [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
         {
-            let found = [0, 1, 2].map(|x| matches!(depth_order(&layer, x, 0, coc_interval), DepthOrder::Overlapping));
+            let found =
+                [0, 1, 2].map(|x| matches!(depth_order(&layer, x, 0, coc_interval), DepthOrder::Overlapping));
             let expected = extents.map(|[near, far]| near <= coc_interval[1] && far >= coc_interval[0]);
             assert_eq!(found, expected, "{coc_interval:?}");
         }

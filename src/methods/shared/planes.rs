@@ -115,14 +115,23 @@ impl Planes {
     /// As [`Self::upload`].
     pub(in crate::methods) fn zeros(gpu: &Gpu, count: usize, values: usize) -> Result<Self, Error> {
         let zeros = |count: usize| gpu.zeros::<f32>("the frame's planes", count * values);
-        Ok(Self { colors: zeros(count.min(PLANES_PER_BUFFER))?, rest: zeros(count.saturating_sub(PLANES_PER_BUFFER))? })
+        Ok(Self {
+            colors: zeros(count.min(PLANES_PER_BUFFER))?,
+            rest: zeros(count.saturating_sub(PLANES_PER_BUFFER))?,
+        })
     }
 
     /// Copies red, green and blue to these rows of `image`; alpha is the first of the other planes if `transparent`, otherwise 1.
     ///
     /// # Errors
     /// When the device fails.
-    fn read_into(&self, gpu: &Gpu, image: &mut Image, rows: &Range<usize>, transparent: bool) -> Result<(), Error> {
+    fn read_into(
+        &self,
+        gpu: &Gpu,
+        image: &mut Image,
+        rows: &Range<usize>,
+        transparent: bool,
+    ) -> Result<(), Error> {
         let [red, green, blue, alpha] = image.planes.each_mut().map(|plane| {
             let width = plane.width();
             &mut plane.values_mut()[width * rows.start..width * rows.end]

@@ -10,7 +10,8 @@ pub(in crate::methods) fn sub_image_pixels(workload: &Workload<'_>, first_radius
         |reach: f64| if reach <= 0.0 { 0 } else { ((reach / first).log2().ceil() as i32 + 1).max(1) };
     let [near, far] = workload.reach_px().map(|reach| needed(reach).min(max_levels));
     let infinity = f64::from(workload.stats.spread.coc_infinity_px);
-    let possible = (1..=max_levels).take_while(|&i| first * f64::from(i - 1).exp2() < infinity).count() as i32;
+    let possible =
+        (1..=max_levels).take_while(|&i| first * f64::from(i - 1).exp2() < infinity).count() as i32;
     // The sides of a pyramid of n levels are multiples of 2ⁿ, with a border.
     let padded = |levels: i32| {
         let multiple = f64::from(levels).exp2();
