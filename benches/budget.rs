@@ -1,9 +1,9 @@
-//! Budget of a render: CPU seconds of the scene's analysis and of the blur, their growth with the blur's size, the cost of the search
-//! for the number of views that reaches a target, and memory.
+//! Budget of a render: CPU seconds of the scene's analysis and of the blur, their growth with the blur's size, the cost of the
+//! search for the number of views that reaches a target, and memory.
 //!
-//! `cargo bench --bench budget` uses a synthetic 1080p stack of four peels, or the file of the environment variable `THINLENS_STACK` with
-//! the lens of `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory, which is measured in a separate
-//! process.
+//! `cargo bench --bench budget` uses a synthetic 1080p stack of four peels, or the file of the environment variable
+//! `THINLENS_STACK` with the lens of `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
+//! which is measured in a separate process.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 

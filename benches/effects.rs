@@ -1,7 +1,8 @@
 //! Cost of each effect: CPU seconds of the blur with and without it.
 //!
-//! `cargo bench --bench effects` uses a synthetic 1080p stack of four peels with a thousand lights, or the file of the environment
-//! variable `THINLENS_STACK` with the lens of `THINLENS_PRESET`. 64 views; medians of several runs, alternating in one process.
+//! `cargo bench --bench effects` uses a synthetic 1080p stack of four peels with a thousand lights, or the file of the
+//! environment variable `THINLENS_STACK` with the lens of `THINLENS_PRESET`. 64 views; medians of several runs, alternating in
+//! one process.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 

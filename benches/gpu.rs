@@ -1,8 +1,8 @@
 //! The default method on the GPU and on the CPU at 1080p and 4K, four peels and 64 views: times of upload, passes and readback.
 //! `cargo bench --bench gpu`; `THINLENS_STACK` and `THINLENS_PRESET` name another stack and lens.
 //!
-//! Every ray fetches at least one colour, 16 bytes, at most at the bandwidth of the GPU's caches. The printed minimum traffic shows how far
-//! the paint pass is from that limit.
+//! Every ray fetches at least one colour, 16 bytes, at most at the bandwidth of the GPU's caches. The printed minimum traffic
+//! shows how far the paint pass is from that limit.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 

@@ -1,7 +1,7 @@
 //! Time of each method on one scene, with default parameters.
 //!
-//! `cargo bench --bench methods` uses a synthetic 960 × 540 stack of four peels with CoC radii up to 16 pixels. Wall seconds of the blur
-//! only, on all cores: a comparison of methods on this machine, within the noise of three samples.
+//! `cargo bench --bench methods` uses a synthetic 960 × 540 stack of four peels with CoC radii up to 16 pixels. Wall seconds of
+//! the blur only, on all cores: a comparison of methods on this machine, within the noise of three samples.
 
 mod scene;
 

@@ -93,7 +93,8 @@ fn tolerance(method: &dyn Method) -> Tolerance {
 }
 
 impl Tolerance {
-    /// Fraction of the values of `found` that differ from those of `expected` by more than `max_difference`, and the largest difference.
+    /// Fraction of the values of `found` that differ from those of `expected` by more than `max_difference`, and the largest
+    /// difference.
     fn outside(&self, found: &Image, expected: &Image) -> (f64, f32) {
         assert_eq!((found.width(), found.height()), (expected.width(), expected.height()));
         let (mut outside, mut count, mut worst) = (0usize, 0usize, 0.0f32);

@@ -3,8 +3,8 @@
 // look     computes the extents of all fragments, and for each tile of samples the CoC depths that have a fragment
 // follow   traces the rays of a batch of views and adds them to the sums
 //
-// A ray (p + j + c·u, c) traverses tiles in order of rising c, and the samples of those that are not empty. Coordinates are those of
-// the whole stack, independent of the rows that are uploaded.
+// A ray (p + j + c·u, c) traverses tiles in order of rising c, and the samples of those that are not empty. Coordinates are those
+// of the whole stack, independent of the rows that are uploaded.
 
 // The rows of the stack that the band reads, and the lens.
 struct Frame {
@@ -23,8 +23,8 @@ struct Frame {
     nearest: f32,
     farthest: f32,
     slabs_per_px: f32,
-    // Where the optical axis meets the picture, distance from there to the corners, and offset of the barrel from the aperture as seen
-    // from the corners, in aperture radii.
+    // Where the optical axis meets the picture, distance from there to the corners, and offset of the barrel from the aperture as
+    // seen from the corners, in aperture radii.
     axis_x: f32,
     axis_y: f32,
     half_diagonal_px: f32,
@@ -65,8 +65,9 @@ struct View {
 @group(0) @binding(12) var<storage, read_write> extents_made: array<vec2f>;
 @group(0) @binding(13) var<storage, read_write> tiles_made: array<vec2u>;
 
-// Constants from the program: OPAQUE_ALPHA; JOIN_PX, the CoC difference below which neighbours are one surface; TILE, the side of a tile
-// in samples, and its binary logarithm TILE_BITS; SLABS, the number of slabs that the CoC depths are divided into.
+// Constants from the program: OPAQUE_ALPHA; JOIN_PX, the CoC difference below which neighbours are one surface; TILE, the side of
+// a tile in samples, and its binary logarithm TILE_BITS; SLABS, the number of slabs that the CoC depths are divided into.
+
 // The bits of the slabs in the second word of a tile.
 const SECOND_WORD: u32 = 0x3fffffff;
 // Set in the second word of a tile where the fragments of every sample are sorted nearest first.
@@ -269,8 +270,8 @@ fn passage_over(tile: vec2i, begin: f32, end: f32) -> Passage {
     );
 }
 
-// The first layer from `first` on whose fragment overlaps the ray's interval from CoC depth `begin` to `end`; the number of layers if
-// there is none. `index` is that of the sample in the first layer.
+// The first layer from `first` on whose fragment overlaps the ray's interval from CoC depth `begin` to `end`; the number of
+// layers if there is none. `index` is that of the sample in the first layer.
 fn next_hit(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -> u32 {
     var layer = first;
     while layer < frame.layers {

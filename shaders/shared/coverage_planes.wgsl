@@ -1,7 +1,8 @@
 // Coverage planes of a band: content, premultiplied by coverage, and coverage.
 // CPU version: src/methods/shared/content.rs.
 //
-// Layout [plane][row][column]: colour in one buffer; in the other coverage, after the alpha of content if the background is transparent.
+// Layout [plane][row][column]: colour in one buffer; in the other coverage, after the alpha of content if the background is
+// transparent.
 //
 // normalise: divides content by coverage.
 

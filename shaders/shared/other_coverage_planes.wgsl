@@ -1,4 +1,5 @@
-// A second set of coverage planes beside that of coverage_planes.wgsl, for the rows that a band reads: sums, or an intermediate layer.
+// A second set of coverage planes beside that of coverage_planes.wgsl, for the rows that a band reads: sums, or an intermediate
+// layer.
 
 @group(0) @binding(8) var<storage, read_write> other_colors: array<f32>;
 @group(0) @binding(9) var<storage, read_write> other_rest: array<f32>;

@@ -112,7 +112,8 @@ fn corners_of(step: Step, corner: vec2i) -> Corners {
     return Corners(step.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(step.repeats == 1u));
 }
 
-// Biquadratic interpolation of the coarse samples around a corner: weights 3/4 for the nearest and 1/4 for the next, along each axis.
+// Biquadratic interpolation of the coarse samples around a corner: weights 3/4 for the nearest and 1/4 for the next, along each
+// axis.
 fn interpolated(coarse: vec4f) -> vec4f {
     let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
     return 0.75 * blend + 0.25 * blend.yxwz;

@@ -1,8 +1,8 @@
-// The stack for rays: lists of fragments, N-buffers, lens samples. Reads the tables of src/methods/shared/fragments.rs and nbuffer.rs.
-// Comes after ray_sums.wgsl.
+// The stack for rays: lists of fragments, N-buffers, lens samples. Reads the tables of src/methods/shared/fragments.rs and
+// nbuffer.rs. Comes after ray_sums.wgsl.
 //
-// At CoC radius c a ray is at sample position start + c·step. Positions are those of the whole stack, independent of the rows that are
-// uploaded.
+// At CoC radius c a ray is at sample position start + c·step. Positions are those of the whole stack, independent of the rows
+// that are uploaded.
 
 // The rows of the stack that a band reads, and the rows of the picture that it makes.
 struct Stack {
@@ -40,8 +40,8 @@ struct View {
 // The same layout for red and green, and for blue and alpha.
 @group(0) @binding(6) var<storage, read> red_green: array<vec2f>;
 @group(0) @binding(7) var<storage, read> blue_alpha: array<vec2f>;
-// NBUFFER_WORDS for each N-buffer: the index where it begins, and its number of levels; then words of the method's own; then the bits
-// of the N-buffers, [buffer][level][row][column].
+// NBUFFER_WORDS for each N-buffer: the index where it begins, and its number of levels; then words of the method's own; then the
+// bits of the N-buffers, [buffer][level][row][column].
 @group(0) @binding(8) var<storage, read> nbuffers: array<u32>;
 
 // Constants from the program: NBUFFER_WORDS; ABSENT, larger than any CoC radius; OPAQUE_ALPHA.
@@ -108,12 +108,12 @@ fn least_in(nbuffer: u32, window: Window) -> f32 {
     let level = min(firstLeadingBit(shorter), levels - 1u);
     let side = 1u << level;
     let values = nbuffers[NBUFFER_WORDS * nbuffer] + level * stack.block_columns * stack.block_rows;
-    var least = ABSENT;
+    var minimum = ABSENT;
     for (var y = window.begin.y; y < window.end.y; y += side) {
         let row = values + min(y, window.end.y - side) * stack.block_columns;
         for (var x = window.begin.x; x < window.end.x; x += side) {
-            least = min(least, bitcast<f32>(nbuffers[row + min(x, window.end.x - side)]));
+            minimum = min(minimum, bitcast<f32>(nbuffers[row + min(x, window.end.x - side)]));
         }
     }
-    return least;
+    return minimum;
 }

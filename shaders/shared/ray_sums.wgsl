@@ -2,8 +2,8 @@
 //
 // resolve   computes the picture: the mean over all rays
 //
-// A batch has some of the views. Its sum is computed separately and then added to the sum of the batches before it, so that each sum has
-// few terms and single precision suffices.
+// A batch has some of the views. Its sum is computed separately and then added to the sum of the batches before it, so that each
+// sum has few terms and single precision suffices.
 
 // Some of the views of one set.
 struct Batch {

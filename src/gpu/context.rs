@@ -1,7 +1,7 @@
 //! An opened adapter, with every failure as one [`Error`].
 //!
-//! wgpu reports failures by error scopes, callbacks or panics, immediately or later. Here each of them becomes the `Err` of the call that
-//! detects it. After a failure the caller renders on the CPU; no result of the GPU is reused.
+//! wgpu reports failures by error scopes, callbacks or panics, immediately or later. Here each of them becomes the `Err` of the
+//! call that detects it. After a failure the caller renders on the CPU; no result of the GPU is reused.
 
 use super::adapters::{self, Adapter, AdapterKind};
 use super::clock::GpuUsage;
@@ -12,7 +12,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Maximum bytes of a band, beside the adapter's own limits: larger bands are not faster, and smaller ones leave memory for other programs.
+/// Maximum bytes of a band, beside the adapter's own limits: larger bands are not faster, and smaller ones leave memory for other
+/// programs.
 const MAX_WORKING_BYTES: u64 = 2 << 30;
 
 /// An opened adapter.
@@ -41,7 +42,8 @@ impl std::fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// Opens the adapter of the preferred [`AdapterKind`]; software drivers only if `software` is set. `None` if there is no adapter.
+    /// Opens the adapter of the preferred [`AdapterKind`]; software drivers only if `software` is set. `None` if there is no
+    /// adapter.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Device`] if the adapter cannot be opened.

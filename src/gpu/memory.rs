@@ -114,8 +114,8 @@ impl Gpu {
         })
     }
 
-    /// Fills layer `layer` of `texture`: `row` writes a row of texels. Rows are written in parallel, which hides the latency where `row`
-    /// gathers from scattered memory.
+    /// Fills layer `layer` of `texture`: `row` writes a row of texels. Rows are written in parallel, which hides the latency
+    /// where `row` gathers from scattered memory.
     ///
     /// # Errors
     /// As [`Self::upload`].

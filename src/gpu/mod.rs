@@ -1,8 +1,8 @@
 //! GPUs: choice of the device, buffers, kernels and passes. Independent of the methods.
 //!
-//! [`choose`] selects the device that executes a plan. A [`Gpu`] is an opened adapter: it provides buffers and kernels, and reports every
-//! failure as one error type. Frames larger than an adapter's limits are rendered in [`bands()`]. Structures that shaders share with the
-//! program are [`Mirrored`].
+//! [`choose`] selects the device that executes a plan. A [`Gpu`] is an opened adapter: it provides buffers and kernels, and
+//! reports every failure as one error type. Frames larger than an adapter's limits are rendered in [`bands()`]. Structures that
+//! shaders share with the program are [`Mirrored`].
 
 mod adapters;
 mod clock;
@@ -114,8 +114,8 @@ pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Err
     open(true)?.ok_or_else(none).map(Some)
 }
 
-/// Chooses the device for a plan; returns the opened adapter too if that is the device. `cpu_only_reason` is the reason why the plan cannot
-/// run on a GPU, if there is one; `demanded` is the result of [`demanded()`].
+/// Chooses the device for a plan; returns the opened adapter too if that is the device. `cpu_only_reason` is the reason why the
+/// plan cannot run on a GPU, if there is one; `demanded` is the result of [`demanded()`].
 pub fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
@@ -181,7 +181,7 @@ pub fn survey() -> Survey {
 
 /// How adapters are searched for.
 #[cfg(feature = "gpu")]
-const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
+const LOOKED_FOR: &str = "searched through Vulkan, Metal and DX12 drivers";
 #[cfg(not(feature = "gpu"))]
 const LOOKED_FOR: &str = "this program was built without GPU support";
 

@@ -148,8 +148,8 @@ impl Pass {
 }
 
 impl Work<'_> {
-    /// Adds a pass of `groups` workgroups of `kernel`. `bindings` have to be exactly those that the entry point uses, each with its
-    /// number.
+    /// Adds a pass of `groups` workgroups of `kernel`. `bindings` have to be exactly those that the entry point uses, each with
+    /// its number.
     ///
     /// # Errors
     /// If the bindings are not the kernel's.

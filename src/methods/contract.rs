@@ -104,8 +104,8 @@ pub trait Method: fmt::Debug + Sync {
 
     /// Renders `scene` by `plan`, at the scene's picture size.
     ///
-    /// [`render`](super::render) calls it only where the plan blurs. The scene is passed by value: it takes most of the memory, and a
-    /// method may work in place.
+    /// [`render`](super::render) calls it only where the plan blurs. The scene is passed by value: it takes most of the memory,
+    /// and a method may work in place.
     ///
     /// # Errors
     /// When a device fails; on the CPU a method with a valid plan succeeds.
@@ -185,8 +185,8 @@ pub trait LensSampling {
 
 /// A lens-sampling method with a scene.
 pub trait Sampler {
-    /// Values at `pixels`, each `y · width + x`, of the picture with `views` lens samples, to within rounding. Intermediate results are
-    /// cached for the next call with the same `views`.
+    /// Values at `pixels`, each `y · width + x`, of the picture with `views` lens samples, to within rounding. Intermediate
+    /// results are cached for the next call with the same `views`.
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
 
     /// Renders the picture with `views` lens samples.
@@ -211,8 +211,8 @@ pub struct Plan {
     /// Extent of the views' positions in the pixel, as a fraction of its width: 1 for point samples, less for colours that are
     /// already averages over the pixel.
     pub jitter: f32,
-    /// Width of the square that a fragment represents, in picture pixels; 0 where its colour is an average over the pixel, so that
-    /// edges are already antialiased.
+    /// Width of the square that a fragment represents, in picture pixels; 0 where its colour is an average over the pixel, so
+    /// that edges are already antialiased.
     pub fragment_px: f32,
     /// Lens properties that rays use beside focus: aperture shape, barrel, aberrations.
     pub optics: Optics,

@@ -12,8 +12,8 @@ use crate::stack::StackKind;
 /// Makes the plan of `method` for a scene with the statistics `stats`. The method that `settings` name is not used.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Settings`] for an invalid aperture, a parameter of the method or of highlight extrapolation out of its
-/// range, a number of views out of range, and an effect requested by name that is unknown or cannot be switched.
+/// [`crate::error::ErrorKind::Settings`] for an invalid aperture, a parameter of the method or of highlight extrapolation out of
+/// its range, a number of views out of range, and an effect requested by name that is unknown or cannot be switched.
 pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Settings) -> Result<Plan, Error> {
     let info = method.info();
     let parameters = method.parameters().read(info.name, &settings.parameters)?;
@@ -127,8 +127,8 @@ pub(super) fn check_effort(
 
 /// Analyzes `scene`, makes its plan by `decide`, and applies highlight extrapolation where the plan has it on.
 ///
-/// Returns the scene, its statistics and the plan. The statistics are those of the returned scene, except [`SceneStats::light`], which
-/// is that of the original scene: the plan was decided from it.
+/// Returns the scene, its statistics and the plan. The statistics are those of the returned scene, except [`SceneStats::light`],
+/// which is that of the original scene: the plan was decided from it.
 ///
 /// # Errors
 /// Those of `decide`.

@@ -1,8 +1,8 @@
 //! The laws of the blur, and a method's declared deviations from them.
 //!
 //! `tests/laws.rs` checks every method against every law: it measures one figure in several cases. A method that breaks a law by
-//! design declares a [`Deviation`] in its [`MethodInfo`](super::MethodInfo). Its figures must then lie within the declared range, and at
-//! least one of them outside what the law allows, so that a declaration without need fails the test.
+//! design declares a [`Deviation`] in its [`MethodInfo`](super::MethodInfo). Its figures must then lie within the declared range,
+//! and at least one of them outside what the law allows, so that a declaration without need fails the test.
 
 /// A law of the blur.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

@@ -1,11 +1,11 @@
 //! DECIDE and BLUR: the methods, one folder per method.
 //!
-//! A method implements [`Method`] ([`contract`]). Its folder holds its parameters, the decisions about its own passes, its cost, its
-//! kernel and its GPU backend. It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no I/O, prints
-//! nothing, and makes no decision that the plan could make.
+//! A method implements [`Method`] ([`contract`]). Its folder holds its parameters, the decisions about its own passes, its cost,
+//! its kernel and its GPU backend. It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no
+//! I/O, prints nothing, and makes no decision that the plan could make.
 //!
-//! [`shear`] is the default and [`accumulate`] the reference; [`published`] has the methods of papers and their baselines. Code that
-//! several methods use is in [`shared`].
+//! [`shear`] is the default and [`accumulate`] the reference; [`published`] has the methods of papers and their baselines. Code
+//! that several methods use is in [`shared`].
 
 mod contract;
 mod cost;

@@ -103,8 +103,8 @@ impl Registry {
     /// Checks every parameter that `values` set, for all methods.
     ///
     /// # Errors
-    /// An unknown method or key, with the nearest known name, and a value that a parameter does not accept, each with its position in
-    /// the preset.
+    /// An unknown method or key, with the nearest known name, and a value that a parameter does not accept, each with its
+    /// position in the preset.
     pub fn check(&self, values: &ParameterValues) -> Result<(), Error> {
         values.iter().try_for_each(|value| {
             let Some(method) = self.iter().find(|method| method.name() == value.method) else {

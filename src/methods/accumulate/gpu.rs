@@ -1,8 +1,8 @@
-//! GPU backend of `accumulate`: one thread per pixel traces all rays of a batch in sequence, so that neighbouring threads take similar
-//! paths.
+//! GPU backend of `accumulate`: one thread per pixel traces all rays of a batch in sequence, so that neighbouring threads take
+//! similar paths.
 //!
-//! Rows of the stack are uploaded unchanged, one band at a time; the kernel `look` computes extents and tiles from them, `follow` sums
-//! rays.
+//! Rows of the stack are uploaded unchanged, one band at a time; the kernel `look` computes extents and tiles from them, `follow`
+//! sums rays.
 //!
 //! Memory: 28 bytes per fragment, 36 per pixel.
 

@@ -1,16 +1,16 @@
 //! The reference method: traces every lens ray through the stack without approximation. Other methods are measured against it.
 //!
-//! Haeberli & Akeley 1990, "The Accumulation Buffer", and Cook, Porter & Carpenter 1984, "Distributed Ray Tracing", applied
-//! to the stack. A fragment is a box: the square of its sample times an interval of CoC depth. The interval is its own `c`, extended
+//! Haeberli & Akeley 1990, "The Accumulation Buffer", and Cook, Porter & Carpenter 1984, "Distributed Ray Tracing", applied to
+//! the stack. A fragment is a box: the square of its sample times an interval of CoC depth. The interval is its own `c`, extended
 //! halfway to each of the four neighbours in the same peel whose `c` differs by less than half a pixel, so that surfaces have no
-//! cracks. A ray `(p + j + c·u, c)` traverses the samples below it in order of rising `c`. In each sample it hits the fragments whose
-//! intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha.
+//! cracks. A ray `(p + j + c·u, c)` traverses the samples below it in order of rising `c`. In each sample it hits the fragments
+//! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha.
 //!
 //! Past the frame's border the border samples are repeated. A ray that hits nothing is left out of the mean where the stack's
 //! background is closed, and is transparent where the background is transparent.
 //!
-//! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile has no
-//! fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.
+//! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile
+//! has no fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.
 //! GPU backend: `shaders/methods/accumulate.wgsl`.
 
 mod cost;

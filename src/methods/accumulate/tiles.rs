@@ -1,5 +1,5 @@
-//! Empty space: for each tile of samples, the CoC depths that have a fragment. A tile is analyzed when a ray first passes it, so that
-//! rendering few rays costs little.
+//! Empty space: for each tile of samples, the CoC depths that have a fragment. A tile is analyzed when a ray first passes it, so
+//! that rendering few rays costs little.
 
 use crate::scene::Layer;
 use crate::scene::surface::JOIN_PX;
@@ -48,8 +48,8 @@ impl Tiles {
         Self { tiles, size, slabs: Slabs::from_coc_range(coc_range_px) }
     }
 
-    /// The part of a ray's path over `tile` of `layers`, within the CoC depths `coc_interval`, that may hit fragments; `None` if there
-    /// are none. Tiles past the border repeat those at the border.
+    /// The part of a ray's path over `tile` of `layers`, within the CoC depths `coc_interval`, that may hit fragments; `None` if
+    /// there are none. Tiles past the border repeat those at the border.
     #[inline]
     pub(super) fn passage<L: Borrow<Layer>>(
         &self,

@@ -29,7 +29,8 @@ fn centre(x: usize, y: usize) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
-/// Interval of CoC depth of the fragment `x, y` of `layer`; it extends less than half of [`JOIN_PX`] to either side of its own depth.
+/// Interval of CoC depth of the fragment `x, y` of `layer`; it extends less than half of [`JOIN_PX`] to either side of its own
+/// depth.
 fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
     let coc = layer.coc_px.get(x, y);
     let mut interval = [coc; 2];
@@ -141,8 +142,8 @@ impl<L: Borrow<Layer>> Volume<L> {
         self.optics.within_barrel(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
-    /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last layer:
-    /// a further layer might have content there.
+    /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last
+    /// layer: a further layer might have content there.
     pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
         let centre = centre(x, y);
         let lost = |view: &View| {
@@ -224,7 +225,8 @@ impl<L: Borrow<Layer>> Volume<L> {
         }
     }
 
-    /// Adds the fragments of one sample that overlap the ray's interval there, nearest first, and returns the transmittance after them.
+    /// Adds the fragments of one sample that overlap the ray's interval there, nearest first, and returns the transmittance after
+    /// them.
     fn hit_sample(&self, cell: IVec2, passage: Passage, mut transmittance: f32, sum: &mut RaySum) -> f32 {
         let Passage { coc_interval, nearest_first } = passage;
         let (x, y) = self.clamped(cell);
@@ -283,7 +285,8 @@ impl Ray {
         towards_zero - IVec2::select(towards_zero.as_vec2().cmpgt(position), IVec2::ONE, IVec2::ZERO)
     }
 
-    /// CoC depth at which the ray leaves the square of `side` samples that begins at `first`, and the direction in which it leaves.
+    /// CoC depth at which the ray leaves the square of `side` samples that begins at `first`, and the direction in which it
+    /// leaves.
     #[inline]
     fn leaves(&self, first: IVec2, side: i32) -> (f32, IVec2) {
         let edge = first + side * self.heading.max(IVec2::ZERO);

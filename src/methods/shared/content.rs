@@ -1,9 +1,9 @@
 //! The stack as content and coverage, for methods that blend and then normalise; the same for closed and transparent backgrounds.
 //!
-//! Such methods divide accumulated content by accumulated coverage. This is correct only if coverage means that the layer has data, so
-//! the two meanings of alpha are separate: *coverage* is the fraction of a pixel for which a layer has data; *content* is the data: red,
-//! green, blue and, where the background is transparent, alpha. A transparent background counts as data: it is a backdrop behind all
-//! layers, with full coverage and empty content.
+//! Such methods divide accumulated content by accumulated coverage. This is correct only if coverage means that the layer has
+//! data, so the two meanings of alpha are separate: *coverage* is the fraction of a pixel for which a layer has data; *content*
+//! is the data: red, green, blue and, where the background is transparent, alpha. A transparent background counts as data: it is
+//! a backdrop behind all layers, with full coverage and empty content.
 
 use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
@@ -37,8 +37,8 @@ pub(in crate::methods) struct Visible {
     pub coc_px: Plane,
 }
 
-/// CoC radius of a transparent background: behind all layers, and in focus where no layer is behind focus, since blurring an empty
-/// background has no effect.
+/// CoC radius of a transparent background: behind all layers, and in focus where no layer is behind focus, since blurring an
+/// empty background has no effect.
 fn backdrop_coc_px(plan: &Plan) -> f32 {
     plan.coc_range_px[1].max(0.0)
 }

@@ -9,7 +9,8 @@ const COUNTED_TO_PX: f32 = 16.0;
 /// Table entries per pixel of radius.
 const COUNTS_PER_PX: f32 = 16.0;
 
-/// The area of a disc of radius `radius_px` with an antialiased edge: the mean area over edges moved up to half a pixel to either side.
+/// The area of a disc of radius `radius_px` with an antialiased edge: the mean area over edges moved up to half a pixel to either
+/// side.
 ///
 /// With `a` the apothem of the unit aperture and `A` its area, `A · mean (r + t/a)² = A · (r² + 1/(12 a²))`.
 pub(in crate::methods) fn soft_area(aperture: Aperture, radius_px: f32) -> f64 {
@@ -17,8 +18,8 @@ pub(in crate::methods) fn soft_area(aperture: Aperture, radius_px: f32) -> f64 {
     f64::from(aperture.area()) * (f64::from(radius_px).powi(2) + 1.0 / (12.0 * apothem * apothem))
 }
 
-/// Area in pixels of discs of any radius. A pixel with its centre at depth `d` inside the disc's edge counts `clamp(d + ½, 0, 1)`, so
-/// that pixels on the edge count in part.
+/// Area in pixels of discs of any radius. A pixel with its centre at depth `d` inside the disc's edge counts
+/// `clamp(d + ½, 0, 1)`, so that pixels on the edge count in part.
 #[derive(Debug)]
 pub(in crate::methods) struct DiscAreas {
     aperture: Aperture,
@@ -70,7 +71,8 @@ mod tests {
                     .flat_map(|y| (-reach..=reach).map(move |x| Vec2::new(x as f32, y as f32)))
                     .map(|offset| (aperture.depth_inside(offset, coc) + 0.5).clamp(0.0, 1.0))
                     .sum();
-                // Linear interpolation between table entries 1/16 px apart: the error is the curvature times the squared distance.
+                // Linear interpolation between table entries 1/16 px apart: the error is the curvature times the squared
+                // distance.
                 assert!((areas.area(coc) / sum - 1.0).abs() < 6e-3, "{blades} blades, {coc}: {sum}");
             }
         }

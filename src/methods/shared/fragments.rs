@@ -1,7 +1,7 @@
 //! The stack for rays: the fragments of each sample are contiguous in memory, nearest first.
 //!
-//! A ray tests all layers of a sample at once, so the planes are interleaved into lists. The fragments of a sample are sorted by CoC
-//! radius, independent of the order of the peels. Positions are in samples. Memory: that of the scene, which is consumed.
+//! A ray tests all layers of a sample at once, so the planes are interleaved into lists. The fragments of a sample are sorted by
+//! CoC radius, independent of the order of the peels. Positions are in samples. Memory: that of the scene, which is consumed.
 
 use super::nbuffer::{NBuffer, Window};
 use crate::scene::Scene;
@@ -49,7 +49,8 @@ impl Fragments {
         Self { width, height, depth, coc_px, color }
     }
 
-    /// `width × height` samples, each with the CoC radii of `list(x, y)`, nearest first; all opaque, with the CoC radius as brightness.
+    /// `width × height` samples, each with the CoC radii of `list(x, y)`, nearest first; all opaque, with the CoC radius as
+    /// brightness.
     #[cfg(test)]
     pub(in crate::methods) fn from_lists(
         (width, height): (usize, usize),

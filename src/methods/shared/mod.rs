@@ -1,5 +1,6 @@
-//! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that render each
-//! pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray batches.
+//! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that
+//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray
+//! batches.
 
 mod content;
 mod disc;

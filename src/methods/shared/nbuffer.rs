@@ -27,7 +27,8 @@ pub(in crate::methods) struct NBuffer {
 }
 
 impl NBuffer {
-    /// The N-buffer of `width × height` `values`, row by row, for windows of up to `longest` cells; larger windows take more look-ups.
+    /// The N-buffer of `width × height` `values`, row by row, for windows of up to `longest` cells; larger windows take more
+    /// look-ups.
     pub(in crate::methods) fn new(width: usize, values: Vec<f32>, longest: usize) -> Self {
         let height = values.len() / width.max(1);
         let mut levels = vec![values];

@@ -1,4 +1,5 @@
-//! Planes of a band on a GPU: colour in one buffer, all other planes in a second one, so that no buffer has more than three planes.
+//! Planes of a band on a GPU: colour in one buffer, all other planes in a second one, so that no buffer has more than three
+//! planes.
 
 use super::content::CoveragePlanes;
 use crate::error::Error;
@@ -93,8 +94,8 @@ impl Planes {
         Ok(Self { colors: upload(colors)?, rest: upload(rest)? })
     }
 
-    /// Uploads colour, coverage and CoC radius (or the method's equivalent of it) of these rows of a peel. Content alpha is not uploaded:
-    /// with a transparent background it equals coverage, except in the backdrop, where it is 0.
+    /// Uploads colour, coverage and CoC radius (or the method's equivalent of it) of these rows of a peel. Content alpha is not
+    /// uploaded: with a transparent background it equals coverage, except in the backdrop, where it is 0.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -154,8 +155,8 @@ pub(in crate::methods) struct RowNeeds {
     pub values: usize,
 }
 
-/// Renders a picture of `size` band by band. `make(band, progress)` returns the planes of one band, content first; `transparent` tells
-/// whether content has an alpha plane.
+/// Renders a picture of `size` band by band. `make(band, progress)` returns the planes of one band, content first; `transparent`
+/// tells whether content has an alpha plane.
 ///
 /// # Errors
 /// When not even a row fits, or the device fails.

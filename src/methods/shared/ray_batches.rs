@@ -1,7 +1,8 @@
 //! Batches of views for methods that trace rays on a GPU: sums over the rays of each pixel, and the picture from these sums.
 //!
-//! A batch traces some of the views for all pixels, and its sum is added to that of the batches before it. This keeps submissions short
-//! and limits each sum to a few hundred terms, for which single precision suffices. The shader part is `shaders/shared/ray_sums.wgsl`.
+//! A batch traces some of the views for all pixels, and its sum is added to that of the batches before it. This keeps submissions
+//! short and limits each sum to a few hundred terms, for which single precision suffices. The shader part is
+//! `shaders/shared/ray_sums.wgsl`.
 //!
 //! Memory: 36 bytes per pixel.
 
@@ -25,7 +26,8 @@ const SUM_BYTES: usize = size_of::<[f32; 5]>();
 /// Bytes of the picture per pixel.
 const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
 
-/// Minimum and maximum number of views per batch: smaller batches do not occupy a GPU fully, larger ones block it for other programs.
+/// Minimum and maximum number of views per batch: smaller batches do not occupy a GPU fully, larger ones block it for other
+/// programs.
 const BATCH_VIEWS: [usize; 2] = [16, 64];
 
 mirrored! {
@@ -75,8 +77,8 @@ impl<'g> Batches<'g> {
         })
     }
 
-    /// Maximum number of rows of `width` pixels in a band on `gpu`, if the method's largest buffer takes `largest` bytes per pixel and all of
-    /// its buffers together `all`, beside sums and picture.
+    /// Maximum number of rows of `width` pixels in a band on `gpu`, if the method's largest buffer takes `largest` bytes per
+    /// pixel and all of its buffers together `all`, beside sums and picture.
     pub(in crate::methods) fn max_rows(gpu: &Gpu, width: usize, [largest, all]: [usize; 2]) -> usize {
         let row = |bytes: usize| (bytes * width).max(1) as u64;
         let by_buffer = gpu.max_binding_bytes() / row(largest.max(SUM_BYTES).max(PIXEL_BYTES));
@@ -84,9 +86,9 @@ impl<'g> Batches<'g> {
         by_buffer.min(by_all) as usize
     }
 
-    /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch and sums;
-    /// `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop iterations of a
-    /// thread per view.
+    /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch and
+    /// sums; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
+    /// iterations of a thread per view.
     pub(in crate::methods) fn follow(
         &self,
         (views, rounds): (Range<usize>, usize),
@@ -143,8 +145,8 @@ impl<'g> Batches<'g> {
     }
 }
 
-/// Renders a picture of `width × height` pixels in bands: at most `max_rows` rows are on the GPU at once, and rays read up to `reach_rows`
-/// more rows on either side. `make(band, progress)` renders a band.
+/// Renders a picture of `width × height` pixels in bands: at most `max_rows` rows are on the GPU at once, and rays read up to
+/// `reach_rows` more rows on either side. `make(band, progress)` renders a band.
 pub(in crate::methods) fn picture_of_batches<'g>(
     (width, height): (usize, usize),
     [reach_rows, max_rows]: [usize; 2],

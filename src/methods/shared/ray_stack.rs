@@ -26,8 +26,8 @@ pub(in crate::methods) const RAY_STACK_CONSTANTS: [(&str, Constant); 3] = [
     ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
 ];
 
-/// Text of `shaders/shared/ray_stack.wgsl`: bindings of the stack, and functions on it. It comes after [`super::RAY_SUMS`] and before a
-/// method's own text.
+/// Text of `shaders/shared/ray_stack.wgsl`: bindings of the stack, and functions on it. It comes after [`super::RAY_SUMS`] and
+/// before a method's own text.
 pub(in crate::methods) const RAY_STACK: &str = include_str!("../../../shaders/shared/ray_stack.wgsl");
 
 /// Bytes per fragment: in the largest buffer (two colour channels), and in all buffers.

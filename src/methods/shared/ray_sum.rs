@@ -18,8 +18,8 @@ impl RaySum {
         self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmittance));
     }
 
-    /// Mean over `rays` rays: rays that hit nothing are transparent where the background is transparent, and left out of the mean where
-    /// it is closed.
+    /// Mean over `rays` rays: rays that hit nothing are transparent where the background is transparent, and left out of the mean
+    /// where it is closed.
     pub(in crate::methods) fn mean(&self, rays: usize, transparent_background: bool) -> [f32; 4] {
         let known = rays as f64 - self.discarded;
         let hit = known - self.missed;

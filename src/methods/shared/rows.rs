@@ -5,8 +5,8 @@ use crate::methods::contract::Progress;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Computes `N` planes of one size row by row, rows in parallel, with progress. `row(scratch, y, planes)` writes row `y` of each plane;
-/// `scratch` makes the scratch memory of a thread.
+/// Computes `N` planes of one size row by row, rows in parallel, with progress. `row(scratch, y, planes)` writes row `y` of each
+/// plane; `scratch` makes the scratch memory of a thread.
 pub(in crate::methods) fn planes_from_rows<const N: usize, T>(
     (width, height): (usize, usize),
     progress: &Progress<'_>,

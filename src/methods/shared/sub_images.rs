@@ -1,13 +1,13 @@
 //! Sub-images: the picture divided by depth into parts of uniform blur.
 //!
-//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as Kraus 2011, "Using Opaque Image Blur
-//! for Real-Time Depth-of-Field Rendering", section 3, describes them. Sub-image `i` has blur radius `r_0 = 0`,
-//! `r_i = r_1·2^(|i|−1)` (eq. 1) and is at the depth where the lens has that CoC radius (eqs. 2–4): `z_i = z_f / (1 ± r_i / r_∞)`, so
-//! its signed CoC radius is `±r_i`; behind focus only `r_i < r_∞` exist. Its matting weight rises from `z_(i−2)` to
-//! `z_(i−1)`, is 1 up to `z_i` and falls to 0 at `z_(i+1)`, linear in depth (Figure 2); the outermost weights do not fall.
+//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as Kraus 2011, "Using Opaque Image Blur for
+//! Real-Time Depth-of-Field Rendering", section 3, describes them. Sub-image `i` has blur radius `r_0 = 0`, `r_i = r_1·2^(|i|−1)`
+//! (eq. 1) and is at the depth where the lens has that CoC radius (eqs. 2–4): `z_i = z_f / (1 ± r_i / r_∞)`, so its signed CoC
+//! radius is `±r_i`; behind focus only `r_i < r_∞` exist. Its matting weight rises from `z_(i−2)` to `z_(i−1)`, is 1 up to `z_i`
+//! and falls to 0 at `z_(i+1)`, linear in depth (Figure 2); the weights of the outermost stay 1 outward.
 //!
-//! The weights of neighbours overlap: the farther of two has weight 1 where the nearer one fades, so that compositing them blends by
-//! the nearer one's weight.
+//! The weights of neighbours overlap: the farther of two has weight 1 where the nearer one fades, so that compositing them blends
+//! by the nearer one's weight.
 //!
 //! GPU version: `shaders/shared/sub_images.wgsl`.
 
@@ -111,7 +111,8 @@ impl SubImages {
         }
     }
 
-    /// Fraction of fragments of CoC radius `coc_px` that is not nearer than the range of sub-image `i`: the weight without its fall.
+    /// Fraction of fragments of CoC radius `coc_px` that is not nearer than the range of sub-image `i`: the weight without its
+    /// fall.
     pub(in crate::methods) fn weigh_not_nearer(&self, i: i32, coc_px: &[f32], weights: &mut [f32]) {
         Arch::new().dispatch(Weigh { rise: self.rise(i), fall: None, coc_px, weights });
     }

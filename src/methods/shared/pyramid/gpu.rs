@@ -1,6 +1,8 @@
-//! The levels of a pyramid on a GPU, for a band of rows: which rows of each level are stored and where, and the passes between levels.
+//! The levels of a pyramid on a GPU, for a band of rows: which rows of each level are stored and where, and the passes between
+//! levels.
 //!
-//! Only the samples that the band depends on are stored. They equal those of the pyramid of the whole frame, so that bands have no seams.
+//! Only the samples that the band depends on are stored. They equal those of the pyramid of the whole frame, so that bands have
+//! no seams.
 
 use super::super::planes::{Frame, TILE};
 use super::{Edge, Grid, Taps};
@@ -44,8 +46,8 @@ mirrored! {
     }
 }
 
-/// Rows of a frame on either side that a row depends on through `levels` levels: `2 + 4 + … + 2^levels` by synthesis, `1 + 2 + …` by
-/// analysis.
+/// Rows of a frame on either side that a row depends on through `levels` levels: `2 + 4 + … + 2^levels` by synthesis, `1 + 2 + …`
+/// by analysis.
 pub(in crate::methods) fn reach(levels: usize) -> usize {
     3 * (1 << levels) - 3
 }
@@ -172,7 +174,8 @@ impl Levels {
         Ok((step, self.groups(corners(self.grid.sizes[level].0), corners(rows.len()))))
     }
 
-    /// The pass that processes each sample of `level` independently, all channels at once; `level` is the coarser one of its [`Step`].
+    /// The pass that processes each sample of `level` independently, all channels at once; `level` is the coarser one of its
+    /// [`Step`].
     ///
     /// # Errors
     /// When the device fails.

@@ -1,14 +1,15 @@
 //! Image pyramids: levels of half the size each, computed by a four-tap analysis and expanded by a B-spline synthesis.
 //!
-//! Analysis: a coarse sample is a weighted mean of the four nearest samples along each axis, with the weights [`BOX`], or [`SPLAT`],
-//! the transpose of the synthesis. Synthesis: biquadratic B-spline interpolation of Strengert, Kraus & Ertl 2006, "Pyramid
-//! Methods in GPU-Based Image Processing": each axis weighs the nearest coarse sample by 3/4 and the next by 1/4.
+//! Analysis: a coarse sample is a weighted mean of the four nearest samples along each axis, with the weights [`BOX`], or
+//! [`SPLAT`], the transpose of the synthesis. Synthesis: biquadratic B-spline interpolation of Strengert, Kraus & Ertl 2006,
+//! "Pyramid Methods in GPU-Based Image Processing": each axis weighs the nearest coarse sample by 3/4 and the next by 1/4.
 //!
-//! Sizes: the frame is centred in a [`Grid`] whose sides are multiples of 2^levels, so that every level has exactly half the size and a
-//! mirrored frame of even size has the mirrored pyramid. An axis of one sample is not halved further: the grid of a thin frame is thin,
-//! and the grid is less than twice the frame along either axis.
+//! Sizes: the frame is centred in a [`Grid`] whose sides are multiples of 2^levels, so that every level has exactly half the size
+//! and a mirrored frame of even size has the mirrored pyramid. An axis of one sample is not halved further: the grid of a thin
+//! frame is thin, and the grid is less than twice the frame along either axis.
 //!
-//! Levels are computed row by row from a function that writes rows of the finer level, so that the finest level need not be stored.
+//! Levels are computed row by row from a function that writes rows of the finer level, so that the finest level need not be
+//! stored.
 //!
 //! GPU version: `shaders/shared/pyramid.wgsl`.
 
