@@ -310,11 +310,11 @@ fn add_rays(at: vec2u, has_cones: bool) {
     let slabs = slabs_around(centre);
     let first_view = hash(pixel) % frame.sets * frame.views;
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
-    for (var i = go.first_view; i < go.end_view; i++) {
+    for (var i = batch.first_view; i < batch.end_view; i++) {
         let part = part_of_sum(follow_ray(ray_of(first_view + i, centre), slabs, has_cones));
         sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
     }
-    add_go(at.y * stack.width + at.x, sum);
+    add_batch(at.y * stack.width + at.x, sum);
 }
 
 @compute @workgroup_size(8, 8)
@@ -334,7 +334,7 @@ fn central(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = at.y * stack.width + at.x;
     let sum = saved_sum(index);
-    let is_open = go.transparent_background != 0u && sum.rays > 0.0;
+    let is_open = batch.transparent_background != 0u && sum.rays > 0.0;
     if is_open || !shows_nothing(sum) {
         return;
     }

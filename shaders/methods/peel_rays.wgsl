@@ -231,9 +231,9 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     let centre = centre_of(vec2u(at.x, stack.row + at.y));
     let bundle = range_of_bundle(centre);
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
-    for (var view = go.first_view; view < go.end_view; view++) {
+    for (var view = batch.first_view; view < batch.end_view; view++) {
         let part = follow_ray(ray_of(view, centre), bundle);
         sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
     }
-    add_go(at.y * stack.width + at.x, sum);
+    add_batch(at.y * stack.width + at.x, sum);
 }
