@@ -8,8 +8,8 @@
 use super::{Marcher, PeelRays, STEPS_PER_SAMPLE};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
+use crate::image::Image;
 use crate::methods::contract::{GpuBackend, Plan, Progress};
-use crate::methods::contract::{GpuBackend, Progress};
 use crate::methods::shared::{
     Batch, Batches, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews, Stack,
     Tracer, View, nbuffer_words, picture_of_batches,
