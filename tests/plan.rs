@@ -463,7 +463,7 @@ mod what_is_asked_for {
         ] {
             let effect = plan.effects.iter().find(|effect| effect.name == kind).unwrap();
             assert!(effect.forced && effect.on == on, "{effect:?}");
-            assert!(effect.reason.starts_with("asked for; the plan's own choice was "), "{effect:?}");
+            assert!(effect.reason.starts_with("requested; the plan's own choice was "), "{effect:?}");
         }
     }
 
