@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use thinlens::image::{Image, Plane};
 use thinlens::methods::Plan;
 use thinlens::methods::{self, METHODS, Method};
-use thinlens::probes::{self, Places, Probes, SEED};
+use thinlens::probes::{self, ProbeSites, Probes, SEED};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Border, Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::stack::StackKind;
@@ -159,7 +159,7 @@ fn probes_look_at_the_frame_alone() {
         (columns..columns + WIDTH).contains(&(pixel % width))
             && (rows..rows + HEIGHT).contains(&(pixel / width))
     };
-    let pixels = Probes::new(Places::new(&scene, &plan, 200, SEED), 1).pixels();
+    let pixels = Probes::new(ProbeSites::new(&scene, &plan, 200, SEED), 1).pixels();
     let outside: Vec<&usize> = pixels.iter().filter(|&&pixel| !within(pixel)).collect();
     assert!(
         pixels.len() >= 100 && outside.is_empty(),

@@ -472,7 +472,7 @@ fn a_key_that_is_not_needed_is_not_looked_for() {
 #[test]
 fn without_a_frame_number_focus_keys_say_so() {
     let message = pulled(PULL, None).unwrap_err().to_string();
-    assert!(message.contains("need the number of the frame") && message.contains("--frame N"), "{message}");
+    assert!(message.contains("need the number of the frame") && message.contains("`frame = N`"), "{message}");
 }
 
 // As a user meets it.

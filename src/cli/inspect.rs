@@ -281,7 +281,7 @@ fn write_peels_seen(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
     let differences = differences.collect::<Vec<_>>().join(", ");
     line(text, "peels needed", format_args!("{needed} of {layers}: against all of them, {differences}"))?;
     let lost = 100.0 * lost_rays;
-    let advice = if peels.wants_more() {
+    let advice = if peels.needs_more_layers() {
         format!("export more peels: {lost:.2} % of lens rays pass the last one and find nothing")
     } else if needed < layers {
         format!("export {needed}: the rest is not missed (from {PEELS_ENOUGH_DB} dB on)")

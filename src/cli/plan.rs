@@ -15,7 +15,7 @@ use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::error::Error;
 use thinlens::methods::{Method, Plan, Registry, Target};
-use thinlens::probes::{ErrorEstimate, MANY_RAYS, Places, Probes, SEED, with_guesses};
+use thinlens::probes::{ErrorEstimate, MANY_RAYS, ProbeSites, Probes, SEED, with_fill};
 use thinlens::render::{Job, Prepared};
 use thinlens::sample_budget;
 use thinlens::scene::EffectKind;
@@ -117,9 +117,10 @@ fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<()
 /// The settings asked for, and the steps of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
     let Prepared { scene, stats, plan, .. } = prepared;
-    let filled = with_guesses(scene, plan);
-    let probes =
-        plan.does(EffectKind::Blur).then(|| Probes::new(Places::new(&filled, plan, PROBES, SEED), MANY_RAYS));
+    let filled = with_fill(scene, plan);
+    let probes = plan
+        .does(EffectKind::Blur)
+        .then(|| Probes::new(ProbeSites::new(&filled, plan, PROBES, SEED), MANY_RAYS));
     let chosen = prepared.methods.iter().filter(|method| all_methods || *method == plan.method);
     let mut rows = Vec::new();
     for method in chosen {
@@ -128,7 +129,7 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
             of_method.insert(0, (asked_for(plan), plan.clone()));
         }
         for (name, step) in of_method {
-            let foreseen = probes.as_ref().map(|probes| probes.foresee(scene, &step)).transpose()?;
+            let foreseen = probes.as_ref().map(|probes| probes.predict(scene, &step)).transpose()?;
             rows.push(Row {
                 name,
                 method: step.method.name(),
@@ -174,7 +175,7 @@ fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Resu
     writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % certainty", "settings", "CPU s", "wall s")?;
     for Row { name, chosen, cost, sampling_error, .. } in rows {
         let star = if *chosen { '*' } else { ' ' };
-        let error = sampling_error.map_or_else(|| "-".to_owned(), |error| error.in_short());
+        let error = sampling_error.map_or_else(|| "-".to_owned(), |error| error.summary());
         let [cpu, wall] = match cost {
             Some(cost) => [cost.cpu_seconds, cost.seconds].map(|seconds| format!("{seconds:.3}")),
             None => ["?", "?"].map(str::to_owned),

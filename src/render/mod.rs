@@ -327,7 +327,7 @@ fn decide(
             ),
         ));
     }
-    let astray_px = Optics::new(settings, &scene.field)?.astray_px();
+    let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
     methods.prepare(scene, settings)
 }

@@ -170,9 +170,9 @@ fn a_plan_says_what_was_asked_for_and_what_each_choice_changes_on_a_page_of_119_
     let switches = ["--force", "fill,open-background", "--force", "highlights", "--without", "resolve"];
     let text = stdout(&run(folder.path(), &[["inspect", STACK].as_slice(), &common, &switches].concat()));
     let plan = text.split("\nplan\n").nth(1).unwrap();
-    assert_eq!(plan.matches("asked for; the plan's own choice was ").count(), 4, "{plan}");
-    assert!(plan.contains("fill                    on   asked for; the plan's own choice was off"), "{plan}");
-    assert!(plan.contains("resolve                 off  asked for; the plan's own choice was on"), "{plan}");
+    assert_eq!(plan.matches("requested; the plan's own choice was ").count(), 4, "{plan}");
+    assert!(plan.contains("fill                    on   requested; the plan's own choice was off"), "{plan}");
+    assert!(plan.contains("resolve                 off  requested; the plan's own choice was on"), "{plan}");
     assert!(plan.contains("without it, about ") && plan.contains("with it, "), "both ways: {plan}");
     assert!(text.lines().all(|line| line.chars().count() < 120), "{text}");
     let files = ["-o", "a.exr", "--views", "4", "--json"];

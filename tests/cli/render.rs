@@ -103,7 +103,7 @@ fn a_mask_says_how_much_of_the_picture_the_stack_knows() {
         folder.path(),
         &["render", STACK, "-o", "no.exr", "--method", "scatter", "--confidence", "no.png"],
     );
-    assert!(stderr(&refused).contains("scatter cannot say"), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("scatter cannot measure"), "{}", stderr(&refused));
     let nowhere = render(STACK, "shear", "-");
     assert!(stderr(&nowhere).contains("a mask cannot go to standard output"), "{}", stderr(&nowhere));
     let twice = render(STACK, "shear", "out.exr");
