@@ -12,12 +12,11 @@ mod scene;
 use scene::{bench_scene, median, scaled};
 use std::hint::black_box;
 use std::process::Command;
-use thinlens::methods;
 use thinlens::methods::{Plan, Target};
-use thinlens::sample_budget;
 use thinlens::scene::Scene;
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::usage::{Stopwatch, peak_memory_bytes};
+use thinlens::{methods, sample_budget};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";

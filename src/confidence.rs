@@ -13,8 +13,7 @@
 
 use crate::error::Error;
 use crate::image::Plane;
-use crate::methods::Plan;
-use crate::methods::{self, METHODS, Progress};
+use crate::methods::{self, METHODS, Plan, Progress};
 use crate::scene::{EffectKind, Scene};
 
 /// Checks that the method of `plan` can measure confidence.

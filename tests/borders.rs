@@ -4,8 +4,7 @@
 
 use std::f32::consts::PI;
 use thinlens::image::{Image, Plane};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, METHODS, Method};
+use thinlens::methods::{self, METHODS, Method, Plan};
 use thinlens::probes::{self, ProbeSites, Probes, SEED};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Border, Effort, Origin, ParameterValues, Settings, Values};

@@ -8,8 +8,7 @@
 use std::sync::Arc;
 use thinlens::image::{Image, Plane};
 use thinlens::lens::{Aperture, LensSpec, ThinLens};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, Law, METHODS, Method};
+use thinlens::methods::{self, Law, METHODS, Method, Plan};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, SensorDistance, Settings, Values};
 use thinlens::stack::StackKind;

@@ -12,8 +12,7 @@
 
 use super::{PixelTracer, ProbeSites, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
-use crate::methods::Plan;
-use crate::methods::Volume;
+use crate::methods::{Plan, Volume};
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;

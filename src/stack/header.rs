@@ -1,8 +1,7 @@
 //! An OpenEXR file with a parsed and checked header, before any pixel is read.
 
-use super::guard;
 use super::input::{Input, Opened};
-use super::{Frame, Window};
+use super::{Frame, Window, guard};
 use crate::error::Error;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};

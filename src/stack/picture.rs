@@ -3,12 +3,11 @@
 //! Integer samples are sRGB with straight alpha: they are decoded to linear light, then premultiplied.
 //! Float samples are assumed linear and premultiplied. Integer depth is scaled to 0 … 1, without decoding.
 
-use super::guard;
 use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{ColorRange, Frame, Precision, Window};
+use super::{ColorRange, Frame, Precision, Window, guard};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;

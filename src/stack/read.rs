@@ -5,8 +5,10 @@ use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{self, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
-use super::{Carried, ColorRange, Frame, Peel, Stack, StackKind, Window};
-use super::{camera, carried, cryptomatte, kind, names, picture};
+use super::{
+    Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, camera, carried, cryptomatte, kind, names,
+    picture,
+};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::{Image, Plane};

@@ -9,8 +9,7 @@ use super::{BBuffer, ranges_px};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     self, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_COVERAGE_PLANES_WGSL,
     PYRAMID_WGSL, Peel, Planes, RowNeeds, SPLAT, Step, at_pixels, corners, picture_in_bands,

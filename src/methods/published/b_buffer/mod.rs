@@ -40,13 +40,11 @@ mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, CoveragePlanes, Edge, Grid, Peel, Rows, SPLAT};
-use crate::scene::surface;
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use field::{Field, Side};
 use parameters::BBufferParameters;

@@ -34,8 +34,7 @@ mod sums;
 
 use crate::error::Error;
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared;

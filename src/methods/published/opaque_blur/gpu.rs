@@ -4,8 +4,7 @@ use super::{MIN_ALPHA, OpaqueBlur, sub_images};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work};
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     self, BOX, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, Matting, PYRAMID_WGSL,
     Planes, RowNeeds, SUB_IMAGES_WGSL, Step, SubImages, VISIBLE_WGSL, Visible, at_pixels, corners,

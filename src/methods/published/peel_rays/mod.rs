@@ -31,8 +31,7 @@ use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress,
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, RaySum, Tracer};
-use crate::scene::surface;
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use glam::Vec2;
 use parameters::PeelRaysParameters;

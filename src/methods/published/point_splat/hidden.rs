@@ -4,8 +4,7 @@
 //! (c_far − c_near)`, so its thresholds are constants in pixels of CoC radius.
 
 use crate::image::Plane;
-use crate::methods::shared::Peel;
-use crate::methods::shared::planes_from_rows;
+use crate::methods::shared::{Peel, planes_from_rows};
 use crate::scene::OPAQUE_ALPHA;
 use glam::Vec2;
 

@@ -27,8 +27,7 @@ mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};

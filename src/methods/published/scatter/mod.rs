@@ -25,12 +25,10 @@ mod sprite;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::planes_from_rows;
-use crate::methods::shared::{self, Visible};
+use crate::methods::shared::{self, Visible, planes_from_rows};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use bins::{Bin, Span};

@@ -16,8 +16,7 @@ use super::{PyramidDisocclusion, sub_images};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Gpu, Kernel, Shader, Work};
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     self, BOX, Frame, Grid, Levels, Planes, RowNeeds, SubImages, Visible, at_pixels, bands_of, corners,
     picture_of_bands,
