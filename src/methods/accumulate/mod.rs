@@ -13,10 +13,10 @@
 //! nothing at all at a ray's CoC depth does the ray pass it as a whole. Memory: none but the picture. Limits: knows only what the peels know.
 //! GPU twin: `shaders/methods/accumulate.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 mod tiles;
 mod volume;
 
@@ -25,6 +25,7 @@ pub use volume::Volume;
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::Rays;
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
@@ -32,7 +33,6 @@ use crate::methods::cost::Cost;
 use crate::methods::shared::{RaySampler, Tracer};
 use crate::scene::{EffectKind, Layer, Scene, Workload};
 use crate::settings::ParameterTable;
-#[cfg(feature = "gpu")]
 use parameters::AccumulateParameters;
 
 /// The reference.

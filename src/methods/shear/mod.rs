@@ -43,6 +43,7 @@ mod saved;
 
 use crate::error::Error;
 use crate::image::Image;
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
@@ -51,7 +52,6 @@ use crate::methods::laws::{Deviation, Law};
 use crate::scene::{Effect, EffectKind, Inputs, Layer, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use highlights::Highlight;
-#[cfg(feature = "gpu")]
 use parameters::ShearParameters;
 use sampler::ShearSampler;
 

@@ -40,6 +40,7 @@ mod samples;
 
 use crate::error::Error;
 use crate::image::Image;
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
@@ -53,7 +54,6 @@ use cones::Cones;
 use cull::Cull;
 use glam::Vec2;
 use layers::{Ray, Segment, Spacing};
-#[cfg(feature = "gpu")]
 use parameters::LayerRaysParameters;
 use samples::Samples;
 

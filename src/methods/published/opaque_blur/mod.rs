@@ -22,10 +22,10 @@
 //!
 //! GPU twin: `shaders/methods/opaque_blur.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};

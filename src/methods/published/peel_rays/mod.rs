@@ -18,14 +18,15 @@
 //! are stepped over.
 //! GPU twin: `shaders/methods/peel_rays.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, views};
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
 use crate::methods::contract::Plan;
 use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
@@ -37,7 +38,6 @@ use crate::scene::surface;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use glam::Vec2;
-#[cfg(feature = "gpu")]
 use parameters::PeelRaysParameters;
 
 /// Linear steps for each sample that a ray passes; more find the same samples again.

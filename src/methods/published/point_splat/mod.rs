@@ -31,10 +31,10 @@
 //!
 //! GPU twin: `gpu` and `shaders/methods/point_splat.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 mod hidden;
 mod layers;
 mod reduce;

@@ -21,10 +21,10 @@
 //!
 //! GPU twin: `shaders/methods/pyramid_disocclusion.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
