@@ -34,5 +34,7 @@ pub mod confidence;
 pub mod cost;
 pub mod sample_budget;
 pub mod render;
+#[cfg(feature = "cli")]
 pub mod compare;
+#[cfg(feature = "cli")]
 pub mod cli;

@@ -1,5 +1,6 @@
 //! What cannot be done is refused with what was wanted, what was found and what to do, and leaves nothing behind.
 
+#![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 mod program;

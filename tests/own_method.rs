@@ -1,5 +1,6 @@
 //! A method of a library's user: one type, and every command knows it.
 
+#![cfg(feature = "cli")]
 #![expect(
     clippy::unwrap_used,
     clippy::exit,

@@ -3,8 +3,10 @@
 //! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
 
 pub mod atomic;
+#[cfg(feature = "cli")]
 pub mod data_uri;
 pub mod exr;
+#[cfg(feature = "cli")]
 pub mod focus_map;
 pub mod png;
 pub mod report;

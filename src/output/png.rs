@@ -1,6 +1,7 @@
 //! PNG: an 8-bit sRGB preview, for eyes. What a pipeline reads is the EXR.
 
 use super::atomic;
+#[cfg(feature = "cli")]
 use super::data_uri::Rgb8;
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
@@ -76,6 +77,7 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
 ///
 /// # Errors
 /// As [`atomic::write()`].
+#[cfg(feature = "cli")]
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
@@ -95,12 +97,14 @@ pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`atomic::write()`], and for a picture without pixels.
+#[cfg(feature = "cli")]
 pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
     let Rgb8 { width, height, bytes } = picture;
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
 }
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
+#[cfg(feature = "cli")]
 pub fn false_color(plane: &Plane) -> Vec<u8> {
     let mut bytes = vec![0; plane.width() * plane.height() * 3];
     fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {

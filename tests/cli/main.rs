@@ -1,5 +1,6 @@
 //! The program as a user meets it.
 
+#![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 mod compare;
