@@ -8,10 +8,7 @@ use std::path::Path;
 
 /// The number of the frame that `sources` are, by their names.
 pub fn frame_number(sources: &[Source]) -> Option<i64> {
-    let mut numbers = sources.iter().map(|source| match source {
-        Source::File(path) => numbers(path),
-        Source::Embedded { name, .. } => numbers(Path::new(name)),
-    });
+    let mut numbers = sources.iter().map(|source| numbers(source.name()));
     let first = numbers.next()?;
     let others: Vec<Vec<i64>> = numbers.collect();
     first.into_iter().rev().find(|number| others.iter().all(|other| other.contains(number)))

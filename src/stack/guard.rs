@@ -10,7 +10,7 @@ use crate::error::Error;
 use std::io::{self, BufRead, Read, Seek};
 
 /// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
-const COORDINATE_LIMIT: i64 = 1 << 30;
+pub(super) const COORDINATE_LIMIT: i64 = 1 << 30;
 /// A display window this many times the data window's area is damage, not a crop.
 const LARGEST_CROP: u64 = 4096;
 /// What to do about a damaged header.

@@ -21,6 +21,7 @@ mod murmur;
 mod names;
 mod options;
 mod picture;
+mod planes;
 mod read;
 mod sanitise;
 
@@ -174,6 +175,12 @@ impl fmt::Display for Window {
 }
 
 impl Frame {
+    /// The frame of a picture of `width` × `height` square pixels, without overscan or crop.
+    pub fn of_size(width: usize, height: usize) -> Self {
+        let window = Window { x: 0, y: 0, width, height };
+        Self { data: window, display: window, pixel_aspect: 1.0 }
+    }
+
     /// Place of the data window's first pixel centre, from the centre of the display window, in pixels right and down.
     pub fn data_origin_from_centre(&self) -> [f32; 2] {
         let (data, display) = (self.data, self.display);
