@@ -19,22 +19,24 @@ pub mod error;
 pub mod finding;
 pub mod image;
 pub mod usage;
-pub mod machine;
+mod machine;
 pub mod settings;
 pub mod stack;
 pub mod lens;
 pub mod scene;
 pub mod gpu;
 pub mod methods;
+#[doc(hidden)]
 pub mod finish;
 pub mod output;
 pub mod metrics;
 pub mod probes;
-pub mod confidence;
+mod confidence;
 pub mod cost;
 pub mod sample_budget;
 pub mod render;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod compare;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -105,6 +105,7 @@ impl Trial {
 ///
 /// # Errors
 /// A method that cannot be asked for single pixels.
+#[doc(hidden)]
 pub fn render_to_target(
     scene: Scene,
     plan: &Plan,
@@ -119,6 +120,7 @@ pub fn render_to_target(
 ///
 /// # Errors
 /// As [`render_to_target`].
+#[doc(hidden)]
 pub fn find_views(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
     seek(scene, plan, target).map(|(_, outcome)| outcome)
 }
@@ -188,7 +190,7 @@ fn first_step(psnr_db: f64, spread: f64, [gain_of_16, gain_of_step]: [f64; 2]) -
 ///
 /// # Errors
 /// Those of the method.
-pub fn render_within(
+pub(crate) fn render_within(
     scene: Scene,
     (stats, plan): (&SceneStats, &Plan),
     seconds: f64,

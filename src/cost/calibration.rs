@@ -52,7 +52,7 @@ pub struct Factor {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The machine.
-    pub machine: Machine,
+    pub(crate) machine: Machine,
     /// When it was measured, in seconds since 1970; `None`: not at all.
     pub measured_at: Option<u64>,
     /// In the order of [`Kind`].

@@ -13,7 +13,9 @@
 
 mod calibration;
 
-pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
+#[doc(hidden)]
+pub use calibration::timed;
+pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder};
 
 use crate::methods::{Cost, Plan, WorkKind, term};
 use crate::scene::{EffectKind, SceneStats, Workload};

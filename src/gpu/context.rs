@@ -94,6 +94,7 @@ impl Gpu {
 
     /// The same with buffers of `bytes` at most, as if the adapter had no more: frames go in smaller bands.
     #[must_use]
+    #[doc(hidden)]
     pub fn limited_to(self, bytes: u64) -> Self {
         Self { max_binding_bytes: self.max_binding_bytes.min(bytes), ..self }
     }
@@ -104,21 +105,22 @@ impl Gpu {
     }
 
     /// The largest buffer in bytes: larger frames go in [`super::bands()`].
-    pub fn max_binding_bytes(&self) -> u64 {
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.max_binding_bytes
     }
 
     /// Most texels of a texture either way.
-    pub fn max_texels(&self) -> usize {
+    pub(crate) fn max_texels(&self) -> usize {
         self.device.limits().max_texture_dimension_2d as usize
     }
 
     /// Bytes that all buffers of a band may take together.
-    pub fn max_working_bytes(&self) -> u64 {
+    pub(crate) fn max_working_bytes(&self) -> u64 {
         MAX_WORKING_BYTES
     }
 
     /// Gives the device back: whatever is asked of it from now on fails.
+    #[doc(hidden)]
     pub fn lose(&self) {
         self.device.destroy();
         lock(&self.fault).get_or_insert_with(|| "the device was given back".to_owned());
@@ -128,7 +130,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn finish(&self) -> Result<(), Error> {
+    pub(crate) fn finish(&self) -> Result<(), Error> {
         let watch = Instant::now();
         // A device that is lost while it is waited for makes wgpu panic.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));

@@ -27,18 +27,21 @@ mod absent;
 pub use absent::Gpu;
 pub use adapters::{Adapter, AdapterKind};
 #[cfg(feature = "gpu")]
-pub use bands::{Band, bands};
+pub(crate) use bands::{Band, bands};
 pub use clock::GpuUsage;
 #[cfg(feature = "gpu")]
 pub use context::Gpu;
 #[cfg(feature = "gpu")]
-pub use handles::{Buffer, Kernel, Resource, Texels, Texture};
+pub(crate) use handles::{Buffer, Kernel, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
-pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
+pub(crate) use shader::{Constant, Mirrored, Scalar};
 #[cfg(feature = "gpu")]
-pub use work::{MAX_ROUNDS, Work, tiles};
+#[doc(hidden)]
+pub use shader::{Layout, ScalarKind, Shader};
+#[cfg(feature = "gpu")]
+pub(crate) use work::{MAX_ROUNDS, Work, tiles};
 
 use crate::error::Error;
 use crate::machine;
@@ -99,13 +102,13 @@ impl Device {
 }
 
 /// Opens an adapter: [`Gpu::open`], or that with something done around it while drivers are loaded.
-pub type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
+pub(crate) type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
 
 /// The adapter that `choice` insists on, opened; `None` where it insists on none.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Device`] where there is none, or it cannot be opened.
-pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
+pub(crate) fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
     if choice != DeviceChoice::Gpu {
         return Ok(None);
     }
@@ -116,7 +119,7 @@ pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Err
 
 /// Where to carry out a plan that `cpu_only_reason`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
 /// found.
-pub fn choose(
+pub(crate) fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     cpu_only_reason: Option<String>,

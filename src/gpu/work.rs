@@ -29,7 +29,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the driver does not take it.
-    pub fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
+    pub(crate) fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
         self.kernel_with(shader, name, &[])
     }
 
@@ -37,7 +37,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::kernel`].
-    pub fn kernel_with(
+    pub(crate) fn kernel_with(
         &self,
         shader: &'static Shader,
         name: &'static str,
@@ -78,7 +78,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When one cannot be, or the device fails.
-    pub fn submit(&self, ask: impl FnOnce(&mut Work<'_>) -> Result<(), Error>) -> Result<(), Error> {
+    pub(crate) fn submit(&self, ask: impl FnOnce(&mut Work<'_>) -> Result<(), Error>) -> Result<(), Error> {
         let mut work = Work { gpu: self, passes: Vec::new() };
         ask(&mut work)?;
         let names: Vec<_> = work.passes.iter().map(|pass| pass.kernel.name).collect();
@@ -152,7 +152,7 @@ impl Work<'_> {
     ///
     /// # Errors
     /// When the bindings are not the kernel's.
-    pub fn pass<'a, R: Into<Resource<'a>> + Copy>(
+    pub(crate) fn pass<'a, R: Into<Resource<'a>> + Copy>(
         &mut self,
         kernel: &Kernel,
         bindings: &[(u32, R)],
@@ -180,6 +180,6 @@ impl Work<'_> {
 pub const MAX_ROUNDS: usize = 60_000;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
-pub fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
+pub(crate) fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
     [width.div_ceil(side) as u32, height.div_ceil(side) as u32, 1]
 }

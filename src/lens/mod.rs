@@ -11,14 +11,16 @@ mod barrel;
 mod sharpness;
 mod views;
 
-pub use aperture::{Aperture, Outline};
-pub use barrel::{BarrelShares, Falloff};
+pub use aperture::Aperture;
+pub(crate) use aperture::Outline;
+pub(crate) use barrel::{BarrelShares, Falloff};
 pub use field::Field;
-pub use focus_pull::FocusPull;
+pub(crate) use focus_pull::FocusPull;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
-pub use radial::{Landing, Radial};
+pub(crate) use radial::{Landing, Radial};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
+pub use glam::Vec2;
 pub use views::{View, views};
 
 use crate::error::Error;

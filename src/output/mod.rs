@@ -2,11 +2,12 @@
 //!
 //! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
 
+#[doc(hidden)]
 pub mod atomic;
 #[cfg(feature = "cli")]
-pub mod data_uri;
+pub(crate) mod data_uri;
 pub mod exr;
 #[cfg(feature = "cli")]
-pub mod focus_map;
+pub(crate) mod focus_map;
 pub mod png;
 pub mod report;

@@ -105,7 +105,7 @@ pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
 #[cfg(feature = "cli")]
-pub fn false_color(plane: &Plane) -> Vec<u8> {
+pub(crate) fn false_color(plane: &Plane) -> Vec<u8> {
     let mut bytes = vec![0; plane.width() * plane.height() * 3];
     fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {
         for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {

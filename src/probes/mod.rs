@@ -28,7 +28,9 @@
 
 mod peels;
 
-pub use peels::{LOST_RAYS_SHARE, PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
+#[cfg(feature = "cli")]
+pub(crate) use peels::PEELS_ENOUGH_DB;
+pub use peels::{PeelsSeen, peels_seen};
 
 use crate::error::Error;
 use crate::image::Image;
@@ -217,7 +219,7 @@ impl Probes {
     }
 
     /// What is to be said of `image`.
-    pub fn estimate_image(&self, image: &Image) -> ErrorEstimate {
+    pub(crate) fn estimate_image(&self, image: &Image) -> ErrorEstimate {
         let width = image.width();
         let value =
             |pixel: usize| image.planes.each_ref().map(|plane| plane.get(pixel % width, pixel / width));

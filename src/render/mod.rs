@@ -141,7 +141,7 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
 ///
 /// # Errors
 /// Those of [`prepare`].
-pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
+pub(crate) fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
     let demanded = checked(job, open)?;
     clock.skip();

@@ -4,7 +4,7 @@
 //! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
 
 mod border;
-pub mod effects;
+pub(crate) mod effects;
 mod extrapolation;
 mod stats;
 mod fill;
@@ -14,18 +14,19 @@ mod light;
 mod merge;
 mod peel_stats;
 mod spread;
-pub mod surface;
+pub(crate) mod surface;
 mod workload;
 
-pub use effects::{Effect, EffectKind, Inputs, percent};
+pub(crate) use effects::percent;
+pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
-pub use light::LightStep;
 pub use peel_stats::PeelStats;
-pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
-pub use stats::{BRIGHT_STEPS, BrightStep, SceneStats, bright_step_floor};
-pub use workload::{Depths, Discs, Workload};
+pub use stats::SceneStats;
+pub(crate) use stats::{BrightStep, bright_step_floor};
+pub use workload::Workload;
+pub(crate) use workload::Discs;
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};

@@ -46,16 +46,16 @@ pub struct SceneStats {
     #[serde(rename = "open_samples")]
     pub empty_samples: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
-    pub bright: [BrightStep; BRIGHT_STEPS],
+    pub(crate) bright: [BrightStep; BRIGHT_STEPS],
     /// How bright the source's colours could be.
     pub color_range: ColorRange,
     /// Where that is up to white: fragments with a CoC radius over one pixel, by scene-linear luminance, as the source has them;
     /// else none.
-    pub light: Vec<LightStep>,
+    pub(crate) light: Vec<LightStep>,
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
     /// How far it spreads, and where.
-    pub spread: Spread,
+    pub(crate) spread: Spread,
     /// Where in the lens's field the picture lies.
     #[serde(skip)]
     pub field: Field,

@@ -18,9 +18,9 @@ mod table;
 pub use choices::{Border, DepthConvention, SensorDistance};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
-pub(crate) use parameters::at;
+pub(crate) use parameters::{Place, at};
 pub use parameters::{
-    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters, Place,
+    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
 };
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 #[doc(hidden)]
@@ -110,7 +110,7 @@ pub struct Switches {
 }
 
 /// The candidate that `word` was most likely meant to be, if any comes near.
-pub fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
     /// Jaro-Winkler similarity from which a word counts as a slip of another.
     const NEAR: f64 = 0.8;
     let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());

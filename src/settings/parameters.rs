@@ -154,7 +154,7 @@ pub struct ParameterValue {
     pub value: Json,
     /// Where it is written, for errors.
     #[serde(skip)]
-    pub place: Option<Place>,
+    pub(crate) place: Option<Place>,
 }
 
 /// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.

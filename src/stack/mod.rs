@@ -10,6 +10,7 @@ mod chunks;
 mod convention;
 mod cryptomatte;
 mod decode;
+#[doc(hidden)]
 pub mod depth;
 mod frame_number;
 mod guard;
@@ -25,9 +26,12 @@ mod planes;
 mod read;
 mod sanitise;
 
+#[doc(hidden)]
 pub use camera::camera_attributes;
-pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
-pub use frame_number::frame_number;
+#[cfg(feature = "cli")]
+pub(crate) use cryptomatte::listed;
+pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
+pub(crate) use frame_number::frame_number;
 pub use options::{Carry, ReadOptions, Source};
 pub use read::{read, read_picture};
 
@@ -113,6 +117,7 @@ pub struct CarriedChannel {
     /// Full name, dotted prefix included.
     pub name: String,
     /// Samples of the data window in their own type.
+    #[doc(hidden)]
     pub samples: exr::image::FlatSamples,
     /// Whether the samples are perceptually linear (an EXR channel flag).
     pub quantize_linearly: bool,
@@ -124,6 +129,7 @@ pub struct Carried {
     /// Channels that no peel uses.
     pub channels: Vec<CarriedChannel>,
     /// Header attributes, known and unknown, that still hold for the output.
+    #[doc(hidden)]
     pub attributes: Vec<(exr::meta::attribute::Text, exr::meta::attribute::AttributeValue)>,
 }
 
