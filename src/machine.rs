@@ -44,7 +44,7 @@ impl Machine {
 }
 
 /// The processor's name; `CPU` where the system does not say.
-pub fn cpu_name() -> String {
+pub(crate) fn cpu_name() -> String {
     model().unwrap_or_else(|| "CPU".to_owned())
 }
 

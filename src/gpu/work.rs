@@ -7,7 +7,7 @@ use super::shader::Shader;
 use crate::error::Error;
 
 /// Passes that are to be carried out one after the other.
-pub struct Work<'g> {
+pub(crate) struct Work<'g> {
     gpu: &'g Gpu,
     passes: Vec<Pass>,
 }
@@ -177,7 +177,7 @@ impl Work<'_> {
 }
 
 /// Rounds of all loops of a thread together in one pass. Mesa's software driver ends them without a word after 65 535.
-pub const MAX_ROUNDS: usize = 60_000;
+pub(crate) const MAX_ROUNDS: usize = 60_000;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
 pub(crate) fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {

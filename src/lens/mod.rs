@@ -16,11 +16,11 @@ pub(crate) use aperture::Outline;
 pub(crate) use barrel::{BarrelShares, Falloff};
 pub use field::Field;
 pub(crate) use focus_pull::FocusPull;
+pub use glam::Vec2;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
 pub(crate) use radial::{Landing, Radial};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
-pub use glam::Vec2;
 pub use views::{View, views};
 
 use crate::error::Error;

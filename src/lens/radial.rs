@@ -10,7 +10,7 @@ const STEPS: usize = 64;
 
 /// Where the rays of each distance from the middle of the lens land.
 #[derive(Debug, Clone)]
-pub struct Radial {
+pub(crate) struct Radial {
     stretches: Vec<Stretch>,
 }
 
@@ -29,7 +29,7 @@ struct Stretch {
 
 /// The rays that land within a ring about the point: of one of the ways to get there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Landing {
+pub(crate) struct Landing {
     /// From where to where they pass on a line through the lens's middle that runs as the line from the point to where they land does:
     /// rays that land on the other side pass where it is negative.
     pub lens: [f32; 2],
@@ -39,7 +39,7 @@ pub struct Landing {
 
 impl Landing {
     /// The share of all rays of the disc that this is, as far as it lies within `open`.
-    pub fn share_within(&self, open: [f32; 2]) -> f32 {
+    pub(crate) fn share_within(&self, open: [f32; 2]) -> f32 {
         let [from, to] = self.lens.map(|distance| distance.clamp(open[0], open[1].max(open[0])));
         (to * to - from * from).abs()
     }
@@ -47,7 +47,7 @@ impl Landing {
 
 impl Radial {
     /// For a lens whose rays land `first·ρ + third·ρ³` pixels from the point.
-    pub fn new(first: f32, third: f32) -> Self {
+    pub(crate) fn new(first: f32, third: f32) -> Self {
         let within = |square: f32| (square > 0.0 && square < 1.0).then(|| square.sqrt());
         // Where it turns, then where it passes 0: later, as the square is three times as large.
         let cuts = [-first / (3.0 * third), -first / third].into_iter().filter_map(within);
@@ -57,12 +57,12 @@ impl Radial {
     }
 
     /// How far from the point rays land at most.
-    pub fn reach_px(&self) -> f32 {
+    pub(crate) fn reach_px(&self) -> f32 {
         self.stretches.iter().fold(0.0, |reach, stretch| reach.max(stretch.distances_px[STEPS]))
     }
 
     /// Whether rays begin or cease to land anywhere between `inner` and `outer` pixels from the point.
-    pub fn ends_between(&self, inner: f32, outer: f32) -> bool {
+    pub(crate) fn ends_between(&self, inner: f32, outer: f32) -> bool {
         let within = |end: f32| end > 0.0 && end >= inner && end <= outer;
         self.stretches
             .iter()
@@ -70,7 +70,7 @@ impl Radial {
     }
 
     /// The rays that land from `inner` to `outer` pixels from the point.
-    pub fn between(&self, inner: f32, outer: f32) -> impl Iterator<Item = Landing> {
+    pub(crate) fn between(&self, inner: f32, outer: f32) -> impl Iterator<Item = Landing> {
         self.stretches.iter().filter_map(move |stretch| stretch.between(inner, outer))
     }
 }

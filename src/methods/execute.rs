@@ -19,7 +19,7 @@ pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Imag
 }
 
 /// Why `plan` cannot be carried out on a GPU, if it cannot.
-pub fn cpu_only_reason(plan: &Plan) -> Option<String> {
+pub(crate) fn cpu_only_reason(plan: &Plan) -> Option<String> {
     match plan.target {
         _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU alone", plan.method)),
         Some(Target::Time { .. }) => Some("the time that views take is known for the CPU only".to_owned()),

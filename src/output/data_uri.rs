@@ -25,7 +25,7 @@ pub struct Rgb8 {
 ///
 /// # Errors
 /// A picture without pixels, or of a size that PNG cannot hold.
-pub fn png(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn png(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive);
     encode(encoder, picture)?;
@@ -36,7 +36,7 @@ pub fn png(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// A picture without pixels, or wider or higher than 65535.
-pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn jpeg(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     encode(JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY), picture)?;
     Ok(uri("jpeg", &file))
@@ -46,7 +46,7 @@ pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// Those of [`png`] and [`jpeg`].
-pub fn smaller(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn smaller(picture: &Rgb8) -> Result<String, Error> {
     let [png, jpeg] = [png(picture)?, jpeg(picture)?];
     Ok(if png.len() < jpeg.len() { png } else { jpeg })
 }

@@ -47,7 +47,7 @@ enum Line {
 ///
 /// # Errors
 /// As [`super::atomic::write()`], and for a picture without pixels.
-pub fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
+pub(crate) fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
     png::write_rgb(path, picture(scene, coc_px))
 }
 

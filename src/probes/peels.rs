@@ -19,12 +19,12 @@ use fastrand::Rng;
 use rayon::prelude::*;
 
 /// PSNR in dB from which a picture of fewer layers will do: a third of the squared error that is left at final quality, 45 dB.
-pub const PEELS_ENOUGH_DB: f64 = 50.0;
+pub(crate) const PEELS_ENOUGH_DB: f64 = 50.0;
 
 /// From this share of lost rays on, more layers would be seen. The first two peels of a made table scene lose 0.1 % and make a picture
 /// within 57 dB of that of all four, those of a fence lose 2.4 % and are within 36 dB: in proportion, 50 dB are left at 0.5 %
 /// and at 0.1 %. This is between the two.
-pub const LOST_RAYS_SHARE: f64 = 2e-3;
+pub(super) const LOST_RAYS_SHARE: f64 = 2e-3;
 
 /// Pixels looked at. What deep peels add is rare: where the whole pictures of two peels and of four differ by 57.0 dB, on a made table
 /// scene, 400 pixels say 61.9 and these 60.3.

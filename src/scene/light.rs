@@ -20,7 +20,7 @@ const LIGHT_STEPS_AN_OCTAVE: usize = 16;
 
 /// Blurred fragments of one step of luminance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct LightStep {
+pub(crate) struct LightStep {
     /// How many there are.
     pub fragments: usize,
     /// Their light: the sum of their luminances, each by its coverage.

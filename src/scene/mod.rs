@@ -25,8 +25,8 @@ pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use peel_stats::PeelStats;
 pub use stats::SceneStats;
 pub(crate) use stats::{BrightStep, bright_step_floor};
-pub use workload::Workload;
 pub(crate) use workload::Discs;
+pub use workload::Workload;
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};

@@ -12,11 +12,11 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Number of half-stop steps of brightness that [`SceneStats::bright`] counts, from 1 up.
-pub const BRIGHT_STEPS: usize = 32;
+pub(super) const BRIGHT_STEPS: usize = 32;
 
 /// Bright, blurred fragments of one half stop of brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct BrightStep {
+pub(crate) struct BrightStep {
     /// How many there are.
     pub fragments: usize,
     /// Sum of their discs' areas, `π c²`, in picture pixels.
@@ -64,7 +64,7 @@ pub struct SceneStats {
 }
 
 /// Lower end of step `step` of [`SceneStats::bright`], in scene-linear units.
-pub fn bright_step_floor(step: usize) -> f32 {
+pub(crate) fn bright_step_floor(step: usize) -> f32 {
     (0.5 * step as f32).exp2()
 }
 

@@ -8,11 +8,11 @@
 ///
 /// Wider would thicken edges. `shear` decides by it which bins a fragment joins, `accumulate` how far a fragment reaches towards its
 /// neighbours, `peel-rays` along which samples a ray may go on, and the focus map where a line may be drawn.
-pub const JOIN_PX: f32 = 0.5;
+pub(crate) const JOIN_PX: f32 = 0.5;
 
 /// Whether neighbouring samples of these CoC radii, in picture pixels, are of one surface.
 #[inline(always)]
-pub fn joins(coc_px: f32, other_coc_px: f32) -> bool {
+pub(crate) fn joins(coc_px: f32, other_coc_px: f32) -> bool {
     (other_coc_px - coc_px).abs() < JOIN_PX
 }
 
@@ -23,7 +23,7 @@ const STEP_CHANGE_SHARE: f32 = 0.25;
 
 /// Whether the two pixels in the middle of four in a row, of these CoC radii in picture pixels, are of one surface: the step between
 /// them is small, or like the step before or after it. NaN stands for no pixel. The focus map asks, which sees one radius a pixel.
-pub fn continues([before, from, to, after]: [f32; 4]) -> bool {
+pub(crate) fn continues([before, from, to, after]: [f32; 4]) -> bool {
     let step = to - from;
     let like = |other: f32| (other - step).abs() <= STEP_CHANGE_SHARE * step.abs();
     step.abs() <= JOIN_PX || like(from - before) || like(after - to)
@@ -32,11 +32,11 @@ pub fn continues([before, from, to, after]: [f32; 4]) -> bool {
 /// Neighbours whose colours may be averaged differ by less than this in CoC radius, in picture pixels.
 ///
 /// `shear`'s prefilter averages, and the stats of a peel say how often it cannot.
-pub const AVERAGE_PX: f32 = 0.6;
+pub(crate) const AVERAGE_PX: f32 = 0.6;
 
 /// Whether the colours of neighbours of these CoC radii, in picture pixels, may be averaged.
 #[inline(always)]
-pub fn may_average(coc_px: f32, other_coc_px: f32) -> bool {
+pub(crate) fn may_average(coc_px: f32, other_coc_px: f32) -> bool {
     (coc_px - other_coc_px).abs() < AVERAGE_PX
 }
 
@@ -48,7 +48,7 @@ const MERGE_SHARE: f32 = 0.02;
 
 /// The difference to the next sample of a pixel from which a sample of this CoC radius is of another surface, in picture pixels.
 /// Merging the samples of a supersampled stack asks.
-pub fn merge_gap_px(coc_px: f32) -> f32 {
+pub(crate) fn merge_gap_px(coc_px: f32) -> f32 {
     MERGE_PX.max(MERGE_SHARE * coc_px.abs())
 }
 
@@ -61,22 +61,22 @@ const DISTINCT_SHARE: f32 = 1.0 / 32.0;
 /// How different the surfaces of neighbours of these CoC radii are, from 0 to 1. Predicting costs asks: work begins anew where a
 /// surface does.
 #[inline(always)]
-pub fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
+pub(crate) fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
     let distinct_px = (coc_px.abs() * DISTINCT_SHARE).max(DISTINCT_PX);
     ((next_coc_px - coc_px).abs() / distinct_px).min(1.0)
 }
 
 /// What lies within this of the farthest CoC radius of a cell, in picture pixels, is of its farthest surface. The guess of what lies
 /// behind a stack asks, of cells of many pixels: their samples lie farther from one another than neighbours.
-pub const CELL_PX: f32 = 1.0;
+pub(crate) const CELL_PX: f32 = 1.0;
 
 /// What lies within this share of a surface's CoC radius is of its level in `b-buffer`, which keeps no depth within a level: it cannot
 /// be told apart.
-pub const LEVEL_SHARE: f32 = 0.5;
+pub(crate) const LEVEL_SHARE: f32 = 0.5;
 
 /// The difference from which a fragment is not of the surface of CoC radius `surface_px` in `b-buffer`, whose parameter
 /// `same_surface_px` is the least; in picture pixels.
-pub fn level_gap_px(surface_px: f32, same_surface_px: f32) -> f32 {
+pub(crate) fn level_gap_px(surface_px: f32, same_surface_px: f32) -> f32 {
     same_surface_px.max(LEVEL_SHARE * surface_px.abs())
 }
 

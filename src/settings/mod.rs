@@ -18,10 +18,10 @@ mod table;
 pub use choices::{Border, DepthConvention, SensorDistance};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
-pub(crate) use parameters::{Place, at};
 pub use parameters::{
     Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
 };
+pub(crate) use parameters::{Place, at};
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 #[doc(hidden)]
 pub use serde;

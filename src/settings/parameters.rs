@@ -159,7 +159,7 @@ pub struct ParameterValue {
 
 /// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub(crate) struct Place {
     /// The place of the method's name, `[method.NAME]`.
     pub method: String,
     /// The place of the key.

@@ -342,7 +342,7 @@ fn floats(samples: &FlatSamples) -> Cow<'_, [f32]> {
 }
 
 /// The first `most` names of a list, and how many more there are.
-pub fn listed(names: &[String], most: usize) -> String {
+pub(crate) fn listed(names: &[String], most: usize) -> String {
     let shown = names.iter().take(most).map(String::as_str).collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(most) {
         0 => shown,

@@ -7,7 +7,7 @@ use super::Source;
 use std::path::Path;
 
 /// The number of the frame that `sources` are, by their names.
-pub fn frame_number(sources: &[Source]) -> Option<i64> {
+pub(crate) fn frame_number(sources: &[Source]) -> Option<i64> {
     let mut numbers = sources.iter().map(|source| numbers(source.name()));
     let first = numbers.next()?;
     let others: Vec<Vec<i64>> = numbers.collect();

@@ -11,7 +11,7 @@ use std::borrow::Borrow;
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
-pub struct Volume<L> {
+pub(crate) struct Volume<L> {
     pub(super) layers: Vec<L>,
     pub(super) tiles: Tiles,
     /// Columns and rows of samples.
@@ -80,12 +80,12 @@ fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
 
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
-    pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
+    pub(crate) fn new(scene: &'a Scene, plan: &Plan) -> Self {
         Self::from_first_layers(scene.layers.len(), scene, plan)
     }
 
     /// The boxes of the first `count` layers of `scene`.
-    pub fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
+    pub(crate) fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
         Self::of(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
     }
 }
@@ -115,7 +115,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// The mean over `rays` of picture pixel `x, y`: of those of each colour.
-    pub fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
+    pub(crate) fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
         let mut pixel = [0.0; 4];
         for (views, channels) in rays.sets() {
             let seen = self.seen(x, y, views);
@@ -137,13 +137,13 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// Whether the ray of `view` passes the lens's barrel from picture pixel `x, y`.
-    pub fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
+    pub(crate) fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
         self.optics.within_barrel(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
     /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last
     /// layer: what a further layer may hold is lost to them.
-    pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
+    pub(crate) fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
         let centre = centre(x, y);
         let lost = |view: &View| {
             let ray = self.ray(centre, view);

@@ -39,6 +39,6 @@ impl Inputs<'_> {
 }
 
 /// `part` of `whole` in percent; 0 of nothing.
-pub fn percent(part: usize, whole: usize) -> f64 {
+pub(crate) fn percent(part: usize, whole: usize) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }
