@@ -16,6 +16,7 @@ use std::path::Path;
 
 /// Whose fault an error is: callers that act on errors (exit codes, skipping a frame) ask this, not the text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
     /// A file could not be opened, read or understood.
     Input,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A machine, as far as it decides how long a blur takes, and the program that was measured on it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Machine {
+pub(crate) struct Machine {
     /// The processor's name; its architecture where the system does not say.
     pub cpu: String,
     /// Logical cores that the process may use.
@@ -21,7 +21,7 @@ pub struct Machine {
 
 impl Machine {
     /// This one, with the threads of the pool that this is called from.
-    pub fn this() -> Self {
+    pub(crate) fn this() -> Self {
         // "V4(…)", "Neon(…)", "Scalar".
         let vectors = format!("{:?}", pulp::Arch::new());
         Self {
@@ -35,7 +35,7 @@ impl Machine {
     }
 
     /// Name of the file that its calibration is kept in: a folder may be shared by many machines.
-    pub fn file_name(&self) -> String {
+    pub(crate) fn file_name(&self) -> String {
         let Self { cpu, cores, threads, vectors, os, .. } = self;
         let name = format!("calibration {os} {cpu} {vectors} {threads} of {cores}").to_lowercase();
         let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());

@@ -57,6 +57,7 @@ const SHARE_OF_BUDGET: f64 = 0.85;
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Outcome {
     /// What was to be reached.
     #[serde(rename = "goal")]

@@ -41,6 +41,7 @@ const SIZE: (usize, usize) = (512, 288);
 
 /// How a machine does one kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Factor {
     /// Processor time over that of the table's machine.
     pub cpu: f64,
@@ -50,6 +51,7 @@ pub struct Factor {
 
 /// How fast a machine is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Calibration {
     /// The machine.
     pub(crate) machine: Machine,

@@ -22,6 +22,7 @@ use crate::scene::{EffectKind, SceneStats, Workload};
 
 /// What a blur is expected to take.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Processor seconds, all threads together.
     pub cpu_seconds: f64,

@@ -6,6 +6,7 @@ use std::fmt;
 /// What an adapter is made of, in the order in which one is taken rather than another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum AdapterKind {
     /// A card with memory of its own.
     Discrete,
@@ -34,6 +35,7 @@ impl AdapterKind {
 
 /// An adapter, and what a frame may take of it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Adapter {
     /// The name it gives itself.
     pub name: String,

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 /// What was done on a GPU, in seconds and bytes.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct GpuUsage {
     /// Handing data to it.
     pub upload_seconds: f64,

@@ -62,6 +62,7 @@ pub enum DeviceChoice {
 /// Kind of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum DeviceKind {
     /// The processor.
     Cpu,
@@ -81,6 +82,7 @@ impl DeviceKind {
 
 /// The device that was chosen.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Device {
     /// Its kind.
     pub kind: DeviceKind,
@@ -146,6 +148,7 @@ pub(crate) fn choose(
 
 /// What can compute on this machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Survey {
     /// The processor.
     pub processor: String,
@@ -182,11 +185,14 @@ pub fn survey() -> Survey {
     }
 }
 
+/// Whether this program can use a GPU at all.
+pub(crate) const IS_SUPPORTED: bool = cfg!(feature = "gpu");
+
 /// How adapters are looked for.
 #[cfg(feature = "gpu")]
-const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
+pub(crate) const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
 #[cfg(not(feature = "gpu"))]
-const LOOKED_FOR: &str = "this program was built without GPU support";
+pub(crate) const LOOKED_FOR: &str = "this program was built without GPU support";
 
 #[cfg(test)]
 mod tests {

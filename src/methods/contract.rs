@@ -33,9 +33,27 @@ pub struct MethodInfo {
     pub deviations: &'static [Deviation],
 }
 
+impl MethodInfo {
+    /// A method of a library's user: without passes that it may lack, lens samples, steps or deviations. What it has of these is
+    /// added: `MethodInfo { steps: &["kept=0.5", "kept=1"], ..MethodInfo::new("dim", "the picture, dimmed") }`.
+    pub const fn new(name: &'static str, summary: &'static str) -> Self {
+        Self {
+            name,
+            source: "own method",
+            role: Role::Custom,
+            summary,
+            effects: &[],
+            lens_samples: None,
+            steps: &[],
+            deviations: &[],
+        }
+    }
+}
+
 /// What a method is there for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Role {
     /// What `auto` chooses.
     Default,
@@ -110,6 +128,7 @@ pub trait Method: fmt::Debug + Sync {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
 
     /// The method on a GPU; `None` for one that runs on the CPU alone.
+    #[doc(hidden)]
     fn gpu(&self) -> Option<&dyn GpuBackend> {
         None
     }
@@ -156,6 +175,7 @@ impl fmt::Display for dyn Method + '_ {
 }
 
 /// A method on a GPU: the same picture by the same plan.
+#[doc(hidden)]
 pub trait GpuBackend: fmt::Debug + Sync {
     /// The picture that [`Method::blur`] makes, to within what both round. The scene stays as it is: where the GPU fails, the CPU
     /// starts again from it.
@@ -193,6 +213,7 @@ pub trait Sampler {
 
 /// What a method is to do: a pure function of statistics and settings, and the only thing it reads beside the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Plan {
     /// The method that carries it out.
     pub method: &'static dyn Method,

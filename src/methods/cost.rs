@@ -5,6 +5,7 @@ use serde::Serialize;
 /// Kinds of work at which machines differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum WorkKind {
     /// Rows of pixels in vectors, close together in memory.
     Rows,

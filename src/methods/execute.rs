@@ -3,7 +3,7 @@
 use super::contract::{Plan, Progress};
 use super::target::Target;
 use crate::error::Error;
-use crate::gpu::Gpu;
+use crate::gpu::{self, Gpu};
 use crate::image::Image;
 use crate::scene::{EffectKind, Scene};
 
@@ -21,6 +21,7 @@ pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Imag
 /// Why `plan` cannot be carried out on a GPU, if it cannot.
 pub(crate) fn cpu_only_reason(plan: &Plan) -> Option<String> {
     match plan.target {
+        _ if !gpu::IS_SUPPORTED => Some(gpu::LOOKED_FOR.to_owned()),
         _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU alone", plan.method)),
         Some(Target::Time { .. }) => Some("the time that views take is known for the CPU only".to_owned()),
         _ => None,

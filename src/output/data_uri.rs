@@ -1,5 +1,7 @@
 //! Pictures as data URIs, for pages that hold everything they show.
 
+pub(crate) use super::png::Rgb8;
+
 use crate::error::Error;
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -9,17 +11,6 @@ use image::{ExtendedColorType, ImageEncoder, ImageResult};
 
 /// Quality of JPEG, of 100: what it loses is not seen.
 const JPEG_QUALITY: u8 = 90;
-
-/// An opaque picture of 8 bits a value.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rgb8 {
-    /// Width in pixels.
-    pub width: usize,
-    /// Height in pixels.
-    pub height: usize,
-    /// Red, green and blue of each pixel, row by row.
-    pub bytes: Vec<u8>,
-}
 
 /// `picture` without loss, as small as it gets.
 ///

@@ -7,8 +7,7 @@
 //!
 //! Cost: a look at the neighbours of each pixel. Memory: the picture, once. Limits: lines are as wide as pixels, however many there are.
 
-use super::data_uri::Rgb8;
-use super::png;
+use super::png::{self, Rgb8};
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;
@@ -47,7 +46,7 @@ enum Line {
 ///
 /// # Errors
 /// As [`super::atomic::write()`], and for a picture without pixels.
-pub(crate) fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
+pub fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
     png::write_rgb(path, picture(scene, coc_px))
 }
 

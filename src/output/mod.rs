@@ -7,7 +7,6 @@ pub mod atomic;
 #[cfg(feature = "cli")]
 pub(crate) mod data_uri;
 pub mod exr;
-#[cfg(feature = "cli")]
-pub(crate) mod focus_map;
+pub mod focus_map;
 pub mod png;
 pub mod report;

@@ -1,8 +1,6 @@
 //! PNG: an 8-bit sRGB preview, for eyes. What a pipeline reads is the EXR.
 
 use super::atomic;
-#[cfg(feature = "cli")]
-use super::data_uri::Rgb8;
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
 use image::codecs::png::PngEncoder;
@@ -15,6 +13,17 @@ const GAP_PX: usize = 8;
 
 /// Grey of that strip, an 8-bit value.
 const GAP_GREY: u8 = 32;
+
+/// An opaque picture of 8 bits a value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Rgb8 {
+    /// Width in pixels.
+    pub(crate) width: usize,
+    /// Height in pixels.
+    pub(crate) height: usize,
+    /// Red, green and blue of each pixel, row by row.
+    pub(crate) bytes: Vec<u8>,
+}
 
 /// 8-bit pixels, ready to encode.
 struct Pixels {
@@ -97,7 +106,6 @@ pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`atomic::write()`], and for a picture without pixels.
-#[cfg(feature = "cli")]
 pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
     let Rgb8 { width, height, bytes } = picture;
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })

@@ -73,6 +73,7 @@ pub const MANY_RAYS: usize = 1024;
 
 /// What the probes say of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct ErrorEstimate {
     /// PSNR in dB of sRGB values clipped to 0 … 1 against the stack's truth; `None` if the error is below what can be seen.
     pub psnr_db: Option<f64>,

@@ -35,6 +35,7 @@ const RAYS: usize = 64;
 
 /// What a lens sees of a stack's layers.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct PeelsSeen {
     /// Layers of the stack.
     pub layers: usize,

@@ -38,6 +38,8 @@ pub struct NamedPreset {
 }
 
 /// Everything that decides one picture.
+///
+/// Fields are added with new settings: make one by [`Job::new`], or end its expression with `..Job::default()`.
 #[derive(Debug, Clone, Default)]
 pub struct Job {
     /// The stack's files.
@@ -64,8 +66,34 @@ pub struct Job {
     pub confidence: bool,
 }
 
+impl Job {
+    /// The stack in the files `sources`, with the default lens.
+    pub fn new(sources: impl IntoIterator<Item = Source>) -> Self {
+        Self { sources: sources.into_iter().collect(), ..Self::default() }
+    }
+
+    /// The job with `preset`, called `name` where origins are shown.
+    #[must_use]
+    pub fn with_preset(self, name: impl Into<String>, preset: Preset) -> Self {
+        Self { preset: Some(NamedPreset { name: name.into(), preset }), ..self }
+    }
+
+    /// The job with `values`, which outrank the preset.
+    #[must_use]
+    pub fn with_values(self, values: Values) -> Self {
+        Self { flags: values, ..self }
+    }
+
+    /// The job with `methods` to choose from.
+    #[must_use]
+    pub fn with_methods(self, methods: Registry) -> Self {
+        Self { methods, ..self }
+    }
+}
+
 /// A job up to its plan.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Prepared {
     /// What was read; its peels have moved into the scene.
     pub stack: Stack,
@@ -99,6 +127,7 @@ pub struct Prepared {
 
 /// A job carried out.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Rendered {
     /// The picture, of the size of the frame's data window.
     pub image: Image,

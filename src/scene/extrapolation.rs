@@ -23,6 +23,7 @@ use rayon::prelude::*;
 
 /// How bright colours are made brighter.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Extrapolation {
     /// Display-coded luminance λ₀ above which they are.
     pub threshold: f32,

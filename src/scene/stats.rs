@@ -25,6 +25,7 @@ pub(crate) struct BrightStep {
 
 /// What a scene shows: everything a plan is decided from, beside the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct SceneStats {
     /// Width and height of the picture in pixels.
     pub picture_size: (usize, usize),

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 
 /// The statistics of a scene and how often its lens is sampled, and what follows from them for the work of a blur.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Workload<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,

@@ -25,6 +25,7 @@ pub(crate) use parameters::{Place, at};
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 #[doc(hidden)]
 pub use serde;
+pub use serde_json::Value as Json;
 pub use setting::{CommandLine, Kind, Range, Setting, Value, Word};
 pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
 
@@ -36,6 +37,7 @@ use std::sync::Arc;
 /// Where a value came from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "from", content = "name")]
+#[non_exhaustive]
 pub enum Origin {
     /// The built-in default.
     Default,
@@ -82,6 +84,7 @@ pub struct Mask {
 
 /// All values, each with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Settings {
     /// Lens, aperture and depth.
     pub lens: LensSettings,

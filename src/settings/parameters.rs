@@ -32,6 +32,7 @@ pub struct Parameter {
 /// The values that a parameter accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ParameterKind {
     /// `true` or `false`.
     Flag,

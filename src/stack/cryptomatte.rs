@@ -36,6 +36,7 @@ const NOTHING: u32 = 0;
 
 /// One cryptomatte of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Cryptomatte {
     /// What its channels are called, without their numbers: `ViewLayer.CryptoObject`.
     pub name: String,
@@ -66,6 +67,7 @@ struct Described {
 
 /// What a picture shows of one object.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ObjectMatte<'a> {
     /// The cryptomatte that it was found in.
     pub cryptomatte: &'a str,
@@ -75,6 +77,7 @@ pub struct ObjectMatte<'a> {
 
 /// The objects of one cryptomatte that a picture shows.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Objects {
     /// What the cryptomatte is called.
     pub cryptomatte: String,

@@ -78,6 +78,7 @@ pub struct Frame {
 /// What a stack's fragments stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StackKind {
     /// One anti-aliased picture with one depth sample a pixel; nothing is known behind it.
     BeautyDepth,
@@ -94,6 +95,7 @@ pub enum StackKind {
 /// Numeric type of the input's colour channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Precision {
     /// 16-bit floating point.
     Half,
@@ -104,6 +106,7 @@ pub enum Precision {
 /// How bright the colours of an input can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ColorRange {
     /// Scene-linear floats: whatever was there.
     Unbounded,
@@ -135,6 +138,7 @@ pub struct Carried {
 
 /// A depth-peel stack as it was read.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Stack {
     /// The peels, nearest first, all of the data window's size.
     pub peels: Vec<Peel>,

@@ -8,6 +8,7 @@ use std::str::FromStr;
 /// A compression that this tool writes. HTJ2K and ZSTD are not among them: the EXR library cannot write them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Codec {
     /// No compression.
     None,

@@ -36,6 +36,13 @@ pub struct ExrOptions {
     pub codec: Codec,
 }
 
+impl ExrOptions {
+    /// Of `precision`, with the default compression.
+    pub fn of(precision: Precision) -> Self {
+        Self { precision, codec: Codec::default() }
+    }
+}
+
 /// Writes `image` with its `frame` and what is `carried` from the input to the file `path` (`-`: standard output).
 ///
 /// `image` has the size of `frame.data`. Half values beyond ±65504 are clamped to it. Returns what could not be carried:

@@ -7,6 +7,7 @@ use crate::scene::stats::SceneStats;
 
 /// What effects are decided from: every decision is a pure function of this.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Inputs<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,

@@ -139,6 +139,7 @@ impl EffectKind {
 
 /// One decision, with its reason in words and numbers.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Effect {
     /// Which effect.
     pub name: EffectKind,
