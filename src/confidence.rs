@@ -20,7 +20,7 @@ use crate::scene::{EffectKind, Scene};
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] if it does not follow lens rays.
-pub fn check(plan: &Plan) -> Result<(), Error> {
+pub(crate) fn check(plan: &Plan) -> Result<(), Error> {
     if plan.method.lens_sampling().is_some() {
         return Ok(());
     }
@@ -35,7 +35,7 @@ pub fn check(plan: &Plan) -> Result<(), Error> {
 ///
 /// # Errors
 /// Those of [`check`] and of the method.
-pub fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Plane, Error> {
+pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Plane, Error> {
     check(plan)?;
     let (width, height) = scene.picture_size();
     if !plan.does(EffectKind::Blur) {

@@ -16,6 +16,7 @@ use std::path::Path;
 
 /// The category of an error. Callers that act on errors (exit codes, skipping a frame) use this, not the text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
     /// A file cannot be opened, read or interpreted.
     Input,

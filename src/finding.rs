@@ -2,6 +2,7 @@
 
 /// A conclusion with its reason.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Finding {
     /// Its subject: `depth`, `kind`, `peels` …
     pub about: &'static str,

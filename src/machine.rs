@@ -21,7 +21,7 @@ pub struct Machine {
 
 impl Machine {
     /// This machine, with the number of threads of the current pool.
-    pub fn this() -> Self {
+    pub(crate) fn this() -> Self {
         // "V4(…)", "Neon(…)", "Scalar".
         let vectors = format!("{:?}", pulp::Arch::new());
         Self {
@@ -35,7 +35,7 @@ impl Machine {
     }
 
     /// Name of the calibration file of this machine: several machines may share a folder.
-    pub fn file_name(&self) -> String {
+    pub(crate) fn file_name(&self) -> String {
         let Self { cpu, cores, threads, vectors, os, .. } = self;
         let name = format!("calibration {os} {cpu} {vectors} {threads} of {cores}").to_lowercase();
         let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -44,7 +44,7 @@ impl Machine {
 }
 
 /// Name of the processor; `CPU` if the system does not provide it.
-pub fn cpu_name() -> String {
+pub(crate) fn cpu_name() -> String {
     model().unwrap_or_else(|| "CPU".to_owned())
 }
 

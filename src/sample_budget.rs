@@ -56,6 +56,7 @@ const SHARE_OF_BUDGET: f64 = 0.85;
 
 /// The result of a search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Outcome {
     /// The target.
     #[serde(rename = "goal")]
@@ -104,6 +105,7 @@ impl Trial {
 ///
 /// # Errors
 /// A method that cannot render single pixels.
+#[doc(hidden)]
 pub fn render_to_target(
     scene: Scene,
     plan: &Plan,
@@ -118,6 +120,7 @@ pub fn render_to_target(
 ///
 /// # Errors
 /// Those of [`render_to_target`].
+#[doc(hidden)]
 pub fn find_views(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
     seek(scene, plan, target).map(|(_, outcome)| outcome)
 }
@@ -187,7 +190,7 @@ fn first_step(psnr_db: f64, spread: f64, [gain_of_16, gain_of_step]: [f64; 2]) -
 ///
 /// # Errors
 /// Those of the method.
-pub fn render_within(
+pub(crate) fn render_within(
     scene: Scene,
     (stats, plan): (&SceneStats, &Plan),
     seconds: f64,

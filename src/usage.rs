@@ -4,6 +4,7 @@ use std::time::Instant;
 
 /// A stage of the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stage {
     /// Files to stack.
     Read,
@@ -21,6 +22,7 @@ pub enum Stage {
 
 /// Seconds by stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[non_exhaustive]
 pub struct Seconds {
     /// [`Stage::Read`].
     pub read: f64,

@@ -1,5 +1,6 @@
 //! Invalid input and output is refused with what was expected, what was found and what to do, and no file is left behind.
 
+#![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 mod program;

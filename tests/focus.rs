@@ -4,6 +4,7 @@
 
 #[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
+#[cfg(feature = "cli")]
 #[expect(dead_code, reason = "other tests use the rest")]
 mod program;
 
@@ -11,9 +12,6 @@ use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use fixtures::{Part, exr_bytes, source};
 use half::f16;
-use program::{run, stderr};
-use std::fs;
-use std::path::Path;
 use thinlens::error::Error;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Focused, focus_distance};
@@ -369,13 +367,12 @@ fn visible_objects_are_listed_largest_first() {
         .matte("CryptoObject", &[SPHERE, CUBE, CUBE, 7], &[1.0, 1.0, 1.0, 0.5])
         .second("CryptoObject", &[0, SPHERE, 0, 0], &[0.0, 0.5, 1.0, 0.5])
         .manifest("CryptoObject", MANIFEST);
-    let expected = Objects {
-        cryptomatte: "CryptoObject".to_owned(),
-        names: vec!["cube".to_owned(), "sphere".to_owned()],
-        unnamed: 1,
-        doubt: None,
+    let objects = stack_with(vec![part], &options()).objects();
+    let [Objects { cryptomatte, names, unnamed: 1, doubt: None, .. }] = objects.as_slice() else {
+        panic!("{objects:?}")
     };
-    assert_eq!(stack_with(vec![part], &options()).objects(), [expected], "the plane is not visible");
+    assert_eq!(cryptomatte, "CryptoObject");
+    assert_eq!(names, &["cube", "sphere"], "the plane is not visible");
 }
 
 #[test]
@@ -475,82 +472,92 @@ fn focus_keys_without_a_frame_number_are_an_error() {
     assert!(message.contains("need the number of the frame") && message.contains("`frame = N`"), "{message}");
 }
 
-// The program.
+/// The program.
+#[cfg(feature = "cli")]
+mod commands {
+    use super::program::{run, stderr};
+    use super::{PULL, exr_bytes, four};
+    use std::fs;
+    use std::path::Path;
 
-/// A folder with `shot.0003.exr` and `lens.toml`, a pull.
-fn sequence() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("shot.0003.exr"), exr_bytes(vec![four()])).unwrap();
-    fs::write(folder.path().join("lens.toml"), PULL).unwrap();
-    folder
-}
+    /// A folder with `shot.0003.exr` and `lens.toml`, a pull.
+    fn sequence() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("shot.0003.exr"), exr_bytes(vec![four()])).unwrap();
+        fs::write(folder.path().join("lens.toml"), PULL).unwrap();
+        folder
+    }
 
-fn stdout(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-#[test]
-fn every_subcommand_takes_the_frame_number_from_the_file_name() {
-    let folder = sequence();
-    let rendered = run(
-        folder.path(),
-        &["render", "shot.0003.exr", "--preset", "lens.toml", "-o", "out.exr", "--report", "r.json"],
-    );
-    assert_eq!(rendered.status.code(), Some(0), "{}", stderr(&rendered));
-    assert!(stderr(&rendered).contains("frame 3, from the file's name"), "{}", stderr(&rendered));
-    let report: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.path().join("r.json")).unwrap()).unwrap();
-    assert!((report["lens"]["focus_distance"].as_f64().unwrap() - 2.4).abs() < 1e-6);
-    assert_eq!(report["lens"]["focus"]["value"]["keys"][1]["focus"]["object"], "sphere");
-    let findings = report["findings"].as_array().unwrap();
-    assert!(findings.iter().any(|finding| finding["about"] == "focus"), "{findings:?}");
-    for command in [&["plan", "--uncalibrated"][..], &["inspect"], &["compare", "--methods", "shear:4"]] {
-        let files = ["shot.0003.exr", "--preset", "lens.toml", "--frame", "5"];
-        let output = run(folder.path(), &[command, &files].concat());
+    fn stdout(folder: &Path, arguments: &[&str]) -> String {
+        let output = run(folder, arguments);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let said = format!("{}{}", stderr(&output), String::from_utf8_lossy(&output.stdout));
-        assert!(said.contains("frame 5, from --frame; at the key of frame 5: 3"), "{command:?}: {said}");
+        String::from_utf8(output.stdout).unwrap()
     }
-}
 
-#[test]
-fn a_flag_overrides_focus_keys() {
-    let folder = sequence();
-    for (flag, value, distance) in
-        [("--focus", "7", 7.0), ("--focus-at", "1,0", 2.0), ("--focus-on", "cube", 1.0)]
-    {
-        let text = stdout(
+    #[test]
+    fn every_subcommand_takes_the_frame_number_from_the_file_name() {
+        let folder = sequence();
+        let rendered = run(
             folder.path(),
-            &["inspect", "shot.0003.exr", "--preset", "lens.toml", flag, value, "--json"],
+            &["render", "shot.0003.exr", "--preset", "lens.toml", "-o", "out.exr", "--report", "r.json"],
         );
-        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-        assert_eq!(json["lens"]["focus_distance"], distance, "{flag}");
+        assert_eq!(rendered.status.code(), Some(0), "{}", stderr(&rendered));
+        assert!(stderr(&rendered).contains("frame 3, from the file's name"), "{}", stderr(&rendered));
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.path().join("r.json")).unwrap()).unwrap();
+        assert!((report["lens"]["focus_distance"].as_f64().unwrap() - 2.4).abs() < 1e-6);
+        assert_eq!(report["lens"]["focus"]["value"]["keys"][1]["focus"]["object"], "sphere");
+        let findings = report["findings"].as_array().unwrap();
+        assert!(findings.iter().any(|finding| finding["about"] == "focus"), "{findings:?}");
+        for command in [&["plan", "--uncalibrated"][..], &["inspect"], &["compare", "--methods", "shear:4"]] {
+            let files = ["shot.0003.exr", "--preset", "lens.toml", "--frame", "5"];
+            let output = run(folder.path(), &[command, &files].concat());
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            let said = format!("{}{}", stderr(&output), String::from_utf8_lossy(&output.stdout));
+            assert!(said.contains("frame 5, from --frame; at the key of frame 5: 3"), "{command:?}: {said}");
+        }
     }
-}
 
-#[test]
-fn inspect_lists_the_objects_and_prints_which_is_in_focus() {
-    let folder = sequence();
-    let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "sphere"]);
-    assert!(text.contains("objects                 CryptoObject, 2: cube, sphere"), "{text}");
-    assert!(
-        text.contains("focus                   object 'sphere' of CryptoObject: 3, the median of 2 pixels"),
-        "{text}"
-    );
-    assert!(text.contains("focus                   3 depth units, 'sphere'"), "{text}");
-    let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--json"]);
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(json["objects"][0]["names"], serde_json::json!(["cube", "sphere"]));
-}
+    #[test]
+    fn a_flag_overrides_focus_keys() {
+        let folder = sequence();
+        for (flag, value, distance) in
+            [("--focus", "7", 7.0), ("--focus-at", "1,0", 2.0), ("--focus-on", "cube", 1.0)]
+        {
+            let text = stdout(
+                folder.path(),
+                &["inspect", "shot.0003.exr", "--preset", "lens.toml", flag, value, "--json"],
+            );
+            let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(json["lens"]["focus_distance"], distance, "{flag}");
+        }
+    }
 
-#[test]
-fn a_misspelt_object_fails_with_its_nearest_name() {
-    let folder = sequence();
-    let output = run(folder.path(), &["render", "shot.0003.exr", "--focus-on", "cub", "-o", "out.exr"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("did you mean 'cube'?"), "{}", stderr(&output));
-    let both = run(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "cube", "--focus-at", "1,1"]);
-    assert_eq!(both.status.code(), Some(2), "one of them alone");
+    #[test]
+    fn inspect_lists_the_objects_and_prints_which_is_in_focus() {
+        let folder = sequence();
+        let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "sphere"]);
+        assert!(text.contains("objects                 CryptoObject, 2: cube, sphere"), "{text}");
+        assert!(
+            text.contains(
+                "focus                   object 'sphere' of CryptoObject: 3, the median of 2 pixels"
+            ),
+            "{text}"
+        );
+        assert!(text.contains("focus                   3 depth units, 'sphere'"), "{text}");
+        let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--json"]);
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["objects"][0]["names"], serde_json::json!(["cube", "sphere"]));
+    }
+
+    #[test]
+    fn a_misspelt_object_fails_with_its_nearest_name() {
+        let folder = sequence();
+        let output = run(folder.path(), &["render", "shot.0003.exr", "--focus-on", "cub", "-o", "out.exr"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains("did you mean 'cube'?"), "{}", stderr(&output));
+        let both =
+            run(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "cube", "--focus-at", "1,1"]);
+        assert_eq!(both.status.code(), Some(2), "one of them alone");
+    }
 }

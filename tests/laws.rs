@@ -91,8 +91,8 @@ fn plan_for(method: &dyn Method, scene: &Scene, views: usize, lens: &Lens) -> Pl
         effort: samples_the_lens(method).then_some(Effort::Views(views)),
         ..lens.values.clone()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    let settings = Settings { mask: lens.mask.clone(), ..settings };
+    let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    settings.mask = lens.mask.clone();
     methods::Registry::default().plan(&scene.analyze(), &settings).unwrap().forced(EffectKind::Resolve, false)
 }
 

@@ -289,7 +289,9 @@ fn pictures_side_by_side_keep_their_size_and_order() {
 fn json_is_written_with_a_newline_at_its_end() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a.json");
-    report::write_json(&path, &usage::Seconds { read: 0.5, ..usage::Seconds::default() }).unwrap();
+    let mut seconds = usage::Seconds::default();
+    seconds.read = 0.5;
+    report::write_json(&path, &seconds).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.ends_with("}\n"));
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();

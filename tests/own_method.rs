@@ -1,5 +1,6 @@
 //! A method added by a user of the library: one type, available in every command.
 
+#![cfg(feature = "cli")]
 #![expect(
     clippy::unwrap_used,
     clippy::exit,
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Output};
 use thinlens::error::Error;
 use thinlens::image::Image;
-use thinlens::methods::{Method, MethodInfo, Plan, Progress, Registry, Role};
+use thinlens::methods::{Method, MethodInfo, Plan, Progress, Registry};
 use thinlens::scene::Scene;
 use thinlens::settings::ParameterTable;
 
@@ -34,14 +35,9 @@ thinlens::declare_parameters! {
 impl Method for Dim {
     fn info(&self) -> MethodInfo {
         MethodInfo {
-            name: "dim",
             source: "this test",
-            role: Role::Custom,
-            summary: "the pinhole picture, darkened",
-            effects: &[],
-            lens_samples: None,
             steps: &["kept=0.25", "kept=0.5", "kept=1"],
-            deviations: &[],
+            ..MethodInfo::new("dim", "the pinhole picture, darkened")
         }
     }
 

@@ -60,6 +60,7 @@ fn another(kind: &ParameterKind, default: &Value) -> Value {
         }
         ParameterKind::Number(from, to) => [json!(from), json!(to)].into_iter().find(differs).unwrap(),
         ParameterKind::Numbers(_, to) => json!([to, to / 2.0]),
+        ref other => panic!("there is no other value for {other:?}"),
     }
 }
 

@@ -160,9 +160,10 @@ impl Case {
             lateral_color_um: Some([[0.0; 2], [0.0; 2], [900.0, -400.0]][self.seed as usize / 5 % 3]),
             ..Values::default()
         };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        let mask = (self.seed % 6 == 5).then(|| Arc::new(half_open()));
-        Settings { switches, mask, ..settings }
+        let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        settings.switches = switches;
+        settings.mask = (self.seed % 6 == 5).then(|| Arc::new(half_open()));
+        settings
     }
 
     /// The picture of `plan` after lateral colour and falloff.
@@ -420,10 +421,13 @@ fn every_method_does_as_the_switches_request() {
                     Switches { without: names, ..Switches::default() }
                 };
                 let values = Values { method: Some(info.name.to_owned()), ..Values::default() };
-                let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-                let plan = match methods::Registry::default().plan(&stats, &Settings { switches, ..settings })
-                {
-                    Ok(plan) => Plan { views: plan.views.map(|_| 8), ..plan },
+                let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+                settings.switches = switches;
+                let plan = match methods::Registry::default().plan(&stats, &settings) {
+                    Ok(mut plan) => {
+                        plan.views = plan.views.map(|_| 8);
+                        plan
+                    }
                     Err(error) => {
                         let text = error.to_string();
                         assert!(text.contains(kind.name()) && text.contains("cannot be"), "{text}");
@@ -446,11 +450,10 @@ mod a_requested_effect {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let switches = Switches { force: owned(force), without: owned(without) };
         let values = Values { method: Some(method.to_owned()), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        settings.switches = switches;
         let stats = Case::new(10).scene.analyze();
-        methods::Registry::default()
-            .plan(&stats, &Settings { switches, ..settings })
-            .map_err(|error| error.to_string())
+        methods::Registry::default().plan(&stats, &settings).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -64,7 +64,7 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
 
 fn job() -> Result<Job, Error> {
     Ok(Job {
-        sources: vec![Source::Embedded { name: STACK_NAME, bytes: STACK }],
+        sources: vec![Source::memory(STACK_NAME, STACK)],
         preset: Some(NamedPreset {
             name: PRESET_NAME.to_owned(),
             preset: Preset::parse(PRESET, PRESET_NAME)?,

@@ -91,7 +91,7 @@ impl Picture {
     }
 
     /// The picture with 8 bits per value, rounded.
-    pub fn to_rgb8(&self) -> Rgb8 {
+    pub(crate) fn to_rgb8(&self) -> Rgb8 {
         let byte = |&value: &u16| ((u32::from(value) + 128) / 257) as u8;
         Rgb8 { width: self.width, height: self.height, bytes: self.values.iter().map(byte).collect() }
     }

@@ -6,6 +6,7 @@ use std::fmt;
 /// Kind of an adapter, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum AdapterKind {
     /// A graphics card with its own memory.
     Discrete,
@@ -34,6 +35,7 @@ impl AdapterKind {
 
 /// An adapter and its limits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Adapter {
     /// Name reported by the driver.
     pub name: String,

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// Rows of the picture that are rendered together.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Band {
+pub(crate) struct Band {
     /// The rows that the band makes.
     pub rows: Range<usize>,
     /// The rows that the band reads.
@@ -16,7 +16,7 @@ pub struct Band {
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Device`] if not even one row can be made.
-pub fn bands(height: usize, reach: usize, max_rows: usize) -> Result<Vec<Band>, Error> {
+pub(crate) fn bands(height: usize, reach: usize, max_rows: usize) -> Result<Vec<Band>, Error> {
     if height <= max_rows {
         return Ok(vec![Band { rows: 0..height, source: 0..height }]);
     }

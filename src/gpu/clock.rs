@@ -7,6 +7,7 @@ use std::time::Duration;
 
 /// GPU work, in seconds and bytes.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct GpuUsage {
     /// Time of uploads.
     pub upload_seconds: f64,

@@ -95,6 +95,7 @@ impl Gpu {
 
     /// The same with buffers of at most `bytes`, as on an adapter with less memory: frames are rendered in smaller bands.
     #[must_use]
+    #[doc(hidden)]
     pub fn limited_to(self, bytes: u64) -> Self {
         Self { max_binding_bytes: self.max_binding_bytes.min(bytes), ..self }
     }
@@ -105,17 +106,18 @@ impl Gpu {
     }
 
     /// Maximum size of a buffer in bytes: larger frames are rendered in [`super::bands()`].
-    pub fn max_binding_bytes(&self) -> u64 {
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.max_binding_bytes
     }
 
     /// Maximum width and height of a texture.
+    #[doc(hidden)]
     pub fn max_texels(&self) -> usize {
         self.device.limits().max_texture_dimension_2d as usize
     }
 
     /// Maximum bytes of all buffers of a band together.
-    pub fn max_working_bytes(&self) -> u64 {
+    pub(crate) fn max_working_bytes(&self) -> u64 {
         MAX_WORKING_BYTES
     }
 
@@ -129,7 +131,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn finish(&self) -> Result<(), Error> {
+    pub(crate) fn finish(&self) -> Result<(), Error> {
         let watch = Instant::now();
         // wgpu panics if the device is lost during the wait.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));

@@ -2,27 +2,27 @@
 
 /// A buffer in GPU memory.
 #[derive(Debug)]
-pub struct Buffer {
+pub(crate) struct Buffer {
     pub(super) raw: wgpu::Buffer,
 }
 
 impl Buffer {
     /// Size in bytes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.raw.size()
     }
 }
 
 /// A texture array in GPU memory; kernels fetch its texels faster than values of a [`Buffer`].
 #[derive(Debug)]
-pub struct Texture {
+pub(crate) struct Texture {
     pub(super) raw: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
 }
 
 /// Format of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Texels {
+pub(crate) enum Texels {
     /// `rgba32float`.
     FourFloats,
     /// `rg32uint`.
@@ -31,7 +31,7 @@ pub enum Texels {
 
 /// A resource that is bound to a kernel.
 #[derive(Debug, Clone, Copy)]
-pub enum Resource<'a> {
+pub(crate) enum Resource<'a> {
     /// For `var<storage>` and `var<uniform>`.
     Buffer(&'a Buffer),
     /// For `texture_2d_array`.
@@ -61,7 +61,7 @@ impl<'a> Resource<'a> {
 
 /// An entry point of a shader, ready to run.
 #[derive(Debug, Clone)]
-pub struct Kernel {
+pub(crate) struct Kernel {
     pub(super) name: &'static str,
     pub(super) pipeline: wgpu::ComputePipeline,
 }

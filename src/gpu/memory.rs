@@ -13,7 +13,7 @@ impl Gpu {
     ///
     /// # Errors
     /// If the buffer is too large, or the device fails.
-    pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer, Error> {
+    pub(crate) fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer, Error> {
         self.upload_all(label, &[values])
     }
 
@@ -21,7 +21,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn upload_all<T: Pod>(&self, label: &str, parts: &[&[T]]) -> Result<Buffer, Error> {
+    pub(crate) fn upload_all<T: Pod>(&self, label: &str, parts: &[&[T]]) -> Result<Buffer, Error> {
         let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
         let buffer = self.buffer(label, bytes as u64, wgpu::BufferUsages::STORAGE)?;
         self.write(label, &buffer, 0, parts)?;
@@ -32,7 +32,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn uniform(&self, values: &impl Mirrored) -> Result<Buffer, Error> {
+    pub(crate) fn uniform(&self, values: &impl Mirrored) -> Result<Buffer, Error> {
         self.uniform_of(&values.words())
     }
 
@@ -40,7 +40,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn uniform_of<T: Pod>(&self, values: &[T]) -> Result<Buffer, Error> {
+    pub(crate) fn uniform_of<T: Pod>(&self, values: &[T]) -> Result<Buffer, Error> {
         const LABEL: &str = "parameters";
         let buffer = self.buffer(LABEL, size_of_val(values) as u64, wgpu::BufferUsages::UNIFORM)?;
         self.write(LABEL, &buffer, 0, &[values])?;
@@ -51,7 +51,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn zeros<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer, Error> {
+    pub(crate) fn zeros<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer, Error> {
         self.buffer(label, (count * size_of::<T>()) as u64, wgpu::BufferUsages::STORAGE)
     }
 
@@ -72,7 +72,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn texture(
+    pub(crate) fn texture(
         &self,
         label: &str,
         texels: Texels,
@@ -119,7 +119,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn fill<T: Pod + Send>(
+    pub(crate) fn fill<T: Pod + Send>(
         &self,
         texture: &Texture,
         layer: usize,
@@ -185,7 +185,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn read<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, Error> {
+    pub(crate) fn read<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, Error> {
         self.finish()?;
         let watch = Instant::now();
         let values: Vec<T> = self.fetch(buffer)?;
@@ -197,7 +197,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn read_into(&self, buffer: &Buffer, parts: &mut [&mut [f32]]) -> Result<(), Error> {
+    pub(crate) fn read_into(&self, buffer: &Buffer, parts: &mut [&mut [f32]]) -> Result<(), Error> {
         self.finish()?;
         let watch = Instant::now();
         let bytes = self.mapped(buffer, |bytes| {

@@ -27,18 +27,21 @@ mod absent;
 pub use absent::Gpu;
 pub use adapters::{Adapter, AdapterKind};
 #[cfg(feature = "gpu")]
-pub use bands::{Band, bands};
+pub(crate) use bands::{Band, bands};
 pub use clock::GpuUsage;
 #[cfg(feature = "gpu")]
 pub use context::Gpu;
 #[cfg(feature = "gpu")]
-pub use handles::{Buffer, Kernel, Resource, Texels, Texture};
+pub(crate) use handles::{Buffer, Kernel, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
-pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
+pub(crate) use shader::{Constant, Mirrored, Scalar};
 #[cfg(feature = "gpu")]
-pub use work::{MAX_ROUNDS, Work, tiles};
+#[doc(hidden)]
+pub use shader::{Layout, ScalarKind, Shader};
+#[cfg(feature = "gpu")]
+pub(crate) use work::{MAX_ROUNDS, Work, tiles};
 
 use crate::error::Error;
 use crate::machine;
@@ -59,6 +62,7 @@ pub enum DeviceChoice {
 /// Kind of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum DeviceKind {
     /// The CPU.
     Cpu,
@@ -78,6 +82,7 @@ impl DeviceKind {
 
 /// The chosen device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Device {
     /// Kind of the device.
     pub kind: DeviceKind,
@@ -99,13 +104,13 @@ impl Device {
 }
 
 /// Opens an adapter: [`Gpu::open`], or a wrapper of it (for example one that redirects stderr while drivers are loaded).
-pub type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
+pub(crate) type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
 
 /// Opens the adapter that `choice` requires; `None` where it requires none.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Device`] if there is no adapter, or it cannot be opened.
-pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
+pub(crate) fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
     if choice != DeviceChoice::Gpu {
         return Ok(None);
     }
@@ -116,7 +121,7 @@ pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Err
 
 /// Chooses the device for a plan; returns the opened adapter too if that is the device. `cpu_only_reason` is the reason why the
 /// plan cannot run on a GPU, if there is one; `demanded` is the result of [`demanded()`].
-pub fn choose(
+pub(crate) fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     cpu_only_reason: Option<String>,
@@ -143,6 +148,7 @@ pub fn choose(
 
 /// The devices of this machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Survey {
     /// Name of the CPU.
     pub processor: String,
@@ -179,11 +185,14 @@ pub fn survey() -> Survey {
     }
 }
 
+/// Whether this build can use a GPU at all.
+pub(crate) const IS_SUPPORTED: bool = cfg!(feature = "gpu");
+
 /// How adapters are searched for.
 #[cfg(feature = "gpu")]
-const LOOKED_FOR: &str = "searched through Vulkan, Metal and DX12 drivers";
+pub(crate) const LOOKED_FOR: &str = "searched through Vulkan, Metal and DX12 drivers";
 #[cfg(not(feature = "gpu"))]
-const LOOKED_FOR: &str = "this program was built without GPU support";
+pub(crate) const LOOKED_FOR: &str = "this program was built without GPU support";
 
 #[cfg(test)]
 mod tests {

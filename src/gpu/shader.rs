@@ -65,7 +65,7 @@ pub enum ScalarKind {
 }
 
 /// A member of a structure that shaders read.
-pub trait Scalar: Copy {
+pub(crate) trait Scalar: Copy {
     /// Type of the member.
     const KIND: ScalarKind;
 
@@ -98,7 +98,7 @@ impl Scalar for f32 {
 }
 
 /// A structure that shaders read; see [`mirrored!`].
-pub trait Mirrored {
+pub(crate) trait Mirrored {
     /// Name and layout, which have to be the same in the shader.
     const LAYOUT: Layout;
 

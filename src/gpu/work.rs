@@ -7,7 +7,7 @@ use super::shader::Shader;
 use crate::error::Error;
 
 /// Passes to submit, executed in order.
-pub struct Work<'g> {
+pub(crate) struct Work<'g> {
     gpu: &'g Gpu,
     passes: Vec<Pass>,
 }
@@ -29,7 +29,7 @@ impl Gpu {
     ///
     /// # Errors
     /// If the driver rejects it.
-    pub fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
+    pub(crate) fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
         self.kernel_with(shader, name, &[])
     }
 
@@ -37,7 +37,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Self::kernel`].
-    pub fn kernel_with(
+    pub(crate) fn kernel_with(
         &self,
         shader: &'static Shader,
         name: &'static str,
@@ -78,7 +78,10 @@ impl Gpu {
     ///
     /// # Errors
     /// If a pass is invalid, or the device fails.
-    pub fn submit(&self, add_passes: impl FnOnce(&mut Work<'_>) -> Result<(), Error>) -> Result<(), Error> {
+    pub(crate) fn submit(
+        &self,
+        add_passes: impl FnOnce(&mut Work<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let mut work = Work { gpu: self, passes: Vec::new() };
         add_passes(&mut work)?;
         let names: Vec<_> = work.passes.iter().map(|pass| pass.kernel.name).collect();
@@ -153,7 +156,7 @@ impl Work<'_> {
     ///
     /// # Errors
     /// If the bindings are not the kernel's.
-    pub fn pass<'a, R: Into<Resource<'a>> + Copy>(
+    pub(crate) fn pass<'a, R: Into<Resource<'a>> + Copy>(
         &mut self,
         kernel: &Kernel,
         bindings: &[(u32, R)],
@@ -179,9 +182,9 @@ impl Work<'_> {
 
 /// Maximum number of loop iterations of a thread in one pass, all loops together. Mesa's software driver ends loops after 65 535
 /// iterations without an error.
-pub const MAX_ROUNDS: usize = 60_000;
+pub(crate) const MAX_ROUNDS: usize = 60_000;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
-pub fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
+pub(crate) fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
     [width.div_ceil(side) as u32, height.div_ceil(side) as u32, 1]
 }

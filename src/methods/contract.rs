@@ -33,9 +33,27 @@ pub struct MethodInfo {
     pub deviations: &'static [Deviation],
 }
 
+impl MethodInfo {
+    /// Description of a method of a library's user, without optional passes, lens samples, quality levels or deviations. What it has of
+    /// these is added: `MethodInfo { steps: &["kept=0.5", "kept=1"], ..MethodInfo::new("dim", "the picture, dimmed") }`.
+    pub const fn new(name: &'static str, summary: &'static str) -> Self {
+        Self {
+            name,
+            source: "own method",
+            role: Role::Custom,
+            summary,
+            effects: &[],
+            lens_samples: None,
+            steps: &[],
+            deviations: &[],
+        }
+    }
+}
+
 /// Role of a method in the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Role {
     /// The method that `auto` selects.
     Default,
@@ -112,6 +130,7 @@ pub trait Method: fmt::Debug + Sync {
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
 
     /// GPU backend; `None` for a method that runs on the CPU only.
+    #[doc(hidden)]
     fn gpu(&self) -> Option<&dyn GpuBackend> {
         None
     }
@@ -158,6 +177,7 @@ impl fmt::Display for dyn Method + '_ {
 }
 
 /// GPU implementation of a method: the same picture from the same plan.
+#[doc(hidden)]
 pub trait GpuBackend: fmt::Debug + Sync {
     /// Renders the picture of [`Method::blur`], equal to within rounding. The scene is borrowed: if the GPU fails, the CPU
     /// renders from it.
@@ -195,6 +215,7 @@ pub trait Sampler {
 
 /// What a method has to do: a pure function of statistics and settings. A method reads nothing else beside the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Plan {
     /// The method that executes the plan.
     pub method: &'static dyn Method,

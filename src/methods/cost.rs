@@ -5,6 +5,7 @@ use serde::Serialize;
 /// Kinds of work whose relative speed differs between machines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum WorkKind {
     /// Vectorised loops over rows of pixels, contiguous in memory.
     Rows,

@@ -3,7 +3,7 @@
 use super::contract::{Plan, Progress};
 use super::target::Target;
 use crate::error::Error;
-use crate::gpu::Gpu;
+use crate::gpu::{self, Gpu};
 use crate::image::Image;
 use crate::scene::{EffectKind, Scene};
 
@@ -19,8 +19,9 @@ pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Imag
 }
 
 /// Why `plan` has to run on the CPU; `None` if it can run on a GPU.
-pub fn cpu_only_reason(plan: &Plan) -> Option<String> {
+pub(crate) fn cpu_only_reason(plan: &Plan) -> Option<String> {
     match plan.target {
+        _ if !gpu::IS_SUPPORTED => Some(gpu::LOOKED_FOR.to_owned()),
         _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU only", plan.method)),
         Some(Target::Time { .. }) => Some("the time per view is known for the CPU only".to_owned()),
         _ => None,

@@ -7,6 +7,7 @@
 /// A law of the blur.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Law {
     /// A constant picture stays constant.
     Constancy,

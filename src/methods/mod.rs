@@ -21,12 +21,13 @@ mod published;
 mod shared;
 mod shear;
 
-pub use accumulate::Volume;
+pub(crate) use accumulate::Volume;
 pub use contract::{GpuBackend, LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 pub use cost::{Cost, Term, WorkKind, term};
 pub use decide::plan_for;
-pub use execute::{cpu_only_reason, render, render_on};
+pub(crate) use execute::cpu_only_reason;
+pub use execute::{render, render_on};
 pub use laws::{Deviation, Law};
 pub use registry::{METHODS, Registry};
-pub use switches::requested;
+pub(crate) use switches::requested;
 pub use target::Target;

@@ -9,7 +9,7 @@ use crate::settings::Switches;
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] for an unknown name and for an effect that is both forced and left out.
-pub fn requested(switches: &Switches) -> Result<Vec<(EffectKind, bool)>, Error> {
+pub(crate) fn requested(switches: &Switches) -> Result<Vec<(EffectKind, bool)>, Error> {
     let kinds =
         |names: &[String]| names.iter().map(|name| EffectKind::by_name(name)).collect::<Result<Vec<_>, _>>();
     let (force, without) = (kinds(&switches.force)?, kinds(&switches.without)?);

@@ -9,6 +9,7 @@ pub(super) const MAX_VIEWS: usize = 1 << 16;
 /// What the number of lens samples has to reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Target {
     /// A sampling error.
     #[serde(rename = "target_db")]

@@ -1,5 +1,7 @@
 //! Pictures as data URIs, for self-contained pages.
 
+pub(crate) use super::png::Rgb8;
+
 use crate::error::Error;
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -10,22 +12,11 @@ use image::{ExtendedColorType, ImageEncoder, ImageResult};
 /// JPEG quality from 1 to 100, without visible loss.
 const JPEG_QUALITY: u8 = 90;
 
-/// An opaque picture with 8 bits per value.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rgb8 {
-    /// Width in pixels.
-    pub width: usize,
-    /// Height in pixels.
-    pub height: usize,
-    /// Red, green and blue of each pixel, row by row.
-    pub bytes: Vec<u8>,
-}
-
 /// `picture` as PNG, with the strongest compression.
 ///
 /// # Errors
 /// A picture without pixels, or of a size that PNG cannot hold.
-pub fn png(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn png(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive);
     encode(encoder, picture)?;
@@ -36,7 +27,7 @@ pub fn png(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// A picture without pixels, or wider or higher than 65535.
-pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn jpeg(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     encode(JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY), picture)?;
     Ok(uri("jpeg", &file))
@@ -46,7 +37,7 @@ pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// Those of [`png`] and [`jpeg`].
-pub fn smaller(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn smaller(picture: &Rgb8) -> Result<String, Error> {
     let [png, jpeg] = [png(picture)?, jpeg(picture)?];
     Ok(if png.len() < jpeg.len() { png } else { jpeg })
 }

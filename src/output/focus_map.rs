@@ -7,8 +7,7 @@
 //!
 //! Cost: reads the neighbours of each pixel. Memory: one picture. Limits: the width of lines is fixed in pixels, whatever the resolution.
 
-use super::data_uri::Rgb8;
-use super::png;
+use super::png::{self, Rgb8};
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;

@@ -2,8 +2,10 @@
 //!
 //! Every writer uses [`atomic::write()`]; none of them opens a file itself.
 
+#[doc(hidden)]
 pub mod atomic;
-pub mod data_uri;
+#[cfg(feature = "cli")]
+pub(crate) mod data_uri;
 pub mod exr;
 pub mod focus_map;
 pub mod png;

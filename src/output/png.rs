@@ -1,7 +1,6 @@
 //! PNG: 8-bit sRGB previews for viewing. Pipelines read the EXR.
 
 use super::atomic;
-use super::data_uri::Rgb8;
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
 use image::codecs::png::PngEncoder;
@@ -14,6 +13,17 @@ const GAP_PX: usize = 8;
 
 /// Grey of that strip, as an 8-bit value.
 const GAP_GREY: u8 = 32;
+
+/// An opaque picture with 8 bits per value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Rgb8 {
+    /// Width in pixels.
+    pub(crate) width: usize,
+    /// Height in pixels.
+    pub(crate) height: usize,
+    /// Red, green and blue of each pixel, row by row.
+    pub(crate) bytes: Vec<u8>,
+}
 
 /// 8-bit pixels to encode.
 struct Pixels {
@@ -76,6 +86,7 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
 ///
 /// # Errors
 /// As [`atomic::write()`].
+#[cfg(feature = "cli")]
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
@@ -101,7 +112,8 @@ pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
 }
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
-pub fn false_color(plane: &Plane) -> Vec<u8> {
+#[cfg(feature = "cli")]
+pub(crate) fn false_color(plane: &Plane) -> Vec<u8> {
     let mut bytes = vec![0; plane.width() * plane.height() * 3];
     fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {
         for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How far behind the lens the sensor stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SensorDistance {
     /// At the focal length, whatever the focus: Blender and Mitsuba.
     FocalLength,
@@ -16,6 +17,7 @@ pub enum SensorDistance {
 /// What the picture is taken to show beyond its frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Border {
     /// Its last sample, for ever.
     Clamp,
@@ -28,6 +30,7 @@ pub enum Border {
 /// How depth is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum DepthConvention {
     /// Distance from the lens plane along the optical axis (Blender).
     Planar,

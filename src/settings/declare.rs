@@ -61,6 +61,7 @@ macro_rules! group {
     ) => {
         $(#[doc = $about])+
         #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[non_exhaustive]
         pub struct $name {
             $( $(#[doc = $plain_doc])+ pub $plain: Sourced<$plain_type>, )?
             $( $(#[doc = $doc])+ pub $key: Sourced<resolved_type!($type $(= $default)?)>, )+
@@ -132,6 +133,8 @@ macro_rules! settings {
         } )+ }
     ) => {
         /// One layer of settings: what it leaves open is `None`.
+        ///
+        /// Every new setting adds a field: end an expression with `..Values::default()`.
         #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Values {
             /// What is in focus.

@@ -20,13 +20,14 @@ pub use choices::{Border, DepthConvention, SensorDistance};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
 pub use origin::{Origin, Sourced};
-pub(crate) use parameters::at;
 pub use parameters::{
-    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters, Place,
+    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
 };
+pub(crate) use parameters::{Place, at};
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 #[doc(hidden)]
 pub use serde;
+pub use serde_json::Value as Json;
 pub use setting::{CommandLine, Kind, Range, Setting, Value, Word};
 pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
 
@@ -49,6 +50,7 @@ pub struct Mask {
 
 /// All values, each with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Settings {
     /// Lens, aperture and depth.
     pub lens: LensSettings,
@@ -77,7 +79,7 @@ pub struct Switches {
 }
 
 /// The candidate that `word` was most likely meant to be, if any comes near.
-pub fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
     /// Jaro-Winkler similarity from which a word counts as a slip of another.
     const NEAR: f64 = 0.8;
     let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());

@@ -6,6 +6,7 @@ use std::fmt;
 /// Where a value came from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "from", content = "name")]
+#[non_exhaustive]
 pub enum Origin {
     /// The built-in default.
     Default,

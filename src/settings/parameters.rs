@@ -32,6 +32,7 @@ pub struct Parameter {
 /// The values that a parameter accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ParameterKind {
     /// `true` or `false`.
     Flag,
@@ -154,12 +155,12 @@ pub struct ParameterValue {
     pub value: Json,
     /// Where it is written, for errors.
     #[serde(skip)]
-    pub place: Option<Place>,
+    pub(crate) place: Option<Place>,
 }
 
 /// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub(crate) struct Place {
     /// The place of the method's name, `[method.NAME]`.
     pub method: String,
     /// The place of the key.

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 /// One setting: a row of [`super::SETTINGS`].
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Setting {
     /// Its key in the library: the name that errors and findings call it by, in backquotes.
     pub key: &'static str,

@@ -184,6 +184,7 @@ settings! {
 
 /// A setting with its value and where that comes from.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Listed<'a> {
     /// The setting.
     pub setting: &'static Setting,

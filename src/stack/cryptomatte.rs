@@ -36,6 +36,7 @@ const NO_OBJECT: u32 = 0;
 
 /// One cryptomatte of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Cryptomatte {
     /// The name of its channels without their numbers: `ViewLayer.CryptoObject`.
     pub name: String,
@@ -66,6 +67,7 @@ struct Described {
 
 /// The coverage of one object in a picture.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ObjectMatte<'a> {
     /// The cryptomatte that it was found in.
     pub cryptomatte: &'a str,
@@ -75,6 +77,7 @@ pub struct ObjectMatte<'a> {
 
 /// The objects of one cryptomatte that are visible in a picture.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Objects {
     /// The name of the cryptomatte.
     pub cryptomatte: String,
@@ -342,7 +345,7 @@ fn floats(samples: &FlatSamples) -> Cow<'_, [f32]> {
 }
 
 /// The first `max` names of a list, and the number of the others.
-pub fn listed(names: &[String], max: usize) -> String {
+pub(crate) fn listed(names: &[String], max: usize) -> String {
     let shown = names.iter().take(max).map(String::as_str).collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(max) {
         0 => shown,

@@ -7,11 +7,8 @@ use super::Source;
 use std::path::Path;
 
 /// The frame number in the names of `sources`, if they have one.
-pub fn frame_number(sources: &[Source]) -> Option<i64> {
-    let mut numbers = sources.iter().map(|source| match source {
-        Source::File(path) => numbers(path),
-        Source::Embedded { name, .. } => numbers(Path::new(name)),
-    });
+pub(crate) fn frame_number(sources: &[Source]) -> Option<i64> {
+    let mut numbers = sources.iter().map(|source| numbers(source.name()));
     let first = numbers.next()?;
     let others: Vec<Vec<i64>> = numbers.collect();
     first.into_iter().rev().find(|number| others.iter().all(|other| other.contains(number)))

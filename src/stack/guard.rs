@@ -10,7 +10,7 @@ use crate::error::Error;
 use std::io::{self, BufRead, Read, Seek};
 
 /// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
-const COORDINATE_LIMIT: i64 = 1 << 30;
+pub(super) const COORDINATE_LIMIT: i64 = 1 << 30;
 /// A display window of more than this many times the data window's area is an error, not a crop.
 const MAX_DISPLAY_RATIO: u64 = 4096;
 /// The help for a damaged header.

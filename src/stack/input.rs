@@ -5,6 +5,7 @@ use crate::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The first bytes of every OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -15,7 +16,7 @@ pub(super) enum Input {
     /// A file.
     File(BufReader<File>),
     /// Memory.
-    Memory(Cursor<&'static [u8]>),
+    Memory(Cursor<Arc<[u8]>>),
 }
 
 /// An opened source, positioned at its first byte.
@@ -71,10 +72,10 @@ impl Opened {
     pub(super) fn open(source: &Source) -> Result<Self, Error> {
         let opened = match source {
             Source::File(path) => open_file(path)?,
-            Source::Embedded { name, bytes } => Self {
+            Source::Memory { name, bytes } => Self {
                 name: PathBuf::from(name),
                 len: bytes.len() as u64,
-                input: Input::Memory(Cursor::new(bytes)),
+                input: Input::Memory(Cursor::new(Arc::clone(bytes))),
             },
         };
         if opened.len == 0 {

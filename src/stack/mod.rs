@@ -9,6 +9,7 @@ mod chunks;
 mod convention;
 mod cryptomatte;
 mod decode;
+#[doc(hidden)]
 pub mod depth;
 mod frame_number;
 mod guard;
@@ -20,12 +21,16 @@ mod murmur;
 mod names;
 mod options;
 mod picture;
+mod planes;
 mod read;
 mod sanitise;
 
+#[doc(hidden)]
 pub use camera::camera_attributes;
-pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
-pub use frame_number::frame_number;
+#[cfg(feature = "cli")]
+pub(crate) use cryptomatte::listed;
+pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
+pub(crate) use frame_number::frame_number;
 pub use options::{Carry, ReadOptions, Source};
 pub use read::{read, read_picture};
 
@@ -72,6 +77,7 @@ pub struct Frame {
 /// What the fragments of a stack represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StackKind {
     /// One anti-aliased picture with one depth sample per pixel, without surfaces behind it.
     BeautyDepth,
@@ -88,6 +94,7 @@ pub enum StackKind {
 /// Numeric type of the input's colour channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Precision {
     /// 16-bit floating point.
     Half,
@@ -98,6 +105,7 @@ pub enum Precision {
 /// Range of the colours of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ColorRange {
     /// Scene-linear floats, without a maximum.
     Unbounded,
@@ -111,6 +119,7 @@ pub struct CarriedChannel {
     /// Full name, dotted prefix included.
     pub name: String,
     /// Samples of the data window, in the type of the file.
+    #[doc(hidden)]
     pub samples: exr::image::FlatSamples,
     /// Whether the samples are perceptually linear (an EXR channel flag).
     pub quantize_linearly: bool,
@@ -122,11 +131,13 @@ pub struct Carried {
     /// Channels that no peel uses.
     pub channels: Vec<CarriedChannel>,
     /// Header attributes, known and unknown, that are valid for the output.
+    #[doc(hidden)]
     pub attributes: Vec<(exr::meta::attribute::Text, exr::meta::attribute::AttributeValue)>,
 }
 
 /// A depth-peel stack as read from its files.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Stack {
     /// The peels, nearest first, all of the data window's size.
     pub peels: Vec<Peel>,
@@ -173,6 +184,12 @@ impl fmt::Display for Window {
 }
 
 impl Frame {
+    /// The frame of a picture of `width` × `height` square pixels, without overscan or crop.
+    pub fn from_size(width: usize, height: usize) -> Self {
+        let window = Window { x: 0, y: 0, width, height };
+        Self { data: window, display: window, pixel_aspect: 1.0 }
+    }
+
     /// Position of the data window's first pixel centre relative to the centre of the display window, in pixels right and down.
     pub fn data_origin_from_centre(&self) -> [f32; 2] {
         let (data, display) = (self.data, self.display);

@@ -1,7 +1,8 @@
 //! Input files and options of reading.
 
 use crate::settings::DepthConvention;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Which channels of the input are copied to the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -38,14 +39,35 @@ pub struct ReadOptions {
 
 /// An input file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Source {
     /// A file on disk.
     File(PathBuf),
-    /// A file embedded in the program.
-    Embedded {
+    /// The content of a file, in memory.
+    Memory {
         /// The name for messages.
-        name: &'static str,
-        /// Its content.
-        bytes: &'static [u8],
+        name: String,
+        /// The file's bytes.
+        bytes: Arc<[u8]>,
     },
+}
+
+impl Source {
+    /// The file at `path`.
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self::File(path.into())
+    }
+
+    /// The bytes of a file, called `name` in messages.
+    pub fn memory(name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> Self {
+        Self::Memory { name: name.into(), bytes: bytes.into() }
+    }
+
+    /// The path or name to show.
+    pub(super) fn name(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Memory { name, .. } => Path::new(name),
+        }
+    }
 }

@@ -158,7 +158,7 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 }
 
 /// The stack of all layers: one data window, one convention, one kind.
-fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
+pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
     let Layers { peels: layers, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);

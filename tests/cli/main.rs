@@ -1,5 +1,6 @@
 //! The program as a user runs it.
 
+#![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 mod compare;

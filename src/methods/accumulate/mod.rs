@@ -20,7 +20,7 @@ mod parameters;
 mod tiles;
 mod volume;
 
-pub use volume::Volume;
+pub(crate) use volume::Volume;
 
 use crate::error::Error;
 use crate::image::Image;

@@ -11,7 +11,7 @@ use std::borrow::Borrow;
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
-pub struct Volume<L> {
+pub(crate) struct Volume<L> {
     pub(super) layers: Vec<L>,
     pub(super) tiles: Tiles,
     /// Columns and rows of samples.
@@ -81,12 +81,12 @@ fn depth_order(layer: &Layer, x: usize, y: usize, coc_interval: [f32; 2]) -> Dep
 
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
-    pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
+    pub(crate) fn new(scene: &'a Scene, plan: &Plan) -> Self {
         Self::from_first_layers(scene.layers.len(), scene, plan)
     }
 
     /// The boxes of the first `count` layers of `scene`.
-    pub fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
+    pub(crate) fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
         Self::from_layers(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
     }
 }
@@ -116,7 +116,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// Mean colour over `rays` of picture pixel `x, y`, with the rays of each channel's set.
-    pub fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
+    pub(crate) fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
         let mut pixel = [0.0; 4];
         for (views, channels) in rays.sets() {
             let mean = self.mean_color(x, y, views);
@@ -138,13 +138,13 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
-    pub fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
+    pub(crate) fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
         self.optics.within_barrel(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
     /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last
     /// layer: a further layer might have content there.
-    pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
+    pub(crate) fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
         let centre = centre(x, y);
         let lost = |view: &View| {
             let ray = self.ray(centre, view);

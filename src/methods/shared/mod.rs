@@ -40,7 +40,9 @@ pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
     nbuffer_words,
 };
-pub(super) use ray_sum::{MIN_HIT, RaySum};
+#[cfg(feature = "gpu")]
+pub(super) use ray_sum::MIN_HIT;
+pub(super) use ray_sum::RaySum;
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use rows::planes_from_rows;
 pub(super) use sub_image_work::sub_image_pixels;

@@ -8,6 +8,7 @@ use std::str::FromStr;
 /// A compression that can be written. The EXR library cannot write HTJ2K and ZSTD.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Codec {
     /// No compression.
     None,

@@ -36,6 +36,13 @@ pub struct ExrOptions {
     pub codec: Codec,
 }
 
+impl ExrOptions {
+    /// Options for `precision`, with the default compression.
+    pub fn new(precision: Precision) -> Self {
+        Self { precision, codec: Codec::default() }
+    }
+}
+
 /// Writes `image` with its `frame` and the data `carried` from the input to the file `path` (`-`: standard output).
 ///
 /// `image` has the size of `frame.data`. Half values beyond ±65504 are clamped. Returns findings about data that cannot be copied:

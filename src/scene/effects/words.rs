@@ -142,6 +142,7 @@ impl EffectKind {
 
 /// One decision, with its reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Effect {
     /// Which effect.
     pub name: EffectKind,

@@ -24,6 +24,7 @@ pub struct Preset {
 
 /// A preset that ships inside the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BuiltIn {
     /// The name that it is asked for by.
     pub name: &'static str,
