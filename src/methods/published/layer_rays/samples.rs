@@ -32,7 +32,7 @@ impl Samples {
         let disc = views(count, Aperture::DISC);
         let set = |moved: fn(Vec2) -> Vec2| {
             let view = |view: &View| View {
-                lens: aperture.from_disc(moved(view.lens)),
+                lens: aperture.warp_disc(moved(view.lens)),
                 jitter: moved(view.jitter),
                 ..*view
             };
