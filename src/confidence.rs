@@ -1,23 +1,22 @@
-//! CONFIDENCE: how much of each pixel's light comes from what the stack knows, and how much from guesses.
+//! CONFIDENCE: the share of each pixel's light that comes from surfaces in the stack, as opposed to estimates.
 //!
-//! Two things are not known: surfaces that were guessed behind what the stack has ([`Scene::filled`]), and what rays would have met
-//! that find nothing although something is behind every pixel. A picture leaves such rays out of its mean, so it does not show.
+//! Two things are unknown: the surfaces of the disocclusion fill ([`Scene::filled`]), and what the rays that hit nothing would have hit
+//! although every pixel shows a surface. The picture leaves such rays out of its mean, so they are not visible in it.
 //!
-//! The same method blurs the same geometry by the same plan with other colours: 1 for what is known, 0 for what is guessed. With
-//! the background open, rays that find nothing count as 0 too; where it is open in the picture as well, they are known to be
-//! transparent, and count as 1. Steps that only smooth the picture are left out.
+//! The same method blurs the same geometry by the same plan with other colours: 1 for known surfaces, 0 for estimated ones. The
+//! background is made transparent, so that rays that hit nothing count as 0 too. Where the picture's background is transparent as well,
+//! these rays are known to be transparent and count as 1. Passes that only smooth the picture are left out.
 //!
-//! Cost: that of the blur, once more. Memory: that of the scene. Limits: only for methods that follow lens rays; the others spread what
-//! they know over what they do not, and cannot tell the two apart afterwards. What is repeated past the frame's border counts as
-//! known, and rays that `layer-rays` discards there count for nothing, as in the picture.
+//! Cost: that of the blur, once more. Memory: that of the scene. Limits: only for methods that follow lens rays; the others spread known
+//! light over unknown areas, and cannot separate them afterwards. Samples repeated past the frame's border count as
+//! known, and rays that `layer-rays` discards there are not counted, as in the picture.
 
 use crate::error::Error;
 use crate::image::Plane;
-use crate::methods::Plan;
-use crate::methods::{self, METHODS, Progress};
+use crate::methods::{self, METHODS, Plan, Progress};
 use crate::scene::{EffectKind, Scene};
 
-/// Checks that the method of `plan` can say how much it knows.
+/// Checks that the method of `plan` can measure confidence.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] if it does not follow lens rays.
@@ -27,12 +26,12 @@ pub(crate) fn check(plan: &Plan) -> Result<(), Error> {
     }
     let able = METHODS.iter().filter(|method| method.lens_sampling().is_some());
     let able: Vec<&str> = able.map(|method| method.info().name).collect();
-    Err(Error::settings(format!("{} cannot say how much of its picture the stack knows", plan.method))
-        .with("wanted", "a method that follows lens rays")
-        .help(format!("use one of {}, or leave out --confidence", able.join(", "))))
+    Err(Error::settings(format!("{} cannot measure how much of its picture the stack knows", plan.method))
+        .with("expected", "a method that follows lens rays")
+        .help(format!("use one of {}, or leave out `confidence`", able.join(", "))))
 }
 
-/// The share of each pixel's light, 0 … 1, that comes from what `scene` knows, as `plan` has it.
+/// The share of each pixel's light, 0 … 1, that comes from surfaces of `scene`, rendered by `plan`.
 ///
 /// # Errors
 /// Those of [`check`] and of the method.
@@ -42,32 +41,32 @@ pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> 
     if !plan.does(EffectKind::Blur) {
         return Ok(Plane::filled(width, height, 1.0));
     }
-    let known = known_as_white(scene, plan.does(EffectKind::Fill));
-    let [mut light, _, _, alpha] = methods::render(known, &bare(plan), progress)?.planes;
-    let open = plan.does(EffectKind::TransparentBackground);
+    let known = with_known_surfaces_white(scene, plan.does(EffectKind::Fill));
+    let [mut light, _, _, alpha] = methods::render(known, &without_color_passes(plan), progress)?.planes;
+    let is_transparent = plan.does(EffectKind::TransparentBackground);
     for (light, alpha) in light.values_mut().iter_mut().zip(alpha.values()) {
-        let transparent = if open { 1.0 - alpha } else { 0.0 };
-        // Sums of many views round to a little more than 1.
+        let transparent = if is_transparent { 1.0 - alpha } else { 0.0 };
+        // Rounding can bring the sum of many views above 1.
         *light = (*light + transparent).clamp(0.0, 1.0);
     }
     Ok(light)
 }
 
-/// `plan` without the steps that are about colour, for a scene whose surfaces are guessed already.
-fn bare(plan: &Plan) -> Plan {
+/// `plan` without the passes that depend on colour, with a transparent background, for a scene that is filled already.
+fn without_color_passes(plan: &Plan) -> Plan {
     let left_out = [EffectKind::Highlights, EffectKind::Fill, EffectKind::Prefilter, EffectKind::Resolve];
-    let bare = left_out.into_iter().fold(plan.clone(), |plan, kind| plan.forced(kind, false));
-    bare.forced(EffectKind::TransparentBackground, true)
+    let reduced = left_out.into_iter().fold(plan.clone(), |plan, kind| plan.forced(kind, false));
+    reduced.forced(EffectKind::TransparentBackground, true)
 }
 
-/// `scene`, with guessed surfaces if there are `guesses`, its red 1 where something is known and 0 where it is guessed.
-fn known_as_white(scene: Scene, guesses: bool) -> Scene {
+/// `scene`, filled if `fill` is set, with a premultiplied red of 1 for known surfaces and of 0 for estimated ones.
+fn with_known_surfaces_white(scene: Scene, fill: bool) -> Scene {
     let known = scene.layers.len();
-    let mut scene = if guesses { scene.filled() } else { scene };
+    let mut scene = if fill { scene.filled() } else { scene };
     for (i, layer) in scene.layers.iter_mut().enumerate() {
-        let none = || Plane::zeros(layer.width(), layer.height());
-        let red = if i < known { layer.alpha.clone() } else { none() };
-        let color = [red, none(), none()];
+        let black = || Plane::zeros(layer.width(), layer.height());
+        let red = if i < known { layer.alpha.clone() } else { black() };
+        let color = [red, black(), black()];
         layer.color = color;
     }
     scene
@@ -87,7 +86,7 @@ mod tests {
     /// Column of the edge.
     const EDGE: usize = 64;
 
-    /// A scene of `layers`, each of which says what is in a column: its CoC radius, or nothing.
+    /// A scene of `layers`, each of which gives the CoC radius in a column, or `None` where it is empty.
     fn scene(layers: &[fn(usize) -> Option<f32>]) -> Scene {
         let layer = |column: &fn(usize) -> Option<f32>| Layer {
             color: std::array::from_fn(|_| Plane::filled(WIDTH, HEIGHT, 0.3)),
@@ -110,11 +109,11 @@ mod tests {
         confidence(scene, &plan, &|_| {}).unwrap()
     }
 
-    /// Something in focus on the left, that hides half of a wall 12 px behind it.
+    /// A surface in focus on the left, in front of a wall with a CoC radius of 12 px.
     const IN_FRONT: fn(usize) -> Option<f32> = |x| Some(if x < EDGE { 0.0 } else { BLUR });
     const BLUR: f32 = 12.0;
 
-    /// What it hides.
+    /// The hidden part of the wall.
     const HIDDEN: fn(usize) -> Option<f32> = |x| (x < EDGE).then_some(BLUR);
 
     /// The part of a disc's area on the far side of a line at `distance` radii from its centre.
@@ -124,9 +123,9 @@ mod tests {
     }
 
     #[test]
-    fn beside_an_edge_the_lens_guesses_the_part_of_its_disc_that_the_edge_hides() {
-        // A ray of a pixel on the wall meets it at p + 12 u: behind the edge wherever that is left of it. shear has a
-        // guess there, the others nothing.
+    fn beside_an_edge_the_hidden_part_of_the_disc_is_unknown() {
+        // A ray of a pixel on the wall hits it at p + 12 u: behind the surface in front if that is left of the edge. There shear has
+        // an estimated surface, the others none.
         for method in ["shear", "accumulate", "peel-rays", "layer-rays"] {
             let found = found(&[IN_FRONT], method);
             for x in (EDGE..EDGE + 20).step_by(2) {
@@ -137,30 +136,30 @@ mod tests {
                     "{method}, column {x}: {share}, expected {expected}"
                 );
             }
-            assert!((found.get(EDGE - 4, HEIGHT / 2) - 1.0).abs() < 1e-3, "{method}: in focus all is known");
+            assert!((found.get(EDGE - 4, HEIGHT / 2) - 1.0).abs() < 1e-3, "{method}: known in focus");
         }
     }
 
     #[test]
-    fn a_stack_that_has_what_is_hidden_knows_everything() {
+    fn a_stack_with_the_hidden_surfaces_is_fully_known() {
         for method in ["shear", "accumulate"] {
             let found = found(&[IN_FRONT, HIDDEN], method);
-            let least = found.values().iter().copied().fold(1.0, f32::min);
-            assert!(least > 0.999, "{method}: {least}");
+            let min = found.values().iter().copied().fold(1.0, f32::min);
+            assert!(min > 0.999, "{method}: {min}");
         }
     }
 
     #[test]
-    fn a_picture_in_focus_is_known_whatever_is_behind_it() {
+    fn a_picture_in_focus_is_fully_known() {
         let found = found(&[|x| Some(if x < EDGE { 0.0 } else { 0.25 })], "shear");
         assert!(found.values().iter().all(|&share| share == 1.0));
     }
 
     #[test]
-    fn an_open_background_is_known_to_be_open() {
+    fn a_transparent_background_is_known() {
         let found = found(&[|x| (x < EDGE).then_some(-6.0)], "accumulate");
-        let least = found.values().iter().copied().fold(1.0, f32::min);
-        assert!(least > 0.999, "{least}");
+        let min = found.values().iter().copied().fold(1.0, f32::min);
+        assert!(min > 0.999, "{min}");
     }
 
     #[test]

@@ -1,11 +1,10 @@
-//! FINISH: what a lens does to the picture as a whole, whatever blurs it: larger and smaller pictures in red and blue, and darker
-//! corners.
+//! FINISH: the effects of a lens on the picture as a whole, for every method: lateral colour and vignetting.
 //!
-//! Both are functions of the place in the picture alone, so that every method has them, and free where they are off. The sampling
-//! error is measured before them.
+//! Both depend only on the position in the picture, so they are applied after any method, and cost nothing where they are off. The
+//! sampling error is measured before them.
 //!
-//! *Lateral colour.* Red shows at `p` what green shows at `axis + (p − axis) / (1 + m)`, between four pixels in proportion: for what is
-//! in focus that is exact, as a fragment is the square of its sample. Past the border its pixels are repeated. Alpha goes with green.
+//! *Lateral colour.* Red shows at `p` what green shows at `axis + (p − axis) / (1 + m)`, interpolated bilinearly: for surfaces in focus
+//! that is exact, because a fragment is the square of its sample. Border pixels are repeated. Alpha is sampled like green.
 //!
 //! Cost: a read and a write of the picture. Memory: one channel.
 
@@ -16,7 +15,7 @@ use crate::scene::EffectKind;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// `image`, which lies there in the lens's `field`, as the lens of `plan` leaves it.
+/// `image` with the lateral colour and vignetting of `plan`; `field` is its position in the lens's field.
 pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
     let optics = &plan.optics;
     if plan.does(EffectKind::LateralColor) {
@@ -27,14 +26,14 @@ pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
         }
     }
     if plan.does(EffectKind::Vignetting) {
-        // The barrel takes light whether the shape that it leaves shows or not.
+        // The requested optics: the barrel darkens the corners even where the cat's eye is off because nothing is blurred.
         let barrel = Optics { vignetting: optics.vignetting, ..plan.optics_requested.clone() };
         darken(&mut image, &Falloff::new(&barrel, field));
     }
     image
 }
 
-/// `plane`, `factor` times as large about `axis`.
+/// `plane` magnified by `factor` about `axis`.
 fn magnified(plane: &Plane, factor: f32, axis: Vec2) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let mut result = Plane::zeros(width, height);
@@ -43,14 +42,14 @@ fn magnified(plane: &Plane, factor: f32, axis: Vec2) -> Plane {
         let (above, below) = (plane.row(above), plane.row(below));
         for (x, value) in row.iter_mut().enumerate() {
             let (left, right, across) = between(axis.x + (x as f32 + 0.5 - axis.x) / factor, width);
-            let of_row = |row: &[f32]| row[left] + across * (row[right] - row[left]);
-            *value = of_row(above) + down * (of_row(below) - of_row(above));
+            let interpolated = |row: &[f32]| row[left] + across * (row[right] - row[left]);
+            *value = interpolated(above) + down * (interpolated(below) - interpolated(above));
         }
     });
     result
 }
 
-/// The two of `count` pixels between whose centres `place` lies, and how far it is from the first to the second.
+/// The two pixels, of `count`, between whose centres `place` lies, and the weight of the second.
 fn between(place: f32, count: usize) -> (usize, usize, f32) {
     let place = (place - 0.5).clamp(0.0, count as f32 - 1.0);
     let first = place as usize;
@@ -63,8 +62,8 @@ fn darken(image: &mut Image, falloff: &Falloff) {
     let [red, green, blue, _] = image.planes.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
     red.zip(green).zip(blue).enumerate().for_each(|(y, ((red, green), blue))| {
         for (x, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
-            let left = falloff.at(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-            [red, green, blue].into_iter().for_each(|value| *value *= left);
+            let brightness = falloff.at(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            [red, green, blue].into_iter().for_each(|value| *value *= brightness);
         }
     });
 }
@@ -78,8 +77,8 @@ mod tests {
     use crate::stack::StackKind;
 
     #[test]
-    fn a_larger_picture_shows_farther_out_what_was_nearer() {
-        // A ramp of 1 a pixel from the axis: 5 % larger, it is 1 / 1.05 a pixel.
+    fn magnification_divides_distances_from_the_axis() {
+        // A ramp of 1 per pixel from the axis: 5 % larger, it is 1 / 1.05 per pixel.
         let ramp = Plane::from_fn(41, 21, |x, y| (x as f32 - 20.0) + 100.0 * (y as f32 - 10.0));
         let larger = magnified(&ramp, 1.05, Vec2::new(20.5, 10.5));
         for (x, y) in [(20, 10), (0, 0), (40, 20), (31, 3)] {
@@ -102,21 +101,21 @@ mod tests {
             let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
             assert!(!plan.does(EffectKind::CatsEye), "{method}: nothing is blurred");
             let image = finish(scene.pinhole(), &plan, scene.field);
-            // Nearly the corner, where the barrel leaves 39 % and the cosine to the fourth power of 31° 54 %.
+            // Near the corner, where 39 % of the light passes the barrel, and the cosine of 31° to the fourth power is 54 %.
             let corner = image.pixel(0, 0)[1];
             let expected = plan.optics_requested.brightness(&scene.field, Vec2::splat(0.5));
             assert!((corner - expected).abs() < 1e-5 && (0.2..0.23).contains(&corner), "{method}: {corner}");
-            assert_eq!(image.pixel(0, 0)[3], 1.0, "{method}: alpha stays");
+            assert_eq!(image.pixel(0, 0)[3], 1.0, "{method}: alpha is unchanged");
         }
     }
 
     #[test]
-    fn red_that_is_shown_farther_out_is_what_green_shows_nearer_to_the_axis() {
+    fn lateral_colour_shifts_red_and_blue_against_green_in_proportion_to_the_distance_from_the_axis() {
         let plane = || Plane::from_fn(64, 36, |x, _| x as f32);
         let layer =
             Layer { color: [plane(), plane(), plane()], alpha: plane(), coc_px: Plane::zeros(64, 36) };
         let scene = Scene::new(vec![layer], StackKind::Coverage, 1, 10.0);
-        // 50 mm before 64 px: 2 mm are 2.56 px, in the corners.
+        // 64 px at 50 mm: 2 mm are 2.56 px in the corners.
         let values = Values { lateral_color_um: Some([2000.0, -2000.0]), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         let plan = methods::Registry::default().plan(&scene.analyze(), &settings).unwrap();
@@ -124,7 +123,7 @@ mod tests {
         // 24 of the 36.7 px to the corner: 1.67 px.
         let [red, green, blue, _] = image.pixel(55, 18);
         assert_eq!(green, 55.0);
-        assert!((green - red - 1.6).abs() < 0.1, "{red}: 1.67 px, or so much less of the distance itself");
+        assert!((green - red - 1.6).abs() < 0.1, "{red}: 1.67 px, divided by the magnification");
         assert!((blue - green - 1.75).abs() < 0.1, "{blue}");
     }
 

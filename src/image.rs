@@ -1,6 +1,6 @@
-//! The one pixel type: planes of `f32`, scene-linear, colour premultiplied by alpha.
+//! The pixel type of the whole program: planes of `f32`, scene-linear, colour premultiplied by alpha.
 
-/// Values that may be read before the first and after the last of a plane, so that a vector may begin or end outside a row.
+/// Number of readable values before the first and after the last value of a plane, so that a vector may begin or end outside a row.
 pub const MARGIN: usize = 16;
 
 /// One channel of a picture: `[height][width]`, row by row from the top.
@@ -37,14 +37,14 @@ impl Plane {
     /// A plane of `values`, row by row from the top.
     ///
     /// # Panics
-    /// If there are not `width · height` of them.
+    /// If there are not `width · height` values.
     pub fn from_values(width: usize, height: usize, values: &[f32]) -> Self {
         let mut plane = Self::zeros(width, height);
         plane.values_mut().copy_from_slice(values);
         plane
     }
 
-    /// The plane without `columns` on the left and on the right, and without `rows` above and below; as it is without any.
+    /// The plane without `columns` on the left and on the right, and without `rows` above and below; unchanged if both are 0.
     #[must_use]
     pub fn trimmed(self, [columns, rows]: [usize; 2]) -> Self {
         if [columns, rows] == [0, 0] {
@@ -155,8 +155,8 @@ impl Image {
     }
 }
 
-/// The sRGB transfer function: scene-linear to display value. Nothing is clipped: negative values stay on the
-/// linear segment, values above 1 go on along the curve.
+/// The sRGB transfer function: scene-linear to display value. Nothing is clipped: negative values follow the
+/// linear segment, values above 1 the curve.
 pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trimmed_plane_is_its_middle() {
+    fn a_trimmed_plane_is_its_inner_part() {
         let place = |x: usize, y: usize| (x + 10 * y) as f32;
         let whole = Plane::from_fn(6, 5, place);
         assert_eq!(whole.clone().trimmed([2, 1]), Plane::from_fn(2, 3, |x, y| place(x + 2, y + 1)));

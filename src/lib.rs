@@ -15,7 +15,7 @@
 //! let lens = Values { focal_length_mm: Some(85.0), f_number: Some(1.4), focus, ..Values::default() };
 //! let job = Job::new([Source::file("samples/fence/stack.exr")]).with_values(lens);
 //! let rendered = render(&job, &|_share| {})?;
-//! let options = exr::ExrOptions::of(rendered.stack.precision);
+//! let options = exr::ExrOptions::new(rendered.stack.precision);
 //! exr::write(&exr_path, &rendered.image, &rendered.frame, &rendered.stack.carried, &options)?;
 //! png::write(&png_path, &rendered.image, 0.0)?;
 //! # assert!(exr_path.is_file() && png_path.is_file());

@@ -1,9 +1,9 @@
-//! How fast this machine is, against the one where the table of costs was made.
+//! The speed of this machine relative to the machine where the cost terms were measured.
 //!
-//! A small scene made in code is blurred by one method of each kind of work, in turns, a few times; the quickest run counts, since
-//! whatever else the machine does can only slow it down. The result is kept in a file of the user's cache folder, under the
-//! machine's name. A file that cannot be read, is of another machine, version or table of costs, or cannot be written, costs a calibration, not
-//! the command.
+//! A small generated scene is blurred by one method of each kind of work, alternating, a few times. The fastest run counts, since
+//! other load can only slow a run down. The result is stored in a file in the user's cache folder, under the machine's name. If the file
+//! cannot be read or written, or belongs to another machine, version or set of cost terms, the machine is calibrated again; the command does
+//! not fail.
 
 use crate::error::Error;
 use crate::image::Plane;
@@ -18,61 +18,61 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// How many kinds of work there are.
+/// Number of kinds of work.
 const KIND_COUNT: usize = WorkKind::ALL.len();
 
-/// Processor seconds of a calibration's runs on the machine that the terms of costs were measured on.
-const MADE_SECONDS: [f64; KIND_COUNT] = [0.0318, 0.0190, 0.0140];
+/// Processor seconds of a calibration's runs on the machine where the cost terms were measured.
+const BASELINE_SECONDS: [f64; KIND_COUNT] = [0.0318, 0.0190, 0.0140];
 
 /// The environment variable that names the folder of calibrations.
 pub const CACHE_VARIABLE: &str = "THINLENS_CACHE_DIR";
 
-/// Each method runs at least so often in a calibration.
+/// Smallest number of runs of each method in a calibration.
 const MIN_RUNS: usize = 3;
 
-/// Runs are begun until so many seconds have passed: half a second tells a quick spell from a slow one on a shared machine.
+/// Time during which new runs begin: about half a second, to cover fast and slow periods of a shared machine.
 const ENOUGH_SECONDS: f64 = 0.6;
 
-/// A machine that gives its threads less than this share of a core each, in every kind of work, has something else to do.
+/// Share of a core per thread below which, in every kind of work, the machine counts as busy with other work.
 const IDLE_SHARE: f64 = 0.6;
 
 /// Width and height of the picture that a calibration blurs.
 const SIZE: (usize, usize) = (512, 288);
 
-/// How a machine does one kind of work.
+/// The speed of a machine at one kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Factor {
-    /// Processor time over that of the table's machine.
+    /// Processor time relative to the machine of the cost terms.
     pub cpu: f64,
-    /// Processor time over wall time: how many threads' worth of work is done at once.
+    /// Processor time over wall time: the number of threads that work at the same time.
     pub speed_up: f64,
 }
 
-/// How fast a machine is.
+/// The speed of a machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Calibration {
     /// The machine.
     pub(crate) machine: Machine,
-    /// When it was measured, in seconds since 1970; `None`: not at all.
+    /// Time of the measurement, in seconds since 1970; `None` if not measured.
     pub measured_at: Option<u64>,
-    /// In the order of [`Kind`].
+    /// In the order of [`WorkKind::ALL`].
     pub factors: [Factor; KIND_COUNT],
-    /// Processor seconds of the table's machine that the factors are over: another table's factors tell nothing.
+    /// Processor seconds of the baseline machine that the factors are relative to. Factors of another baseline are not valid.
     pub over_seconds: [f64; KIND_COUNT],
 }
 
-/// What became of the calibration's file; for the user.
+/// A remark for the user about the calibration's file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Remark(pub String);
 
 impl Calibration {
-    /// This machine, not measured: taken to be as fast as the table's, with all threads at work.
+    /// This machine without a measurement: as fast as the baseline machine, with all threads at work.
     pub fn assumed() -> Self {
         let machine = Machine::this();
         let factor = Factor { cpu: 1.0, speed_up: machine.threads as f64 };
-        Self { machine, measured_at: None, factors: [factor; KIND_COUNT], over_seconds: MADE_SECONDS }
+        Self { machine, measured_at: None, factors: [factor; KIND_COUNT], over_seconds: BASELINE_SECONDS }
     }
 
     /// Measures this machine, in less than a second.
@@ -80,20 +80,20 @@ impl Calibration {
     /// # Errors
     /// Those of the methods, which on the CPU have none.
     pub fn measure() -> Result<Self, Error> {
-        // More digits would be noise.
+        // Further digits are noise.
         let rounded = |value: f64| (value * 1e4).round() / 1e4;
         let factors = timed()?.map(|(kind, cpu_seconds, speed_up)| Factor {
-            cpu: rounded(cpu_seconds / MADE_SECONDS[kind as usize]),
+            cpu: rounded(cpu_seconds / BASELINE_SECONDS[kind as usize]),
             speed_up: rounded(speed_up),
         });
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
-        Ok(Self { machine: Machine::this(), measured_at: Some(now), factors, over_seconds: MADE_SECONDS })
+        Ok(Self { machine: Machine::this(), measured_at: Some(now), factors, over_seconds: BASELINE_SECONDS })
     }
 
-    /// What is kept of this machine in `folder`; measured where nothing is, or `again` asks for it, and then kept.
+    /// The calibration of this machine stored in `folder`. It is measured and stored if there is none, or if `again` is set.
     ///
     /// # Errors
-    /// Those of [`Self::measure`]; what is wrong with the file is a remark.
+    /// Those of [`Self::measure`]; a problem with the file is a remark.
     pub fn load_or_measure(folder: Option<&Path>, again: bool) -> Result<(Self, Vec<Remark>), Error> {
         let machine = Machine::this();
         let file = folder.map(|folder| folder.join(machine.file_name()));
@@ -101,37 +101,39 @@ impl Calibration {
         if let Some(file) = file.as_ref().filter(|file| !again && file.exists()) {
             match Self::load(file, &machine) {
                 Ok(calibration) => return Ok((calibration, remarks)),
-                Err(why) => remarks.push(Remark(format!("{}: {why}; measured afresh", file.display()))),
+                Err(why) => remarks.push(Remark(format!("{}: {why}; measured again", file.display()))),
             }
         }
         let calibration = Self::measure()?;
         if calibration.was_busy() {
             remarks.push(Remark(
-                "other work kept this machine busy while it was timed, and wall seconds follow that; \
-                 --recalibrate when it is idle"
+                "this machine was busy with other work during calibration, so predicted wall times are too long; \
+                 repeat it with `recalibrate` when the machine is idle"
                     .to_owned(),
             ));
         }
         match file.map(|file| calibration.save(&file)) {
             Some(Ok(())) => {}
-            Some(Err(error)) => remarks.push(Remark(format!("the calibration is not kept: {error}"))),
-            None => remarks.push(Remark(format!("no folder to keep it in; name one in {CACHE_VARIABLE}"))),
+            Some(Err(error)) => remarks.push(Remark(format!("the calibration is not stored: {error}"))),
+            None => remarks.push(Remark(format!(
+                "the calibration is not stored: there is no cache folder; name one in {CACHE_VARIABLE}"
+            ))),
         }
         Ok((calibration, remarks))
     }
 
-    /// How the machine does work of `kind`.
-    pub fn of(&self, kind: WorkKind) -> Factor {
+    /// The speed of the machine at work of `kind`.
+    pub fn factor(&self, kind: WorkKind) -> Factor {
         self.factors[kind as usize]
     }
 
-    /// Whether the threads got much less than a core each while they were timed.
+    /// Whether the threads had much less than a core each during the calibration.
     fn was_busy(&self) -> bool {
         let threads = self.machine.threads.min(self.machine.cores) as f64;
         self.factors.iter().all(|factor| factor.speed_up < IDLE_SHARE * threads)
     }
 
-    /// The calibration of `machine` in `file`, or why there is none.
+    /// The calibration of `machine` in `file`, or the reason why it cannot be used.
     fn load(file: &Path, machine: &Machine) -> Result<Self, String> {
         let text = std::fs::read_to_string(file).map_err(|error| format!("cannot be read ({error})"))?;
         let calibration: Self =
@@ -140,13 +142,13 @@ impl Calibration {
             [factor.cpu, factor.speed_up].iter().all(|value| value.is_finite() && *value > 0.0)
         };
         if calibration.machine != *machine {
-            return Err("is of another machine or version".to_owned());
+            return Err("is for another machine or version".to_owned());
         }
-        if calibration.over_seconds != MADE_SECONDS {
-            return Err("is of another table of costs".to_owned());
+        if calibration.over_seconds != BASELINE_SECONDS {
+            return Err("is for other cost terms".to_owned());
         }
         if calibration.measured_at.is_none() || !calibration.factors.iter().all(usable) {
-            return Err("has factors that cannot be".to_owned());
+            return Err("has invalid factors".to_owned());
         }
         Ok(calibration)
     }
@@ -154,19 +156,19 @@ impl Calibration {
     fn save(&self, file: &Path) -> Result<(), Error> {
         if let Some(folder) = file.parent() {
             std::fs::create_dir_all(folder).map_err(|error| {
-                Error::output("the cache folder cannot be made").in_file(folder).caused_by(error)
+                Error::output("the cache folder cannot be created").in_file(folder).caused_by(error)
             })?;
         }
         crate::output::report::write_json(file, self)
     }
 }
 
-/// The folder that calibrations are kept in: what [`CACHE_VARIABLE`] names, else `thinlens` in the user's cache folder.
+/// The folder of calibrations: the one that [`CACHE_VARIABLE`] names, otherwise `thinlens` in the user's cache folder.
 pub fn cache_folder() -> Option<PathBuf> {
     cache_folder_of(std::env::consts::OS, |name| std::env::var_os(name))
 }
 
-/// [`cache_folder`] of a system called `os` with the environment `variable`.
+/// [`cache_folder`] of the system `os` with the environment variables `variable`.
 fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     let path = |name: &str| variable(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     if let Some(folder) = path(CACHE_VARIABLE) {
@@ -175,7 +177,7 @@ fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Opt
     let user = match os {
         "windows" => path("LOCALAPPDATA"),
         "macos" => path("HOME").map(|home| home.join("Library/Caches")),
-        // The standard has relative paths ignored.
+        // The XDG standard says that relative paths are to be ignored.
         _ => path("XDG_CACHE_HOME")
             .filter(|path| path.is_absolute())
             .or_else(|| path("HOME").map(|home| home.join(".cache"))),
@@ -183,12 +185,12 @@ fn cache_folder_of(os: &str, variable: impl Fn(&str) -> Option<OsString>) -> Opt
     user.map(|folder| folder.join("thinlens"))
 }
 
-/// For each kind of work: least processor seconds of the calibration's run, and the speed-up by threads.
+/// For each kind of work: the smallest processor seconds of the calibration's runs, and the speed-up by threads.
 ///
 /// # Errors
 /// Those of the methods, which on the CPU have none.
 pub fn timed() -> Result<[(WorkKind, f64, f64); KIND_COUNT], Error> {
-    let scene = made(SIZE);
+    let scene = test_scene(SIZE);
     let stats = scene.analyze();
     let threads = rayon::current_num_threads() as f64;
     let mut best = WorkKind::ALL.map(|kind| (kind, f64::INFINITY, 1.0_f64));
@@ -202,7 +204,7 @@ pub fn timed() -> Result<[(WorkKind, f64, f64); KIND_COUNT], Error> {
             let watch = Stopwatch::start();
             methods::render(scene, &plan, &|_| {})?;
             let wall = watch.seconds().max(1e-9);
-            // A system that does not tell processor time has all threads at work.
+            // On a system that does not report processor time, all threads are assumed to work.
             let cpu = match watch.cpu_seconds() {
                 0.0 => wall * threads,
                 cpu => cpu,
@@ -214,7 +216,7 @@ pub fn timed() -> Result<[(WorkKind, f64, f64); KIND_COUNT], Error> {
     Ok(best)
 }
 
-/// The method that stands for a kind of work in a calibration, and its views.
+/// The method that represents a kind of work in a calibration, and its views.
 fn calibrated_by(kind: WorkKind) -> (&'static str, Option<usize>) {
     match kind {
         WorkKind::Rows => ("shear", Some(16)),
@@ -223,7 +225,7 @@ fn calibrated_by(kind: WorkKind) -> (&'static str, Option<usize>) {
     }
 }
 
-/// What a calibration of `kind` runs.
+/// The settings of a calibration's run of `kind`.
 fn settings(kind: WorkKind) -> Settings {
     let (method, views) = calibrated_by(kind);
     let values =
@@ -231,13 +233,14 @@ fn settings(kind: WorkKind) -> Settings {
     Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default())
 }
 
-/// Two layers: upright bars before focus over a floor that slants from behind focus to before it, and the floor again.
-pub(super) fn made((width, height): (usize, usize)) -> Scene {
+/// Two layers: vertical bars in front of focus over a floor that slopes from behind focus to in front of it, and the floor behind the
+/// bars.
+pub(super) fn test_scene((width, height): (usize, usize)) -> Scene {
     let is_bar = |x: usize| x % 48 < 16;
     let floor = |y: usize| 10.0 - 20.0 * y as f32 / height as f32;
     let texture = |x: usize, y: usize| ((x * 7) ^ (y * 13)) as f32 % 64.0 / 64.0;
-    let layer = |is_there: &dyn Fn(usize) -> bool, coc: &dyn Fn(usize, usize) -> f32| {
-        let within = |x: usize, value: f32| if is_there(x) { value } else { 0.0 };
+    let layer = |is_covered: &dyn Fn(usize) -> bool, coc: &dyn Fn(usize, usize) -> f32| {
+        let within = |x: usize, value: f32| if is_covered(x) { value } else { 0.0 };
         Layer {
             color: std::array::from_fn(|_| Plane::from_fn(width, height, |x, y| within(x, texture(x, y)))),
             alpha: Plane::from_fn(width, height, |x, _| within(x, 1.0)),
@@ -266,41 +269,41 @@ mod tests {
     }
 
     #[test]
-    fn what_was_kept_is_read_back_as_it_was_and_not_measured_again() {
+    fn a_stored_calibration_is_read_back_unchanged_and_not_measured_again() {
         let folder = tempfile::tempdir().unwrap();
         let invented = invented();
         invented.save(&folder.path().join("deeper").join(invented.machine.file_name())).unwrap();
-        let (kept, remarks) =
+        let (stored, remarks) =
             Calibration::load_or_measure(Some(&folder.path().join("deeper")), false).unwrap();
-        assert_eq!((kept, remarks), (invented, vec![]));
+        assert_eq!((stored, remarks), (invented, vec![]));
     }
 
     #[test]
-    fn a_file_that_is_no_calibration_of_this_machine_is_measured_afresh_and_said() {
+    fn an_unusable_file_is_reported_and_the_machine_measured_again() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(Machine::this().file_name());
         let elsewhere =
             Calibration { machine: Machine { cpu: "another".to_owned(), ..Machine::this() }, ..invented() };
-        let still = Factor { cpu: 0.0, speed_up: 1.0 };
-        let cannot_be = Calibration { factors: [still; KIND_COUNT], ..invented() };
-        let other_table = Calibration { over_seconds: [1.0; KIND_COUNT], ..invented() };
+        let zero = Factor { cpu: 0.0, speed_up: 1.0 };
+        let invalid = Calibration { factors: [zero; KIND_COUNT], ..invented() };
+        let other_baseline = Calibration { over_seconds: [1.0; KIND_COUNT], ..invented() };
         let json = |value: &Calibration| serde_json::to_string(value).unwrap();
         for (text, why) in [
             ("{ not JSON".to_owned(), "is no calibration"),
             (json(&elsewhere), "another machine"),
-            (json(&cannot_be), "cannot be"),
-            (json(&other_table), "another table"),
+            (json(&invalid), "invalid factors"),
+            (json(&other_baseline), "other cost terms"),
         ] {
             std::fs::write(&file, text).unwrap();
             let (measured, remarks) = Calibration::load_or_measure(Some(folder.path()), false).unwrap();
             assert!(remarks[0].0.contains(why), "{remarks:?}");
             assert!(measured.factors.iter().all(|factor| factor.cpu > 0.0 && factor.speed_up >= 1.0));
-            assert_eq!(Calibration::load(&file, &Machine::this()), Ok(measured), "kept in its place");
+            assert_eq!(Calibration::load(&file, &Machine::this()), Ok(measured), "the file is replaced");
         }
     }
 
     #[test]
-    fn threads_that_share_one_core_say_that_the_machine_is_busy() {
+    fn a_machine_whose_threads_share_a_core_is_busy() {
         let with = |speed_up: [f64; 3]| {
             let machine = Machine { threads: 8, cores: 8, ..Machine::this() };
             let factors = speed_up.map(|speed_up| Factor { cpu: 1.0, speed_up });
@@ -310,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn asked_to_it_measures_again() {
+    fn a_stored_calibration_is_measured_again_on_request() {
         let folder = tempfile::tempdir().unwrap();
         invented().save(&folder.path().join(Machine::this().file_name())).unwrap();
         let (again, _) = Calibration::load_or_measure(Some(folder.path()), true).unwrap();
@@ -318,20 +321,20 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_takes_no_file_costs_a_calibration_and_not_the_command() {
+    fn a_folder_that_cannot_be_written_is_a_remark_and_no_error() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "in the way").unwrap();
         let (measured, remarks) = Calibration::load_or_measure(Some(&file), false).unwrap();
         assert!(measured.measured_at.is_some());
         let says = |remarks: &[Remark], what: &str| remarks.iter().any(|remark| remark.0.contains(what));
-        assert!(says(&remarks, "not kept"), "{remarks:?}");
+        assert!(says(&remarks, "not stored"), "{remarks:?}");
         let (_, remarks) = Calibration::load_or_measure(None, false).unwrap();
         assert!(says(&remarks, CACHE_VARIABLE), "{remarks:?}");
     }
 
     #[test]
-    fn the_cache_folder_is_the_variables_or_the_systems() {
+    fn the_cache_folder_is_that_of_the_variable_or_of_the_system() {
         let folder = |os: &str, variables: &[(&str, &str)]| {
             cache_folder_of(os, |name| {
                 variables.iter().find(|(known, _)| *known == name).map(|(_, value)| OsString::from(value))

@@ -1,15 +1,15 @@
-//! COST: how long a blur will take, before it is done.
+//! COST: predictions of the time of a blur.
 //!
-//! A method's processor time is a sum of a few terms, `Σ_k a_k · work_k` ([`Method::cost`](crate::methods::Method::cost), in the method's own folder): an amount of
-//! work that follows from the scene's statistics and the plan alone, times what one unit of it takes on the machine where the terms were
-//! measured (fitted by `examples/cost_model.rs`, which also says how well the fit does on scenes that it has not seen). Another machine
-//! is faster or slower by a factor for each kind of work, and shares the work among its threads: [`Calibration`], from a self-timing of
-//! less than a second, kept in a file.
+//! A method's processor time is a sum of a few terms, `Σ_k a_k · work_k` ([`Method::cost`](crate::methods::Method::cost), in the method's
+//! own folder): an amount of work that follows from the scene's statistics and the plan alone, times the time per unit of work on the
+//! machine where the terms were measured (fitted by `examples/cost_model.rs`, which also reports the error of the fit on scenes that it did
+//! not include). Another machine is faster or slower by a factor for each kind of work, and distributes the work among its threads:
+//! [`Calibration`], from a self-timing of less than a second, kept in a file.
 //!
-//! Prediction costs about a millisecond: what lies within reach of what is judged in blocks of the picture.
+//! A prediction takes about a millisecond: the range of depths within reach is estimated in blocks of the picture.
 //!
-//! Limits: the blur alone, without reading, analysis and writing; an idle machine; memory that does not run out. What the statistics do
-//! not tell (how often things hide one another, how the hidden layers hang together) is taken to be as in the scenes of the fit.
+//! Limits: the blur alone, without reading, analysis and writing; an idle machine; enough memory. Properties that the statistics do
+//! not contain (the frequency of occlusion, the connectivity of hidden layers) are assumed to be as in the scenes of the fit.
 
 mod calibration;
 
@@ -20,7 +20,7 @@ pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder}
 use crate::methods::{Cost, Plan, WorkKind, term};
 use crate::scene::{EffectKind, SceneStats, Workload};
 
-/// What a blur is expected to take.
+/// The predicted time of a blur.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Prediction {
@@ -30,29 +30,29 @@ pub struct Prediction {
     pub seconds: f64,
 }
 
-/// The terms of carrying out `plan` on a scene with the statistics `stats`; `None` for a method that does not say its cost.
+/// The cost terms of `plan` on a scene with the statistics `stats`; `None` for a method without a cost model.
 pub fn terms(stats: &SceneStats, plan: &Plan) -> Option<Cost> {
     let workload = Workload { stats, rays: plan.views.unwrap_or(0) * plan.optics.ray_sets() };
     if plan.does(EffectKind::Blur) { plan.method.cost(plan, &workload) } else { Some(pinhole(&workload)) }
 }
 
-/// What a picture without a lens costs.
+/// The cost of a picture without a lens.
 fn pinhole(workload: &Workload<'_>) -> Cost {
     let samples = workload.pixels() * workload.supersample().powi(2);
     Cost::new(WorkKind::Planes, [term("samples of the picture", 20.795, samples)])
 }
 
-/// What carrying out `plan` on a scene with the statistics `stats` will take on the machine of `calibration`: the blur alone,
-/// [`crate::methods::render`]. `None` for a method that does not say its cost.
+/// The predicted time of `plan` on a scene with the statistics `stats`, on the machine of `calibration`: that of the blur alone,
+/// [`crate::methods::render`]. `None` for a method without a cost model.
 pub fn predict(stats: &SceneStats, plan: &Plan, calibration: &Calibration) -> Option<Prediction> {
     let cost = terms(stats, plan)?;
-    let Factor { cpu, speed_up } = calibration.of(cost.kind);
+    let Factor { cpu, speed_up } = calibration.factor(cost.kind);
     let cpu_seconds = cost.cpu_seconds() * cpu;
     Some(Prediction { cpu_seconds, seconds: cpu_seconds / speed_up })
 }
 
-/// The most lens samples a pixel with which `plan` is expected to take no more than `seconds` on the wall, 0 where not even
-/// one fits; `None` for a method that does not sample the lens, or does not say its cost.
+/// The largest number of lens samples per pixel with which `plan` is predicted to take at most `seconds` of wall time, 0 where not even
+/// one fits; `None` for a method that does not sample the lens or has no cost model.
 pub fn views_within(
     stats: &SceneStats,
     plan: &Plan,
@@ -65,13 +65,13 @@ pub fn views_within(
         let plan = Plan { views: Some(views), ..plan.clone() };
         predict(stats, &plan, calibration).is_some_and(|cost| cost.seconds <= seconds)
     };
-    // Time grows with the views, so the largest that fits is found by halving.
-    let (mut least, mut too_many) = (0, Plan::MAX_VIEWS + 1);
-    while too_many - least > 1 {
-        let middle = least.midpoint(too_many);
-        *(if fits(middle) { &mut least } else { &mut too_many }) = middle;
+    // Time grows with the number of views, so bisection finds the largest number that fits.
+    let (mut fitting, mut too_many) = (0, Plan::MAX_VIEWS + 1);
+    while too_many - fitting > 1 {
+        let middle = fitting.midpoint(too_many);
+        *(if fits(middle) { &mut fitting } else { &mut too_many }) = middle;
     }
-    Some(least)
+    Some(fitting)
 }
 
 #[cfg(test)]
@@ -89,7 +89,7 @@ mod tests {
         Registry::default().plan(stats, &settings).unwrap()
     }
 
-    /// A plan of every method, blur or not.
+    /// A plan of every method, with blur forced on.
     fn plans(stats: &SceneStats) -> impl Iterator<Item = Plan> {
         METHODS.iter().map(|method| plan(stats, method.info().name, None).forced(EffectKind::Blur, true))
     }
@@ -111,11 +111,11 @@ mod tests {
     }
 
     #[test]
-    fn every_method_says_its_cost_in_the_same_terms_for_every_scene() {
+    fn every_method_has_the_same_cost_terms_for_every_scene() {
         let names = |stats: &SceneStats, plan: &Plan| -> Vec<&str> {
             terms(stats, plan).unwrap().terms.iter().map(|term| term.name).collect()
         };
-        let [stats, other] = [(96, 64), (64, 48)].map(|size| calibration::made(size).analyze());
+        let [stats, other] = [(96, 64), (64, 48)].map(|size| calibration::test_scene(size).analyze());
         for (plan, elsewhere) in plans(&stats).zip(plans(&other)) {
             assert!(
                 terms(&stats, &plan).unwrap().terms.iter().all(|term| term.nanoseconds >= 0.0),
@@ -127,17 +127,17 @@ mod tests {
     }
 
     #[test]
-    fn every_prediction_is_finite_and_positive_even_where_there_is_nothing() {
-        let scene = calibration::made((64, 48));
-        let mut nothing = scene.clone();
-        nothing.layers.iter_mut().for_each(|layer| layer.alpha.values_mut().fill(0.0));
-        for stats in [scene.analyze(), nothing.analyze()] {
+    fn every_prediction_is_finite_and_positive_even_for_an_empty_scene() {
+        let scene = calibration::test_scene((64, 48));
+        let mut empty = scene.clone();
+        empty.layers.iter_mut().for_each(|layer| layer.alpha.values_mut().fill(0.0));
+        for stats in [scene.analyze(), empty.analyze()] {
             let pinhole = plan(&stats, "auto", None).forced(EffectKind::Blur, false);
             for plan in plans(&stats).chain([pinhole]) {
                 let Prediction { cpu_seconds, seconds } =
                     predict(&stats, &plan, &Calibration::assumed()).unwrap();
-                let can_be = |value: f64| value.is_finite() && value > 0.0;
-                assert!(can_be(cpu_seconds) && can_be(seconds), "{}: {cpu_seconds}", plan.method);
+                let is_valid = |value: f64| value.is_finite() && value > 0.0;
+                assert!(is_valid(cpu_seconds) && is_valid(seconds), "{}: {cpu_seconds}", plan.method);
             }
         }
         let blank = Scene { layers: Vec::new(), ..scene };
@@ -147,8 +147,8 @@ mod tests {
     }
 
     #[test]
-    fn twice_the_views_cost_no_less_and_no_more_than_twice() {
-        let stats = calibration::made((256, 144)).analyze();
+    fn twice_the_views_cost_one_to_two_times_as_much() {
+        let stats = calibration::test_scene((256, 144)).analyze();
         for method in METHODS.iter().map(|method| method.info().name) {
             if plan(&stats, method, None).views.is_none() {
                 continue;
@@ -167,8 +167,8 @@ mod tests {
     }
 
     #[test]
-    fn colours_with_rays_of_their_own_cost_as_three_times_the_views() {
-        let stats = calibration::made((256, 144)).analyze();
+    fn separate_rays_for_each_colour_cost_as_much_as_three_times_the_views() {
+        let stats = calibration::test_scene((256, 144)).analyze();
         for method in ["shear", "accumulate"] {
             let alike = plan(&stats, method, Some(48));
             let mut apart = plan(&stats, method, Some(16));
@@ -179,8 +179,8 @@ mod tests {
 
     #[test]
     fn a_picture_of_twice_the_height_costs_twice_as_much() {
-        // Of one width, so that blocks stay as they are.
-        let scene = calibration::made((512, 144));
+        // The width is the same, so that the blocks have the same size.
+        let scene = calibration::test_scene((512, 144));
         let (once, twice) = (scene.analyze(), doubled(&scene).analyze());
         for (a, b) in plans(&once).zip(plans(&twice)) {
             let ratio = cpu_seconds(&twice, &b) / cpu_seconds(&once, &a);
@@ -190,19 +190,19 @@ mod tests {
 
     #[test]
     fn a_slower_machine_takes_longer_and_more_threads_less() {
-        let stats = calibration::made((64, 48)).analyze();
+        let stats = calibration::test_scene((64, 48)).analyze();
         let plan = plan(&stats, "shear", None);
         let mut calibration = Calibration::assumed();
-        let as_made = predict(&stats, &plan, &calibration).unwrap().cpu_seconds;
+        let uncalibrated = predict(&stats, &plan, &calibration).unwrap().cpu_seconds;
         calibration.factors[WorkKind::Rows as usize] = Factor { cpu: 3.0, speed_up: 1.5 };
         let Prediction { cpu_seconds, seconds } = predict(&stats, &plan, &calibration).unwrap();
-        assert!((cpu_seconds / as_made - 3.0).abs() < 1e-9, "{cpu_seconds}");
+        assert!((cpu_seconds / uncalibrated - 3.0).abs() < 1e-9, "{cpu_seconds}");
         assert!((seconds / cpu_seconds - 1.0 / 1.5).abs() < 1e-9, "{seconds}");
     }
 
     #[test]
-    fn the_most_views_that_fit_fit_and_one_more_does_not() {
-        let stats = calibration::made((512, 288)).analyze();
+    fn the_largest_number_of_views_fits_and_one_more_does_not() {
+        let stats = calibration::test_scene((512, 288)).analyze();
         let calibration = Calibration::assumed();
         for method in ["shear", "accumulate", "layer-rays", "peel-rays"] {
             let plan = plan(&stats, method, None);

@@ -1,26 +1,26 @@
-//! What a [`super::Gpu`] hands out: memory and kernels.
+//! Handles that a [`super::Gpu`] returns: memory and kernels.
 
-/// Memory of a GPU.
+/// A buffer in GPU memory.
 #[derive(Debug)]
 pub(crate) struct Buffer {
     pub(super) raw: wgpu::Buffer,
 }
 
 impl Buffer {
-    /// Its size.
+    /// Size in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.raw.size()
     }
 }
 
-/// Layers of texels on a GPU, which kernels fetch faster than values of a [`Buffer`].
+/// A texture array in GPU memory; kernels fetch its texels faster than values of a [`Buffer`].
 #[derive(Debug)]
 pub(crate) struct Texture {
     pub(super) raw: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
 }
 
-/// What a texel is.
+/// Format of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Texels {
     /// `rgba32float`.
@@ -29,7 +29,7 @@ pub(crate) enum Texels {
     TwoWords,
 }
 
-/// What a kernel is given.
+/// A resource that is bound to a kernel.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Resource<'a> {
     /// For `var<storage>` and `var<uniform>`.
@@ -66,7 +66,7 @@ pub(crate) struct Kernel {
     pub(super) pipeline: wgpu::ComputePipeline,
 }
 
-/// Times of passes that are still to be read.
+/// Timestamps of passes, not read yet.
 pub(super) struct Stamps {
     pub(super) names: Vec<&'static str>,
     pub(super) ticks: Buffer,

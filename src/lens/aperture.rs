@@ -1,14 +1,14 @@
 //! The aperture's shape, in the plane of the lens samples `u` (see [`super::View`]).
 //!
-//! A fragment at `q` with CoC radius `c` is seen by picture point `p` through `u = (q − p) / c`: behind focus its blur is
-//! the shape of `u` turned by 180°, in front of focus it is the shape itself. In the picture (y downwards) the lens as
-//! the camera sees it, x to the right and y up, is `u = (−x, y)`, so a blurred point behind focus shows the aperture
-//! upright. As in Cycles, an aperture of rotation 0 has a side, not a corner, to the right, rotation turns it before a squeeze makes
-//! it narrower, and its corners lie on the disc of the f-number: `tests/cycles.rs` compares them.
+//! Picture point `p` sees a fragment at `q` with CoC radius `c` through `u = (q − p) / c`: behind focus its blur is
+//! the shape of `u` rotated by 180°, in front of focus it is the shape itself. In the picture (y downwards) the lens as
+//! seen from the camera, x to the right and y up, is `u = (−x, y)`, so a blurred point behind focus shows the aperture
+//! upright. As in Cycles, an aperture of rotation 0 has a side, not a corner, to the right, rotation is applied before the squeeze,
+//! and the corners lie on the disc of the f-number: `tests/cycles.rs` compares them.
 //!
-//! The outline is a disc, or a regular polygon whose corners lie on the unit circle. Its sides may bulge, as curved blades do: arcs
-//! of one curvature from corner to corner, up to that of the circle itself. An anamorphic lens shows all of it narrower
-//! than it is high: `x` divided by the squeeze.
+//! The outline is a disc, or a regular polygon whose corners lie on the unit circle. Curved blades have arcs as sides, all of one
+//! curvature, from corner to corner, up to the curvature of the circle itself. An anamorphic lens shows the outline narrower
+//! than high: `x` is divided by the squeeze.
 
 use crate::error::Error;
 use crate::settings::Values;
@@ -20,7 +20,7 @@ use std::f32::consts::{PI, TAU};
 pub struct Aperture {
     /// Number of sides, at least 3; 0 for a disc.
     blades: u32,
-    /// Turn of the polygon in radians, anticlockwise as seen in a blurred point behind focus.
+    /// Rotation of the polygon in radians, anticlockwise as seen in a blurred point behind focus.
     rotation: f32,
     /// Curvature of the sides in units of the circle's: 0 for straight ones, 1 for a disc.
     curvature: f32,
@@ -28,16 +28,16 @@ pub struct Aperture {
     squeeze: f32,
 }
 
-/// One side of a polygon with its middle to the right: what `x ≤ apothem` bounds, or the circle about `(centre, 0)`.
+/// One side of a polygon with its midpoint to the right: the line `x = apothem`, or an arc of the circle about `(centre, 0)`.
 #[derive(Debug, Clone, Copy)]
 struct Side {
-    /// Half of the angle that it is seen under from the aperture's centre.
+    /// Half of the angle that the side subtends at the aperture's centre.
     half_angle: f32,
     /// Radius of its arc; infinite for a straight side.
     radius: f32,
-    /// Where the centre of its arc lies; 0 for a straight side.
+    /// `x` of the centre of its arc; 0 for a straight side.
     centre: f32,
-    /// Distance of its middle from the aperture's centre.
+    /// Distance of its midpoint from the aperture's centre.
     apothem: f32,
 }
 
@@ -57,17 +57,17 @@ impl Side {
         self.radius.is_infinite()
     }
 
-    /// Half of the angle that an arc is seen under from its own centre.
+    /// Half of the angle that an arc subtends at its own centre.
     fn half_arc(&self) -> f32 {
         (self.half_angle.sin() / self.radius).clamp(-1.0, 1.0).asin()
     }
 
-    /// Area between the aperture's centre and the part of an arc from its middle to the angle `arc`, seen from the arc's centre.
+    /// Area between the aperture's centre and the part of an arc from its midpoint to the angle `arc` at the arc's centre.
     fn area_to(&self, arc: f32) -> f32 {
         0.5 * self.radius * (self.radius * arc + self.centre * arc.sin())
     }
 
-    /// Area of the triangle from the aperture's centre to the side.
+    /// Area of the sector between the aperture's centre and the side.
     fn area(&self) -> f32 {
         if self.is_straight() {
             self.half_angle.sin() * self.apothem
@@ -76,22 +76,22 @@ impl Side {
         }
     }
 
-    /// The point of the side before which the share `share`, −1 … 1, of half its area lies.
+    /// The point of the side at the share `share`, −1 … 1, of the area of half the sector, counted from the midpoint.
     fn point(&self, share: f32) -> Vec2 {
         if self.is_straight() {
             return Vec2::new(self.apothem, share * self.half_angle.sin());
         }
         let half_arc = self.half_arc();
-        let wanted = share * self.area_to(half_arc);
-        // Newton's method; the area is all but proportional to the arc.
+        let target_area = share * self.area_to(half_arc);
+        // Newton's method; four steps suffice because the area is nearly proportional to the arc.
         let arc = (0..4).fold(share * half_arc, |arc, _| {
             let slope = 0.5 * self.radius * (self.radius + self.centre * arc.cos());
-            arc - (self.area_to(arc) - wanted) / slope
+            arc - (self.area_to(arc) - target_area) / slope
         });
         Vec2::new(self.centre + self.radius * arc.cos(), self.radius * arc.sin())
     }
 
-    /// Distance of the side from the aperture's centre at `angle` from its middle.
+    /// Distance of the side from the aperture's centre in the direction `angle`, counted from its midpoint.
     fn distance(&self, angle: f32) -> f32 {
         if self.is_straight() {
             return self.apothem / angle.cos();
@@ -100,7 +100,7 @@ impl Side {
         self.centre * angle.cos() + (self.radius * self.radius - across * across).sqrt()
     }
 
-    /// How deep `point` lies inside the side scaled by `scale`, and the unit normal there.
+    /// Distance of `point` from the side scaled by `scale`, positive inside, and the unit normal there.
     fn depth(&self, point: Vec2, scale: f32) -> (f32, Vec2) {
         if self.is_straight() {
             return (scale * self.apothem - point.x, Vec2::X);
@@ -126,7 +126,7 @@ impl Aperture {
         Ok(Self { blades, rotation: rotation_deg.to_radians(), ..Self::DISC })
     }
 
-    /// The same with sides of `curvature`, 0 (straight) … 1 (the circle's own). A disc stays one.
+    /// The same aperture with sides of `curvature`, 0 (straight) … 1 (that of the circle). A disc is unchanged.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a curvature out of range.
@@ -135,7 +135,7 @@ impl Aperture {
         Ok(Self { curvature: if self.blades == 0 { 0.0 } else { curvature }, ..self })
     }
 
-    /// The same, `squeeze` times as high as wide, its height unchanged.
+    /// The same aperture, `squeeze` times as high as wide, with its height unchanged.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for a squeeze out of range.
@@ -144,7 +144,7 @@ impl Aperture {
         Ok(Self { squeeze, ..self })
     }
 
-    /// The same with straight sides unless `curved`, and as wide as high unless `squeezed`.
+    /// The same aperture with straight sides unless `curved`, and as wide as high unless `squeezed`.
     #[must_use]
     pub fn simplified(self, curved: bool, squeezed: bool) -> Self {
         Self {
@@ -159,12 +159,12 @@ impl Aperture {
         self.squeeze
     }
 
-    /// One side; none of a disc.
+    /// One side of the polygon; `None` for a disc.
     fn side(&self) -> Option<Side> {
         (self.blades > 0).then(|| Side::new(self.blades, self.curvature))
     }
 
-    /// Area in units of the squared aperture radius: π, or `n/2 · sin(2π/n)` and what bulges.
+    /// Area in units of the squared aperture radius: π, or `n/2 · sin(2π/n)` and the area between chords and arcs.
     pub fn area(&self) -> f32 {
         self.side().map_or(PI, |side| self.blades as f32 * side.area()) / self.squeeze
     }
@@ -172,7 +172,7 @@ impl Aperture {
     /// Mean of `x²` and of `y²` over the shape: 1/4 each, or `(2 + cos(2π/n)) / 12` for straight blades.
     pub fn second_moments(&self) -> Vec2 {
         let moment = self.side().map_or(0.25, |side| {
-            // ∫ r⁴/4 over the angle is the integral of r² over the triangle, half of it that of x².
+            // ∫ r⁴/4 over the angle is the integral of r² over the sector; half of it is that of x².
             let intervals = 64;
             let step = 2.0 * side.half_angle / intervals as f32;
             let weight = |i: u32| match i {
@@ -188,12 +188,11 @@ impl Aperture {
         Vec2::new(moment / (self.squeeze * self.squeeze), moment)
     }
 
-    /// Carries a point of the unit disc into the shape so that equal areas stay equal: a uniform disc becomes a uniform
-    /// polygon.
+    /// Maps a point of the unit disc into the shape. The map preserves area: a uniform disc becomes a uniform polygon.
     ///
-    /// Each wedge of the disc becomes the triangle over one side: radius to share of the way to the side, angle to position
-    /// along the side.
-    pub(crate) fn warp_disc(&self, point: Vec2) -> Vec2 {
+    /// Each wedge of the disc becomes the sector of one side: the radius is the share of the way to the side, the angle the position along
+    /// the side.
+    pub(crate) fn from_disc(&self, point: Vec2) -> Vec2 {
         let unsqueezed = match self.side() {
             None => point,
             Some(side) => {
@@ -206,10 +205,10 @@ impl Aperture {
         unsqueezed / Vec2::new(self.squeeze, 1.0)
     }
 
-    /// How deep `point` lies inside the shape scaled by `scale`, in the units of `point`; negative outside. Exact where there is
-    /// no squeeze, else near the outline.
+    /// Signed distance of `point` from the outline of the shape scaled by `scale`, in the units of `point`; negative outside. Exact without
+    /// a squeeze, otherwise accurate near the outline.
     ///
-    /// A negative scale turns the shape by 180°.
+    /// A negative scale rotates the shape by 180°.
     pub(crate) fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
         let turned = if scale < 0.0 { -point } else { point } * Vec2::new(self.squeeze, 1.0);
         let (depth, normal) = match self.side() {
@@ -221,11 +220,11 @@ impl Aperture {
                 (depth, Vec2::from_angle(angle).rotate(normal))
             }
         };
-        // What is measured where the shape is as wide as high counts less across it.
+        // From the space where the shape is as wide as high back to that of `point`: distances across shrink by the squeeze.
         depth / (normal * Vec2::new(self.squeeze, 1.0)).length()
     }
 
-    /// The same as a disc, squeezed as much.
+    /// A disc with the same squeeze.
     #[must_use]
     pub(super) fn without_blades(self) -> Self {
         Self { squeeze: self.squeeze, ..Self::DISC }
@@ -241,7 +240,7 @@ impl Aperture {
         distance / upright.length()
     }
 
-    /// Least distance of the outline from the centre; a disc's is its radius.
+    /// Smallest distance of the outline from the centre; for a disc, its radius.
     pub fn apothem(&self) -> f32 {
         self.side().map_or(1.0, |side| side.apothem) / self.squeeze.max(1.0)
     }
@@ -251,7 +250,7 @@ impl Aperture {
         (0..self.blades).map(|side| Vec2::from_angle(self.side_angle(side as f32))).collect()
     }
 
-    /// What bounds the shape, made ready for many rows.
+    /// The outline as bounds, prepared for [`Outline::row`].
     pub fn outline(&self) -> Outline {
         let side = self.side();
         let bounds = side.iter().flat_map(|side| {
@@ -279,14 +278,14 @@ impl Aperture {
     }
 }
 
-/// What a point of the shape lies on the inner side of.
+/// A half-plane or disc. The shape is the intersection of its bounds.
 #[derive(Debug, Clone, Copy)]
 enum Bound {
     Line { normal: Vec2, distance: f32 },
     Circle { centre: Vec2, radius: f32 },
 }
 
-/// The outline of an aperture: all that lies within its bounds.
+/// The outline of an aperture as the intersection of its bounds.
 #[derive(Debug, Clone)]
 pub struct Outline {
     bounds: Vec<Bound>,
@@ -294,7 +293,8 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// From where to where the shape scaled by `scale` reaches in row `y` from its centre. A negative scale turns it by 180°.
+    /// Left and right end of the shape scaled by `scale` in the row at `y` from its centre; `None` outside. A negative scale rotates it by
+    /// 180°.
     pub fn row(&self, y: f32, scale: f32) -> Option<[f32; 2]> {
         let (turned_y, size) = (y * scale.signum(), scale.abs());
         let [mut left, mut right] = [f32::NEG_INFINITY, f32::INFINITY];
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn views_fill_the_shape_evenly_about_its_centre() {
+    fn views_are_evenly_spread_over_the_shape() {
         for shape in shapes() {
             let samples = views(1024, shape);
             let mean = samples.iter().map(|v| v.lens).sum::<Vec2>() / 1024.0;
@@ -414,16 +414,17 @@ mod tests {
     #[test]
     fn curved_blades_lie_between_the_polygon_and_the_disc_and_share_its_corners() {
         let straight = Aperture::new(6, 10.0).unwrap();
-        let [half, most] = [0.5, 0.9].map(|curvature| straight.curved(curvature).unwrap());
-        assert!(straight.area() < half.area() && half.area() < most.area() && most.area() < PI);
+        let [half, nearly_round] = [0.5, 0.9].map(|curvature| straight.curved(curvature).unwrap());
+        assert!(straight.area() < half.area() && half.area() < nearly_round.area());
+        assert!(nearly_round.area() < PI);
         let corner = Vec2::from_angle(straight.side_angle(0.5));
-        for shape in [straight, half, most] {
+        for shape in [straight, half, nearly_round] {
             assert!(shape.depth_inside(corner, 1.0).abs() < 1e-5, "{shape:?}");
         }
     }
 
     #[test]
-    fn a_row_of_the_outline_is_what_lies_inside() {
+    fn the_ends_of_a_row_lie_on_the_outline() {
         for (shape, scale) in shapes().flat_map(|shape| [(shape, 9.0), (shape, -9.0)]) {
             let outline = shape.outline();
             for y in [-8.2, -3.0, 0.1, 4.4, 7.9] {
@@ -444,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outline_is_as_far_as_its_distance_in_every_direction() {
+    fn the_point_at_the_outlines_distance_lies_on_it_in_every_direction() {
         for (shape, turn) in shapes().flat_map(|shape| [0.0, 0.7, 2.9, 4.4].map(|turn| (shape, turn))) {
             let direction = Vec2::from_angle(turn);
             let depth = shape.depth_inside(shape.distance(direction) * direction, 1.0);
@@ -461,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_aperture_can_be_is_refused() {
+    fn impossible_curvatures_and_squeezes_are_refused() {
         assert!(Aperture::DISC.curved(1.1).is_err() && Aperture::DISC.curved(f32::NAN).is_err());
         assert!(Aperture::DISC.squeezed(0.0).is_err() && Aperture::DISC.squeezed(f32::INFINITY).is_err());
     }

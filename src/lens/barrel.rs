@@ -1,14 +1,14 @@
-//! What the barrel of a lens leaves of its aperture, and of the brightness of the picture.
+//! The lens barrel: the share of the aperture's light that passes it, and the falloff of brightness.
 
 use super::{Aperture, Field, Optics};
 use glam::Vec2;
 use std::f32::consts::PI;
 
-/// What the barrel leaves of the aperture's light, by direction and distance from the axis.
+/// Share of the aperture's light that passes the barrel, tabulated by direction and distance from the axis.
 #[derive(Debug, Clone)]
 pub(crate) struct BarrelShares {
     cats_eye: f32,
-    /// By direction, and within one by how far aside the barrel stands: 0 … 2 aperture radii. None for a disc, which has a closed form.
+    /// By direction, then by offset of the barrel, 0 … 2 aperture radii. `None` for a disc, which has a closed form.
     table: Option<Vec<[f32; Self::STEPS + 1]>>,
 }
 
@@ -16,9 +16,9 @@ impl BarrelShares {
     const DIRECTIONS: usize = 32;
     const STEPS: usize = 32;
 
-    /// Those of the lens of `optics`.
+    /// The shares for the lens of `optics`.
     pub(crate) fn new(optics: &Optics) -> Self {
-        let light = Light::of(optics).filter(|_| optics.cats_eye > 0.0);
+        let light = Light::from_optics(optics).filter(|_| optics.cats_eye > 0.0);
         let direction = |i: usize| Vec2::from_angle(i as f32 * 2.0 * PI / Self::DIRECTIONS as f32);
         let table = light.map(|light| {
             let along = |i: usize| {
@@ -29,51 +29,51 @@ impl BarrelShares {
         Self { cats_eye: optics.cats_eye, table }
     }
 
-    /// What is left at the place `height` of the field: 1 on the axis.
+    /// The share at position `height` of the field: 1 on the axis.
     pub(crate) fn at(&self, height: Vec2) -> f32 {
         let barrel = self.cats_eye * height;
-        let aside = barrel.length();
-        let Some(table) = &self.table else { return lens_share(aside) };
-        let (step, along) = split(aside * 0.5 * Self::STEPS as f32, Self::STEPS);
+        let offset = barrel.length();
+        let Some(table) = &self.table else { return disc_overlap(offset) };
+        let (step, along) = split(offset * 0.5 * Self::STEPS as f32, Self::STEPS);
         let turn = (barrel.to_angle() / (2.0 * PI)).rem_euclid(1.0) * Self::DIRECTIONS as f32;
         let (direction, between) = split(turn, Self::DIRECTIONS);
-        let of = |direction: usize| {
+        let share_in = |direction: usize| {
             let row = &table[direction % Self::DIRECTIONS];
             row[step] + along * (row[step + 1] - row[step])
         };
-        of(direction) + between * (of(direction + 1) - of(direction))
+        share_in(direction) + between * (share_in(direction + 1) - share_in(direction))
     }
 }
 
 impl Optics {
-    /// What the barrel leaves of the aperture's light at the place `height` of the field, for a single place: see [`BarrelShares`].
+    /// Share of the aperture's light that passes the barrel at position `height` of the field, without a table: see [`BarrelShares`].
     pub fn barrel_share(&self, height: Vec2) -> f32 {
         let barrel = self.cats_eye * height;
-        Light::of(self).map_or_else(|| lens_share(barrel.length()), |light| light.share(barrel))
+        Light::from_optics(self).map_or_else(|| disc_overlap(barrel.length()), |light| light.share(barrel))
     }
 
-    /// What the lens leaves of the brightness at `place` of its `field`, for a single place: see [`Falloff`].
+    /// Relative brightness at `place` of the lens's `field`, without a table: see [`Falloff`].
     pub fn brightness(&self, field: &Field, place: Vec2) -> f32 {
         brightness(self.barrel_share(field.height(place)), field.cosine(place), self.vignetting)
     }
 }
 
-/// Points that stand for equal shares of an aperture's light.
+/// Points that represent equal shares of an aperture's light.
 struct Light {
     points: Vec<Vec2>,
-    /// How many of them lie within the barrel on the axis.
+    /// Number of points within the barrel on the axis.
     whole: f32,
 }
 
 impl Light {
-    /// Points that are counted.
+    /// Number of points.
     const POINTS: usize = 4096;
 
-    /// Half of the width of the edge that a point's share fades over, so that counts are smooth.
+    /// Half the width of the barrel's soft edge, over which a point's weight falls from 1 to 0, so that counts are smooth.
     const EDGE: f32 = 0.04;
 
-    /// That of the aperture of `optics`; none for a disc, which needs no counting.
-    fn of(optics: &Optics) -> Option<Self> {
+    /// The points of the aperture of `optics`; `None` for a disc, which has a closed form.
+    fn from_optics(optics: &Optics) -> Option<Self> {
         if optics.image.is_none() && optics.aperture == Aperture::DISC {
             return None;
         }
@@ -83,7 +83,7 @@ impl Light {
         Some(Self { whole, ..light })
     }
 
-    /// The share of it within a barrel that stands `barrel` aside.
+    /// Share of the light within a barrel whose offset is `barrel`.
     fn share(&self, barrel: Vec2) -> f32 {
         let inside =
             |point: &Vec2| ((1.0 - (*point - barrel).length()) / (2.0 * Self::EDGE) + 0.5).clamp(0.0, 1.0);
@@ -91,7 +91,7 @@ impl Light {
     }
 }
 
-/// The brightness that a lens leaves of each place in its field.
+/// Relative brightness at each place of a lens's field.
 #[derive(Debug, Clone)]
 pub(crate) struct Falloff {
     shares: BarrelShares,
@@ -100,31 +100,31 @@ pub(crate) struct Falloff {
 }
 
 impl Falloff {
-    /// That of the lens of `optics` in its `field`.
+    /// The falloff of the lens of `optics` in its `field`.
     pub(crate) fn new(optics: &Optics, field: Field) -> Self {
         Self { shares: BarrelShares::new(optics), field, power: optics.vignetting }
     }
 
-    /// What is left at `place`, in picture pixels from the picture's corner: 1 on the axis.
+    /// Relative brightness at `place`, in picture pixels from the picture's corner: 1 on the axis.
     pub(crate) fn at(&self, place: Vec2) -> f32 {
         brightness(self.shares.at(self.field.height(place)), self.field.cosine(place), self.power)
     }
 }
 
-/// What is left of brightness where the barrel leaves `share` of the aperture and the axis is at an angle of this `cosine`.
+/// Relative brightness where `share` of the aperture's light passes the barrel, at a field angle of this `cosine`.
 fn brightness(share: f32, cosine: f32, power: f32) -> f32 {
     (share * cosine.powi(4)).powf(power)
 }
 
-/// The cell of `count` that `position` lies in, and how far into it.
+/// The cell, of `count`, that contains `position`, and the position within it, 0 … 1.
 fn split(position: f32, count: usize) -> (usize, f32) {
     let cell = (position as usize).min(count - 1);
     (cell, (position - cell as f32).min(1.0))
 }
 
-/// Share of a disc that lies within another one as large, their centres `aside` radii apart.
-fn lens_share(aside: f32) -> f32 {
-    let half = (0.5 * aside).min(1.0);
+/// Share of a disc within another disc of the same size, their centres `offset` radii apart.
+fn disc_overlap(offset: f32) -> f32 {
+    let half = (0.5 * offset).min(1.0);
     2.0 * (half.acos() - half * (1.0 - half * half).sqrt()) / PI
 }
 
@@ -140,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_barrel_leaves_of_a_disc_what_two_discs_share_and_of_blades_what_is_counted() {
+    fn the_share_that_passes_the_barrel_is_that_of_counted_points() {
         let disc = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         let polygon = Optics { aperture: Aperture::new(6, 10.0).unwrap(), ..disc.clone() };
         for height in [Vec2::ZERO, Vec2::new(0.5, 0.0), Vec2::new(-0.3, 0.8), Vec2::new(0.0, -1.1)] {
@@ -160,10 +160,10 @@ mod tests {
     }
 
     #[test]
-    fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_what_the_barrel_takes() {
+    fn brightness_falls_off_by_the_cosine_to_the_fourth_and_by_the_barrels_share() {
         let field = Field { focal_length_px: 50.0, ..Field::from_picture_size(80, 60) };
         let optics = Optics { vignetting: 1.0, ..Optics::from_aperture(Aperture::DISC) };
-        // 50 px from the axis, as far as the picture from the lens: cos⁴ 45° = 1/4.
+        // 50 px from the axis at a focal length of 50 px: cos⁴ 45° = 1/4.
         assert!((Falloff::new(&optics, field).at(Vec2::ZERO) - 0.25).abs() < 1e-6);
         let barrel = Optics { cats_eye: 1.0, ..optics.clone() };
         assert!((Falloff::new(&barrel, field).at(Vec2::ZERO) - 0.25 * 0.391).abs() < 1e-3);
@@ -173,7 +173,7 @@ mod tests {
         let place = Vec2::new(11.0, 17.0);
         assert!(
             (Falloff::new(&barrel, field).at(place) - barrel.brightness(&field, place)).abs() < 1e-5,
-            "one place alone"
+            "the table and the single place agree"
         );
     }
 }

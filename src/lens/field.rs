@@ -1,4 +1,4 @@
-//! The field of a lens: which direction a place in the picture looks, seen from the lens's axis.
+//! The field of a lens: positions in the picture relative to the lens's axis, and their field angles.
 
 use glam::Vec2;
 
@@ -7,30 +7,30 @@ use glam::Vec2;
 pub struct Field {
     /// Where the axis meets the picture, in picture pixels right and down from its corner: pixel `x` has its centre at `x + ½`.
     pub axis_px: Vec2,
-    /// From the axis to the corners of the frame, in picture pixels.
+    /// Distance from the axis to the corners of the frame, in picture pixels.
     pub half_diagonal_px: f32,
-    /// From the camera's centre to the picture, in picture pixels.
+    /// Distance from the camera's centre to the picture, in picture pixels.
     pub focal_length_px: f32,
 }
 
 impl Field {
-    /// The field of a picture of `width` × `height` pixels with its axis at the centre, before a lens as long as the picture is wide.
+    /// The field of a picture of `width` × `height` pixels with its axis at the centre and a focal length of the picture's width.
     pub fn from_picture_size(width: usize, height: usize) -> Self {
         let axis_px = 0.5 * Vec2::new(width as f32, height as f32);
         Self { axis_px, half_diagonal_px: axis_px.length(), focal_length_px: width as f32 }
     }
 
-    /// `place` in the picture, in pixels from its corner, as an offset from the axis: of length 1 in the frame's corners.
+    /// `place`, in pixels from the picture's corner, as an offset from the axis that has length 1 in the frame's corners.
     pub(crate) fn height(&self, place: Vec2) -> Vec2 {
         (place - self.axis_px) / self.half_diagonal_px
     }
 
-    /// A place as far from the axis as the corners of the frame.
-    pub(crate) fn far_out(&self) -> Vec2 {
+    /// A place at the same distance from the axis as the corners of the frame, in pixels from the picture's corner.
+    pub(crate) fn corner_place(&self) -> Vec2 {
         self.axis_px + self.half_diagonal_px * Vec2::X
     }
 
-    /// Cosine of the angle between the axis and what is seen at `place`.
+    /// Cosine of the field angle at `place`.
     pub(crate) fn cosine(&self, place: Vec2) -> f32 {
         let tangent = (place - self.axis_px).length() / self.focal_length_px;
         1.0 / tangent.hypot(1.0)
@@ -42,14 +42,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_corners_of_a_frame_are_one_from_its_axis() {
+    fn the_corners_of_a_frame_are_at_distance_one_from_its_axis() {
         let field = Field::from_picture_size(640, 360);
         assert_eq!(field.height(Vec2::new(320.0, 180.0)), Vec2::ZERO);
         assert!((field.height(Vec2::new(640.0, 0.0)).length() - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn a_lens_sees_at_45_degrees_what_is_its_focal_length_from_the_axis() {
+    fn the_field_angle_is_45_degrees_at_one_focal_length_from_the_axis() {
         let field = Field { focal_length_px: 100.0, ..Field::from_picture_size(640, 360) };
         assert_eq!(field.cosine(Vec2::new(320.0, 180.0)), 1.0);
         assert!((field.cosine(Vec2::new(320.0, 280.0)) - 0.5f32.sqrt()).abs() < 1e-6);

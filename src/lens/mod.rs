@@ -1,5 +1,5 @@
 //! LENS: the thin lens, signed circles of confusion, the aperture's shape and its sample tables. Pure maths: this module
-//! never sees a pixel's colour.
+//! does not use the colours of pixels.
 
 mod aperture;
 mod field;
@@ -33,17 +33,17 @@ pub struct LensSpec {
     pub focal_length_mm: f32,
     /// Focal length over aperture diameter.
     pub f_number: f32,
-    /// Planar distance of what is in focus, in depth units.
+    /// Planar distance in focus, in depth units.
     pub focus_distance: f32,
     /// Sensor width in millimetres.
     pub sensor_width_mm: f32,
-    /// How far behind the lens the sensor stands.
+    /// Distance of the sensor behind the lens.
     pub sensor_distance: SensorDistance,
     /// Length of one depth unit in metres.
     pub metres_per_unit: f32,
 }
 
-/// The one law from depth to blur: `c(z) = c_inf · (1 − z_f / z)`.
+/// The law from depth to blur, `c(z) = c_inf · (1 − z_f / z)`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct ThinLens {
     /// CoC radius at infinity in picture pixels, positive.
@@ -53,7 +53,7 @@ pub struct ThinLens {
 }
 
 impl LensSpec {
-    /// The settings that it holds.
+    /// The spec as a layer of settings.
     fn values(&self) -> Values {
         Values {
             focal_length_mm: Some(self.focal_length_mm),
@@ -67,7 +67,7 @@ impl LensSpec {
 }
 
 impl ThinLens {
-    /// The lens of `spec` before a sensor `width_px` pixels wide.
+    /// The lens of `spec` with a sensor `width_px` pixels wide.
     ///
     /// `c_inf = ½ · f / N · v / z_f · W / s`, with the sensor at `v = f` or `v = f z_f / (z_f − f)`; the second is
     /// `½ · f² / (N (z_f − f)) · W / s`.
@@ -93,7 +93,7 @@ impl ThinLens {
         };
         let aperture_radius = 0.5 * focal_length / spec.f_number;
         let pixels_per_unit = width_px / (spec.sensor_width_mm * 1e-3 / spec.metres_per_unit);
-        // Focused at infinity c_inf is 0 and the law has the form c = −k / z; a huge finite distance serves the same.
+        // Focused at infinity, c_inf is 0 and the law is c = −k / z; a large finite focus distance gives the same radii.
         let focus_distance = focus.min(1e12);
         let coc_infinity_px = aperture_radius * image_distance / focus_distance * pixels_per_unit;
         Ok(Self { coc_infinity_px, focus_distance })
@@ -107,7 +107,7 @@ impl ThinLens {
         if z > 0.0 { self.coc_infinity_px * (1.0 - self.focus_distance / z) } else { self.coc_infinity_px }
     }
 
-    /// Planar depth whose CoC radius is `coc_radius_px`; `None` from `coc_infinity_px` on, where there is none.
+    /// Planar depth whose CoC radius is `coc_radius_px`; `None` from `coc_infinity_px` on, which no depth has.
     pub fn depth_planar(&self, coc_radius_px: f32) -> Option<f32> {
         (coc_radius_px < self.coc_infinity_px)
             .then(|| self.focus_distance / (1.0 - coc_radius_px / self.coc_infinity_px))
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_renderers_blur_is_that_of_its_sensor_at_the_focal_length() {
+    fn with_the_sensor_at_the_focal_length_blur_is_that_of_renderers() {
         // Diameter (W f / s) (f / N) |z − z_f| / (z z_f), lengths in metres: Blender's and Mitsuba's.
         for z in [0.3f32, 0.39, 0.5, 3.0] {
             let diameter = WIDTH_PX * 0.1 / 0.036 * (0.1 / 2.8) * (z - 0.4) / (z * 0.4);
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_real_camera_blurs_more_by_its_bellows_factor() {
-        // The image of what stands at z_f lies at v = f z_f / (z_f − f) = 4/3 f.
+        // The image of an object at z_f lies at v = f z_f / (z_f − f) = 4/3 f.
         let [renderer, camera] = [SensorDistance::FocalLength, SensorDistance::ThinLens].map(lens);
         let factor = camera.coc_infinity_px / renderer.coc_infinity_px;
         assert!((factor - 4.0 / 3.0).abs() < 1e-5, "{factor}");
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn blur_vanishes_in_focus_is_negative_before_it_and_rises_with_depth() {
+    fn the_radius_is_zero_in_focus_negative_in_front_and_rises_with_depth() {
         let lens = lens(SensorDistance::FocalLength);
         assert_eq!(lens.coc_radius_px(lens.focus_distance), 0.0, "in focus");
         let radii: Vec<f32> = (1..2000).map(|i| lens.coc_radius_px(i as f32 * 0.01)).collect();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn lenses_that_cannot_be_are_refused() {
+    fn impossible_lenses_are_refused() {
         let base = spec(SensorDistance::FocalLength);
         for (spec, word) in [
             (LensSpec { f_number: 0.0, ..base }, "`f_number` must be a positive number"),

@@ -1,19 +1,20 @@
-//! What the rays of a lens know of it beside its focus: the aperture's shape, the barrel that cuts it off towards the frame's corners,
-//! and how far aberrations move a ray in the picture.
+//! The properties of a lens that its rays depend on, apart from focus: the aperture's shape, the barrel that cuts it off towards the frame's
+//! corners, and the shift of rays by aberrations.
 //!
 //! A ray of picture point `p` through lens point `u` passes CoC depth `c` at `p + ε(u) + c·u`. Without aberrations `ε` is 0. To the
 //! third order (Welford 1986, "Aberrations of Optical Systems", chapter 7):
 //!
-//! * *Spherical aberration* focuses the aperture's edge elsewhere than its middle: `ε = s (|u|² − ⅔) u`, `s` the CoC radius of its
-//!   rays where those of the middle meet. The term −⅔ is where a photographer would focus: it makes the blur of what is in focus
-//!   the least, `s / 6` on the root mean square.
-//! * *Axial colour* focuses red and blue elsewhere than green: `ε = a·u`, `a` each colour's CoC radius where green is in focus.
-//! * *The cat's eye*: seen from a place `h` of the field (1 in the frame's corners), a barrel as wide as the aperture stands `κ·h`
-//!   aside of it, and only rays with `|u − κ·h| ≤ 1` pass.
+//! * *Spherical aberration* focuses the aperture's edge at another distance than its centre: `ε = s (|u|² − ⅔) u`, with `s` the CoC radius
+//!   of the edge's rays where those of the centre meet. The term −⅔ is the best focus: it minimises the blur of surfaces in focus,
+//!   whose root mean square is `s / 6`.
+//! * *Axial colour* focuses red and blue at another distance than green: `ε = a·u`, with `a` each colour's CoC radius where green is in
+//!   focus.
+//! * *Cat's eye*: seen from a position `h` of the field (1 in the frame's corners), a barrel as wide as the aperture is offset by `κ·h`
+//!   from it, and only rays with `|u − κ·h| ≤ 1` pass.
 //!
-//! What changes the picture as a whole, whatever the blur, is here too: *lateral colour*, by which red and blue are larger or
-//! smaller pictures than green, and the *falloff* of brightness towards the corners: the fourth power of the cosine of the field angle,
-//! times what the barrel leaves of the aperture.
+//! The effects on the picture as a whole, which do not depend on the blur, are declared here too: *lateral colour*, by which the red and
+//! blue pictures are larger or smaller than the green one, and the *falloff* of brightness towards the corners: the fourth power of the
+//! cosine of the field angle, times the share of the aperture's light that passes the barrel.
 
 use super::views::{moved_views, views};
 use super::{Aperture, ApertureImage, Field, View};
@@ -24,26 +25,26 @@ use std::f32::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Spherical aberration is measured from the plane in which it blurs least: see the module's head.
+/// Position of the plane in which spherical aberration blurs least: see the module's head.
 const BEST_FOCUS: f32 = 2.0 / 3.0;
 
-/// What rays know of a lens beside its focus.
+/// The properties of a lens that its rays depend on, apart from focus.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Optics {
-    /// The aperture's outline; with an image, its squeeze alone counts.
+    /// The aperture's outline; with an image, only its squeeze is used.
     pub aperture: Aperture,
-    /// How much light passes each point of the aperture; all of it within the outline, if none.
+    /// Transmittance at each point of the aperture; without an image it is 1 within the outline.
     #[serde(skip)]
     pub image: Option<Arc<ApertureImage>>,
-    /// How far aside of the aperture the barrel stands, seen from the frame's corners, in aperture radii.
+    /// Offset of the barrel from the aperture, seen from the frame's corners, in aperture radii.
     pub cats_eye: f32,
-    /// CoC radius in picture pixels of the edge's rays where those of the middle meet.
+    /// CoC radius in picture pixels of the edge's rays where those of the centre meet.
     pub spherical_px: f32,
     /// CoC radius of red, green and blue where green is in focus, in picture pixels.
     pub axial_px: [f32; 3],
-    /// How much farther from the axis red, green and blue show what is in the frame's corners, in picture pixels.
+    /// Shift of red, green and blue away from the axis in the frame's corners, in picture pixels.
     pub lateral_px: [f32; 3],
-    /// The power to which the falloff of brightness is raised: 1 for the lens, 0 for none of it.
+    /// Exponent of the falloff of brightness: 1 for the falloff of the lens, 0 for none.
     pub vignetting: f32,
 }
 
@@ -59,29 +60,29 @@ impl Rays {
         Self { sets: vec![views] }
     }
 
-    /// The sets, each with the channels that it makes: 0, 1, 2 for red, green, blue, and 3 for alpha, which goes with green.
+    /// The sets, each with the channels that it renders: 0, 1, 2 for red, green, blue, and 3 for alpha, which uses green's views.
     pub fn sets(&self) -> impl Iterator<Item = (&[View], &'static [usize])> {
         let channels: &[&[usize]] =
             if self.sets.len() == 1 { &[&[0, 1, 2, 3]] } else { &[&[0], &[1, 3], &[2]] };
         self.sets.iter().map(Vec::as_slice).zip(channels.iter().copied())
     }
 
-    /// View `i` of every set alone.
+    /// Only view `i` of every set.
     pub fn single(&self, i: usize) -> Self {
         Self { sets: self.sets.iter().map(|views| vec![views[i]]).collect() }
     }
 
-    /// Those of green.
+    /// The views of green.
     pub fn green(&self) -> &[View] {
         &self.sets[self.sets.len() / 2]
     }
 }
 
 impl Optics {
-    /// The lens that `settings` ask for, before a picture that lies there in its `field`.
+    /// The lens of `settings`, for a picture with this position in its `field`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for a setting out of its range, and an image of an aperture that is black.
+    /// [`crate::error::ErrorKind::Settings`] for a setting out of its range, and for a black aperture image.
     pub fn new(settings: &Settings, field: &Field) -> Result<Self, Error> {
         let lens = &settings.lens;
         lens.check()?;
@@ -89,7 +90,7 @@ impl Optics {
         let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
         let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
         let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
-        // What is that far out of focus along the axis blurs to a CoC of that over the f-number.
+        // A defocus of 1 µm along the axis at the sensor blurs to a CoC diameter of 1 µm over the f-number.
         let coc_px_per_um = 0.5 / lens.f_number.value * px_per_um;
         let colors = |[red, blue]: [f32; 2]| [red, 0.0, blue];
         Ok(Self {
@@ -97,14 +98,14 @@ impl Optics {
             image: image.transpose()?.map(Arc::new),
             cats_eye: lens.cats_eye.value,
             spherical_px: lens.spherical_um.value * coc_px_per_um,
-            // What focuses farther from the lens has the CoC of what is nearer to it.
+            // A colour that focuses farther behind the lens is blurred like a nearer object: its CoC is negative.
             axial_px: colors(lens.axial_color_um.value).map(|farther| -farther * coc_px_per_um),
             lateral_px: colors(lens.lateral_color_um.value).map(|farther| farther * px_per_um),
             vignetting: lens.vignetting.value,
         })
     }
 
-    /// A lens without faults and with this aperture.
+    /// A lens with this aperture and without aberrations.
     pub fn from_aperture(aperture: Aperture) -> Self {
         Self {
             aperture,
@@ -122,46 +123,45 @@ impl Optics {
         self.aberrated(&views(count, Aperture::DISC))
     }
 
-    /// `count` views turned by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].
+    /// `count` views rotated by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].
     pub(crate) fn moved_rays(&self, count: usize, angle: f32, shift: Vec2) -> Rays {
         self.aberrated(&moved_views(count, angle, shift))
     }
 
-    /// The rays of the views `disc` of a round aperture.
+    /// The rays of this lens for the views `disc` of a round aperture.
     fn aberrated(&self, disc: &[View]) -> Rays {
         let on_lens: Vec<View> =
             disc.iter().map(|view| View { lens: self.lens_point(view.lens), ..*view }).collect();
-        let of_color = |axial_px: f32| {
+        let shifted = |axial_px: f32| {
             on_lens.iter().map(|view| View { shift: self.shift(view.lens, axial_px), ..*view }).collect()
         };
         if self.has_axial_color() {
-            Rays { sets: self.axial_px.map(of_color).into() }
+            Rays { sets: self.axial_px.map(shifted).into() }
         } else {
-            Rays::alike(of_color(0.0))
+            Rays::alike(shifted(0.0))
         }
     }
 
-    /// How far beyond the largest CoC radius the lens moves anything in the picture, in pixels.
-    pub fn astray_px(&self) -> f32 {
-        self.lateral_px.iter().fold(0.0, |most: f32, lateral| most.max(lateral.abs()))
-            + self.longest_shift_px()
+    /// Largest displacement in the picture by aberrations, in addition to the CoC radius, in pixels.
+    pub fn max_displacement_px(&self) -> f32 {
+        self.lateral_px.iter().fold(0.0, |max: f32, lateral| max.max(lateral.abs())) + self.longest_shift_px()
     }
 
-    /// How many sets of rays a picture takes.
+    /// Number of sets of rays that a picture needs.
     pub fn ray_sets(&self) -> usize {
         if self.has_axial_color() { 3 } else { 1 }
     }
 
-    /// Whether the colours have rays of their own.
+    /// Whether each colour has its own rays.
     pub fn has_axial_color(&self) -> bool {
         self.axial_px != [0.0; 3]
     }
 
-    /// Carries a point of the unit disc to where the aperture's light is, so that equal areas get equal light.
+    /// Maps a point of the unit disc to the aperture, so that equal areas of the disc get equal light.
     pub(super) fn lens_point(&self, point: Vec2) -> Vec2 {
         match &self.image {
             Some(image) => {
-                // As the camera sees the lens: see the head of `aperture`.
+                // In the lens as seen from the camera: see the head of `aperture`.
                 let seen = image.lit_point(point);
                 Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
             }
@@ -169,31 +169,31 @@ impl Optics {
         }
     }
 
-    /// How far aberrations move the ray through `lens` in the picture, in pixels.
+    /// Shift by aberrations, in the picture, of the ray through `lens`, in pixels.
     fn shift(&self, lens: Vec2, axial_px: f32) -> Vec2 {
         (self.spherical_px * (lens.length_squared() - BEST_FOCUS) + axial_px) * lens
     }
 
-    /// The longest way that aberrations move a ray in the picture, in pixels.
+    /// Largest shift of a ray by aberrations, in the picture, in pixels.
     pub fn longest_shift_px(&self) -> f32 {
         // |ρ³ − ⅔ρ| is largest at the edge.
-        let axial = self.axial_px.iter().fold(0.0, |most: f32, axial| most.max(axial.abs()));
+        let axial = self.axial_px.iter().fold(0.0, |max: f32, axial| max.max(axial.abs()));
         (1.0 - BEST_FOCUS) * self.spherical_px.abs() + axial
     }
 
-    /// The CoC radius by which the middle of the aperture blurs where its edge and middle together blur least, and how much that
-    /// grows with the square of the distance from the middle: a ray of `|u|` lands `(first + second·|u|²)·|u|` away.
+    /// The linear and the cubic coefficient of the spherical shift, measured from best focus: a ray through `|u|` lands at the distance
+    /// `(first + second·|u|²)·|u|`, in picture pixels.
     pub fn spherical_terms(&self) -> [f32; 2] {
         [-BEST_FOCUS * self.spherical_px, self.spherical_px]
     }
 
-    /// How far within the barrel the ray through `lens` passes, seen from the place `height` of the field, in aperture radii; negative
-    /// where it does not pass.
+    /// Signed distance from the barrel's edge of the ray through `lens`, seen from position `height` of the field, in aperture radii;
+    /// negative where the ray does not pass.
     pub(crate) fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
         1.0 - (lens - self.cats_eye * height).length()
     }
 
-    /// The columns of picture row `y` from which a ray through `lens` passes `within` the barrel, or farther within it.
+    /// The columns of picture row `y` from which a ray through `lens` passes the barrel with a [`Self::within_barrel`] of at least `within`.
     pub(crate) fn columns(&self, lens: Vec2, y: usize, field: &Field, within: f32) -> Range<i32> {
         let height = field.height(Vec2::new(0.0, y as f32 + 0.5));
         let across = (1.0 - within).powi(2) - (lens.y - self.cats_eye * height.y).powi(2);
@@ -207,23 +207,23 @@ impl Optics {
         edge(lens.x - across.sqrt()).ceil() as i32..edge(lens.x + across.sqrt()).floor() as i32 + 1
     }
 
-    /// Light that the aperture lets through, as an area in squared aperture radii.
+    /// Light that passes the aperture, as an area in squared aperture radii.
     pub fn area(&self) -> f32 {
         self.image
             .as_ref()
             .map_or_else(|| self.aperture.area(), |image| PI * image.mean() / self.aperture.squeeze())
     }
 
-    /// How much light passes about the lens point `lens`: the mean over a square of `side`, both in aperture radii. Without an image
-    /// all of it, within the outline.
+    /// Mean transmittance over a square of `side` about the lens point `lens`, both in aperture radii; 1 without an image, for points
+    /// within the outline.
     pub(crate) fn light_around(&self, lens: Vec2, side: f32) -> f32 {
         self.image
             .as_ref()
             .map_or(1.0, |image| image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side))
     }
 
-    /// From where to where light passes on the line through the lens's middle along the unit vector `direction`, seen from the place
-    /// `height` of the field: within the outline, or with an image its circle, and within the barrel.
+    /// The open interval of the line through the lens's centre along the unit vector `direction`, seen from position `height` of the
+    /// field: the part within the outline, or with an image its circle, and within the barrel.
     pub(crate) fn open_along(&self, direction: Vec2, height: Vec2) -> [f32; 2] {
         let outline = if self.image.is_some() { self.aperture.without_blades() } else { self.aperture };
         let [before, behind] = [-outline.distance(-direction), outline.distance(direction)];
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_without_faults_has_the_views_of_its_aperture_for_all_colours() {
+    fn a_lens_without_aberrations_has_the_same_views_for_all_colours() {
         let rays = Optics::from_aperture(Aperture::DISC).rays(64);
         assert_eq!(rays, Rays::alike(views(64, Aperture::DISC)));
         assert_eq!(rays.sets().map(|(_, channels)| channels).collect::<Vec<_>>(), [[0, 1, 2, 3]]);
@@ -272,18 +272,19 @@ mod tests {
         // 100 px a millimetre.
         let field = Field { focal_length_px: 5000.0, ..Field::from_picture_size(3600, 2400) };
         let optics = Optics::new(&settings, &field).unwrap();
-        // A focus 400 µm nearer than the sensor is a disc of 400 / 2 µm there, of radius 100 µm or 10 px, as for what is far behind focus;
-        // one that is farther from the lens is blurred as what is before focus.
+        // A focus 400 µm in front of the sensor is a disc of 400 / 2 µm on it, of radius 100 µm or 10 px, like a point behind focus;
+        // a focus farther from the lens is blurred like a point in front of focus.
         assert!((optics.spherical_px - 10.0).abs() < 1e-4, "{}", optics.spherical_px);
         let [red, green, blue] = optics.axial_px;
         assert!((red + 2.0).abs() < 1e-4 && green == 0.0 && (blue - 1.0).abs() < 1e-4, "{red}, {blue}");
         let [red, green, blue] = optics.lateral_px;
         assert!((red - 3.0).abs() < 1e-4 && green == 0.0 && (blue + 1.0).abs() < 1e-4, "{red}, {blue}");
-        assert!((optics.astray_px() - 3.0 - 10.0 / 3.0 - 2.0).abs() < 1e-3, "{}", optics.astray_px());
+        let displacement_px = optics.max_displacement_px();
+        assert!((displacement_px - 3.0 - 10.0 / 3.0 - 2.0).abs() < 1e-3, "{displacement_px}");
     }
 
     #[test]
-    fn what_is_in_focus_blurs_by_a_sixth_of_the_spherical_aberration_and_by_more_before_and_behind() {
+    fn spherical_aberration_blurs_least_in_focus_by_a_sixth_of_itself() {
         let optics = lens(|lens| lens.spherical_px = 6.0);
         let rms = |defocus_px: f32| {
             let views = optics.rays(1024);
@@ -297,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn axial_colour_is_a_focus_of_its_own() {
+    fn axial_colour_shifts_the_rays_of_each_colour_by_its_own_radius() {
         let optics = lens(|lens| lens.axial_px = [-2.0, 0.0, 1.5]);
         let rays = optics.rays(32);
         let sets: Vec<_> = rays.sets().collect();
@@ -313,13 +314,13 @@ mod tests {
         let optics = lens(|lens| lens.cats_eye = 0.9);
         let field = Field::from_picture_size(64, 36);
         for (view, y) in views(32, Aperture::DISC).iter().flat_map(|view| [0, 17, 35].map(|y| (view, y))) {
-            for least in [0.0, -0.1, 0.2] {
-                let columns = optics.columns(view.lens, y, &field, least);
+            for min in [0.0, -0.1, 0.2] {
+                let columns = optics.columns(view.lens, y, &field, min);
                 for x in 0..64 {
                     let within = optics
                         .within_barrel(view.lens, field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
-                    if (within - least).abs() > 1e-4 {
-                        assert_eq!(columns.contains(&x), within > least, "{view:?} at {x}, {y}");
+                    if (within - min).abs() > 1e-4 {
+                        assert_eq!(columns.contains(&x), within > min, "{view:?} at {x}, {y}");
                     }
                 }
             }
@@ -328,7 +329,7 @@ mod tests {
 
     #[test]
     fn an_image_is_upright_behind_focus() {
-        // Light above the middle only: behind focus a point q lights p = q − c·u, and up in the picture is −y.
+        // Light in the upper half only: behind focus a point q lights p = q − c·u, and up in the picture is −y.
         let values = (0..400).map(|i| f32::from(u8::from(i / 20 < 8))).collect();
         let mask = crate::settings::Mask { name: "up".to_owned(), width: 20, height: 20, values };
         let image = ApertureImage::new(&mask, 0.0).unwrap();

@@ -1,34 +1,34 @@
-//! How far sharpness reaches: the depths at which blur is as small as is accepted, in closed form.
+//! The depth of field: the range of depths whose blur is within an accepted CoC radius, in closed form.
 //!
 //! With the lens's law `c(z) = c_inf (1 − z_f / z)` and an accepted CoC radius `t`, `c = ∓t` at
-//! `z = z_f c_inf / (c_inf ± t)`. All of it follows from one product, `P = ½ · f / N · f · W / s` in pixels times depth units, for
+//! `z = z_f c_inf / (c_inf ± t)`. Everything follows from one product, `P = ½ · f / N · f · W / s` in pixels times depth units, because
 //! `c_inf = P / (z_f − o)` in both models of the sensor: `o` is 0 for a sensor at the focal length and `f` for one at the image
-//! distance. So a lens focused at `P / t + o` accepts everything up to infinity (`c_inf = t`), and from half of that on.
+//! distance. A lens focused at the hyperfocal distance `P / t + o` is sharp from half of that to infinity (`c_inf = t`).
 
 use super::LensSpec;
 use crate::settings::SensorDistance;
 
-/// CoC radius in picture pixels up to which a point counts as sharp: what is smaller hardly leaves its own pixel.
+/// CoC radius in picture pixels up to which a point counts as sharp: a smaller disc hardly exceeds its own pixel.
 pub const SHARP_COC_PX: f32 = 1.0;
 
-/// Between which depths a lens is sharp, in depth units.
+/// The depth of field of a lens, in depth units.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Sharpness {
     /// CoC radius that counts as sharp, in picture pixels.
     pub coc_radius_px: f32,
-    /// The nearest focus distance that leaves infinity sharp; with a pinhole, whatever is in focus does, down to the lens.
+    /// The nearest focus distance at which infinity is sharp; 0, or the focal length, for a pinhole.
     pub hyperfocal_distance: f32,
-    /// Planar depth from which on things are sharp.
+    /// Smallest planar depth that is sharp.
     pub near_limit: f32,
-    /// Planar depth up to which they are; infinite from the hyperfocal distance on, `null` in JSON.
+    /// Largest planar depth that is sharp; infinite for focus distances from the hyperfocal distance on, `null` in JSON.
     pub far_limit: f32,
 }
 
 impl LensSpec {
-    /// Between which depths this lens, before a sensor `width_px` pixels wide, blurs to a CoC radius of at most `coc_radius_px`.
+    /// The range of depths that this lens, with a sensor `width_px` pixels wide, blurs to a CoC radius of at most `coc_radius_px`.
     ///
-    /// The values are those that [`super::ThinLens::new`] accepts; a focus at infinity and an infinite f-number are among them.
+    /// Valid for all values that [`super::ThinLens::new`] accepts, including a focus at infinity and an infinite f-number.
     pub fn sharpness(&self, width_px: f32, coc_radius_px: f32) -> Sharpness {
         let unit_mm = f64::from(self.metres_per_unit) * 1e3;
         let focal_length = f64::from(self.focal_length_mm) / unit_mm;
@@ -42,7 +42,7 @@ impl LensSpec {
         let accepted = f64::from(coc_radius_px);
         let hyperfocal = product / accepted + offset;
         let focus = f64::from(self.focus_distance);
-        // z_f c_inf / (c_inf ± t), above and below divided by the focus distance, which may be infinite.
+        // z_f c_inf / (c_inf ± t), with numerator and denominator divided by the focus distance, which may be infinite.
         let blur = product / accepted;
         let relative = 1.0 - offset / focus;
         let near = blur / (blur / focus + relative);
@@ -80,8 +80,8 @@ mod tests {
     }
 
     #[test]
-    fn the_hyperfocal_distance_is_that_of_the_textbooks() {
-        // f² / (N · 2t · s / W), and one focal length more for a real camera: 0.0025 / (2 · 2 · 5.625e-5) = 11.11 m.
+    fn the_hyperfocal_distance_matches_the_textbook_formula() {
+        // f² / (N · 2t · s / W), plus one focal length for a real camera: 0.0025 / (2 · 2 · 5.625e-5) = 11.11 m.
         let expected = 0.05 * 0.05 / (2.0 * 2.0 * 0.036 / WIDTH_PX);
         for (sensor, more) in SENSORS.into_iter().zip([0.0, 0.05]) {
             let found = spec(sensor, 3.0).sharpness(WIDTH_PX, 1.0).hyperfocal_distance;
@@ -90,21 +90,21 @@ mod tests {
     }
 
     #[test]
-    fn focused_at_the_hyperfocal_distance_all_is_sharp_from_half_of_it_to_infinity() {
+    fn focused_at_the_hyperfocal_distance_the_lens_is_sharp_from_half_of_it_to_infinity() {
         for sensor in SENSORS {
             let hyperfocal = spec(sensor, 3.0).sharpness(WIDTH_PX, 1.0).hyperfocal_distance;
             let there = spec(sensor, hyperfocal).sharpness(WIDTH_PX, 1.0);
             near(there.near_limit, 0.5 * hyperfocal, "near limit");
             assert!(there.far_limit > 1e5 * hyperfocal, "far limit {}", there.far_limit);
             let beyond = spec(sensor, 1.5 * hyperfocal).sharpness(WIDTH_PX, 1.0);
-            assert_eq!(beyond.far_limit, f32::INFINITY, "and it stays there");
+            assert_eq!(beyond.far_limit, f32::INFINITY, "infinity stays sharp");
             // c_inf = t (H − o) / (1.5 H − o): 1.5 H / (1 + (1.5 H − o) / (H − o)), of which o is 0.5 %.
             assert!(beyond.near_limit > 0.599 * hyperfocal, "but the near limit moves away");
         }
     }
 
     #[test]
-    fn at_its_limits_the_lens_blurs_as_much_as_is_accepted() {
+    fn at_the_limits_the_radius_is_the_accepted_one() {
         for sensor in SENSORS {
             for accepted in [0.5, 1.0, 4.0] {
                 let spec = spec(sensor, 2.0);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn focused_at_infinity_all_is_sharp_from_the_hyperfocal_distance_on() {
+    fn focused_at_infinity_the_lens_is_sharp_from_the_hyperfocal_distance_on() {
         let found = spec(SensorDistance::FocalLength, f32::INFINITY).sharpness(WIDTH_PX, 1.0);
         near(found.near_limit, found.hyperfocal_distance, "near limit");
         assert_eq!(found.far_limit, f32::INFINITY);

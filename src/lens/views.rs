@@ -1,21 +1,21 @@
-//! Lens samples: pairs of a point on the aperture and a place within the pixel, spread evenly in both at once.
+//! Lens samples: pairs of a point on the aperture and a point within the pixel, evenly spread in both jointly.
 //!
 //! The tables hold, for 8, 12, 16, 24 … 1024 views, point sets `(u, j)` optimised so that `j + c·u` is evenly spread along every
 //! direction for every CoC radius `c` from 0 (the pixel alone) to ∞ (the lens alone): sliced optimal transport after
-//! Paulin et al. 2020, "Sliced Optimal Transport Sampling". `examples/view_tables.rs` makes them. Each table is ordered
-//! so that its beginnings are well spread too.
+//! Paulin et al. 2020, "Sliced Optimal Transport Sampling". `examples/view_tables.rs` computes them. The order of each table makes its
+//! prefixes evenly spread as well.
 
 use super::Aperture;
 use glam::Vec2;
 
-/// One lens sample: a point on the aperture and a place within the pixel.
+/// One lens sample: a point on the aperture and a point within the pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Point on the aperture, in units of its radius.
     pub lens: Vec2,
     /// Offset from the pixel centre, −½ … ½.
     pub jitter: Vec2,
-    /// How far aberrations move the ray in the picture, in pixels.
+    /// Shift of the ray in the picture by aberrations, in pixels.
     pub shift: Vec2,
 }
 
@@ -30,8 +30,8 @@ const POINT: usize = 4 * size_of::<f32>();
 
 /// `count` views of `aperture`, evenly spread.
 ///
-/// Counts that are no table's size take the beginning of the next larger one; past the largest, the largest is used again,
-/// turned and shifted.
+/// A count that is not the size of a table takes a prefix of the next larger table. Past the largest table, that one is repeated with
+/// rotated lens points and shifted pixel points.
 pub fn views(count: usize, aperture: Aperture) -> Vec<View> {
     let index = SIZES.iter().position(|&size| size >= count).unwrap_or(SIZES.len() - 1);
     let (before, size) = (SIZES[..index].iter().sum::<usize>(), SIZES[index]);
@@ -54,7 +54,7 @@ fn point(table: &[u8], i: usize) -> View {
     View { lens: Vec2::new(value(0), value(1)), jitter: Vec2::new(value(2), value(3)), shift: Vec2::ZERO }
 }
 
-/// The `round`-th variant of a view: the lens turned by golden angles, the pixel shifted by a Kronecker sequence.
+/// The `round`-th variant of a view: the lens point rotated by golden angles, the pixel point shifted by a Kronecker sequence.
 fn turn(view: View, round: usize) -> View {
     if round == 0 {
         return view;
@@ -64,14 +64,14 @@ fn turn(view: View, round: usize) -> View {
     moved(view, golden_angle * round as f32, shift)
 }
 
-/// `view` with the lens turned by `angle` and its place moved by `shift` within the pixel, around its edges.
+/// `view` with its lens point rotated by `angle`, and its pixel point moved by `shift` with wrap-around.
 fn moved(view: View, angle: f32, shift: Vec2) -> View {
     let jitter = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
     View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter, ..view }
 }
 
-/// `count` views of a disc, all turned by `angle` and moved by `shift` within the pixel: for random `angle` and `shift` a sample of
-/// its own, as evenly spread as the table.
+/// `count` views of a disc, all rotated by `angle` and moved by `shift` within the pixel. Random `angle` and `shift` give independent
+/// sample sets that are as evenly spread as the table.
 pub(super) fn moved_views(count: usize, angle: f32, shift: Vec2) -> Vec<View> {
     views(count, Aperture::DISC).into_iter().map(|view| moved(view, angle, shift)).collect()
 }
@@ -84,7 +84,7 @@ mod tests {
     fn every_count_gives_that_many_views_within_lens_and_pixel() {
         for count in [1, 2, 7, 8, 9, 64, 96, 100, 768, 1024, 1500, 4096] {
             let samples = views(count, Aperture::DISC);
-            assert_eq!(samples.len(), count, "asked for {count}");
+            assert_eq!(samples.len(), count, "requested: {count}");
             for view in samples {
                 assert!(view.lens.length() <= 1.0 + 1e-5, "{view:?} leaves the lens");
                 assert!(view.jitter.abs().max_element() <= 0.5, "{view:?} leaves the pixel");
@@ -93,18 +93,18 @@ mod tests {
     }
 
     #[test]
-    fn the_tables_are_as_long_as_their_sizes_say() {
+    fn the_length_of_the_tables_is_that_of_their_sizes() {
         assert_eq!(TABLES.len(), SIZES.iter().sum::<usize>() * POINT);
     }
 
     #[test]
-    fn more_views_begin_with_the_same_table_only_past_the_largest() {
+    fn views_past_the_largest_table_begin_with_that_table() {
         let (once, twice) = (views(1024, Aperture::DISC), views(2048, Aperture::DISC));
-        assert_eq!(once, twice[..1024], "the second thousand comes after the first");
+        assert_eq!(once, twice[..1024], "the first half is the table itself");
     }
 
     #[test]
-    fn views_are_spread_evenly_in_pixel_and_lens_at_once() {
+    fn views_are_evenly_spread_in_pixel_and_lens_jointly() {
         // For several CoC radii, the share of points in a half plane through the centre is one half.
         for count in [48, 64, 96, 192, 256, 768, 1024] {
             for coc in [0.0f32, 1.0, 4.0] {

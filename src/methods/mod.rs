@@ -1,11 +1,11 @@
-//! DECIDE and BLUR: the methods, a folder each.
+//! DECIDE and BLUR: the methods, one folder per method.
 //!
-//! A method is one [`Method`]: its folder holds its parameters, the decisions about its own passes, its cost, its kernel and its GPU
-//! backend ([`contract`] says what the program asks of it). It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no I/O,
-//! prints nothing, and decides nothing that the plan could have decided.
+//! A method implements [`Method`] ([`contract`]). Its folder holds its parameters, the decisions about its own passes, its cost,
+//! its kernel and its GPU backend. It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no
+//! I/O, prints nothing, and makes no decision that the plan could make.
 //!
-//! [`shear`] is the default, [`accumulate`] the reference; [`published`] are the papers' methods and their baselines. What several methods
-//! share is in [`shared`].
+//! [`shear`] is the default and [`accumulate`] the reference; [`published`] has the methods of papers and their baselines. Code
+//! that several methods use is in [`shared`].
 
 mod contract;
 mod cost;

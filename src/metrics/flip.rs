@@ -1,20 +1,20 @@
-//! FLIP: how different two pictures look to somebody who flips between them.
+//! FLIP: the perceived difference between two pictures that are shown in alternation.
 //!
 //! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström & Fairchild 2020, "FLIP: A Difference Evaluator for Alternating
 //! Images"; for scene-linear pictures Andersson, Nilsson, Shirley & Akenine-Möller 2021, "Visualizing and Communicating
-//! Errors in Rendered Images". 0 is no visible difference, 1 the greatest. The eye is that of the papers' default: 0.7 m before
+//! Errors in Rendered Images". 0 is no visible difference, 1 the largest. The viewing distance is the papers' default: 0.7 m from
 //! a screen 0.7 m and 3840 pixels wide.
 //!
-//! Colour and features are compared apart: colour after the eye's contrast sensitivity (separable Gaussians in `YCxCz`), in
-//! Hunt-adjusted Lab by the distance `HyAB`; features, edges and points, by Gaussian derivatives of lightness. Borders repeat.
-//! Cost: about 200 multiplications a pixel. Memory: some ten planes.
+//! Colour and features are compared separately: colour after the eye's contrast sensitivity (separable Gaussians in `YCxCz`), in
+//! Hunt-adjusted Lab by the distance `HyAB`; features, which are edges and points, by Gaussian derivatives of lightness. Border pixels
+//! are repeated. Cost: about 200 multiplications per pixel. Memory: about ten planes.
 
 use super::Rgb;
 use crate::image::Plane;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// Pixels in a degree of sight: 0.7 m away from 3840 pixels on 0.7 m.
+/// Pixels per degree of visual angle: 0.7 m away from 3840 pixels on 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 
 /// Contrast sensitivity of lightness, red-green and blue-yellow: sums of Gaussians `a √(π/b) exp(−π² x²/b)`, `x` in degrees
@@ -27,44 +27,45 @@ const WIDEST_B: f64 = 0.04;
 /// Exponent of colour differences (2020, eq. 11).
 const COLOUR_EXPONENT: f64 = 0.7;
 
-/// Colour differences up to this share of the greatest map to the first [`MAPPED_SHARE`] of the range (2020, eq. 12).
+/// Colour differences up to this share of the largest map to the first [`MAPPED_SHARE`] of the range (2020, eq. 12).
 const COMMON_SHARE: f64 = 0.4;
 const MAPPED_SHARE: f64 = 0.95;
 
-/// Width in degrees of the features that the eye sees best (2020, section 4.2).
+/// Width in degrees of the features to which the eye is most sensitive (2020, section 4.2).
 const FEATURE_WIDTH_DEG: f64 = 0.082;
 
-/// FLIP at each pixel of two linear pictures as a screen shows them, clipped to 0 … 1.
+/// FLIP at each pixel of two linear pictures as shown on a display, clipped to 0 … 1.
 pub fn flip(image: &Rgb, reference: &Rgb) -> Plane {
-    let sight = Sight::new();
-    let (image, reference) = (sight.look(image), sight.look(reference));
-    sight.difference(&image, &reference)
+    let vision = VisionModel::new();
+    let (image, reference) = (vision.perceive(image), vision.perceive(reference));
+    vision.difference(&image, &reference)
 }
 
-/// HDR-FLIP at each pixel of two scene-linear pictures: the greatest FLIP over a range of exposures, tone-mapped, from where
-/// the brightest part of the reference is seen to where half of it is (2021, section 4).
+/// HDR-FLIP at each pixel of two scene-linear pictures: the largest FLIP over a range of exposures, tone-mapped, from the one at which
+/// the brightest pixel of the reference is not blown out to the one at which half of its pixels are not (2021, section 4).
 pub fn hdr_flip(image: &Rgb, reference: &Rgb) -> Plane {
-    let sight = Sight::new();
-    let mut greatest = Plane::zeros(reference[0].width(), reference[0].height());
+    let vision = VisionModel::new();
+    let mut largest = Plane::zeros(reference[0].width(), reference[0].height());
     for stops in exposures(reference) {
-        let [image, reference] = [image, reference].map(|picture| sight.look(&tone_mapped(picture, stops)));
-        let error = sight.difference(&image, &reference);
-        let values = greatest.values_mut().par_iter_mut().zip(error.values());
-        values.for_each(|(greatest, &error)| *greatest = greatest.max(error));
+        let [image, reference] =
+            [image, reference].map(|picture| vision.perceive(&tone_mapped(picture, stops)));
+        let error = vision.difference(&image, &reference);
+        let values = largest.values_mut().par_iter_mut().zip(error.values());
+        values.for_each(|(largest, &error)| *largest = largest.max(error));
     }
-    greatest
+    largest
 }
 
-/// What the eye makes of a picture.
-struct Seen {
+/// A picture as perceived by the eye.
+struct Perceived {
     /// Lightness, red-green and blue-yellow after contrast sensitivity, in Hunt-adjusted Lab.
     lab: Rgb,
     /// Strength of edges and of points.
     features: [Plane; 2],
 }
 
-/// The colour spaces and the filters.
-struct Sight {
+/// The colour spaces and filters of the model of vision.
+struct VisionModel {
     xyz_from_rgb: DMat3,
     rgb_from_xyz: DMat3,
     white: DVec3,
@@ -74,7 +75,7 @@ struct Sight {
     point: Vec<f32>,
 }
 
-impl Sight {
+impl VisionModel {
     fn new() -> Self {
         // Linear sRGB to XYZ with a D65 white (IEC 61966-2-1, as fractions).
         let xyz_from_rgb = DMat3::from_cols(
@@ -96,7 +97,7 @@ impl Sight {
         }
     }
 
-    fn look(&self, picture: &Rgb) -> Seen {
+    fn perceive(&self, picture: &Rgb) -> Perceived {
         let opponent = map(picture, |rgb| {
             let xyz = self.xyz_from_rgb * rgb.clamp(DVec3::ZERO, DVec3::ONE) / self.white;
             DVec3::new(116.0 * xyz.y - 16.0, 500.0 * (xyz.x - xyz.y), 200.0 * (xyz.y - xyz.z))
@@ -122,17 +123,17 @@ impl Sight {
             let shown = (self.rgb_from_xyz * xyz).clamp(DVec3::ZERO, DVec3::ONE);
             self.hunt_lab(shown)
         });
-        Seen { lab, features }
+        Perceived { lab, features }
     }
 
-    /// FLIP from what was seen of two pictures (2020, eqs. 10 to 14).
-    fn difference(&self, image: &Seen, reference: &Seen) -> Plane {
+    /// FLIP between two perceived pictures (2020, eqs. 10 to 14).
+    fn difference(&self, image: &Perceived, reference: &Perceived) -> Plane {
         let hyab = |a: DVec3, b: DVec3| {
             let difference = a - b;
             (difference.x.abs() + difference.y.hypot(difference.z)).powf(COLOUR_EXPONENT)
         };
-        let greatest = hyab(self.hunt_lab(DVec3::Y), self.hunt_lab(DVec3::Z));
-        let common = COMMON_SHARE * greatest;
+        let largest = hyab(self.hunt_lab(DVec3::Y), self.hunt_lab(DVec3::Z));
+        let common = COMMON_SHARE * largest;
         let at = |planes: &Rgb, i: usize| {
             let [x, y, z] = planes.each_ref().map(|plane| f64::from(plane.values()[i]));
             DVec3::new(x, y, z)
@@ -143,7 +144,7 @@ impl Sight {
             let colour = if distance < common {
                 MAPPED_SHARE / common * distance
             } else {
-                MAPPED_SHARE + (distance - common) / (greatest - common) * (1.0 - MAPPED_SHARE)
+                MAPPED_SHARE + (distance - common) / (largest - common) * (1.0 - MAPPED_SHARE)
             };
             let [edge, point] =
                 [0, 1].map(|k| (image.features[k].values()[i] - reference.features[k].values()[i]).abs());
@@ -153,25 +154,25 @@ impl Sight {
         result
     }
 
-    /// CIELAB of a linear colour, its chroma scaled with lightness as Hunt found (2020, eq. 7).
+    /// CIELAB of a linear colour, its chroma scaled by lightness for the Hunt effect (2020, eq. 7).
     fn hunt_lab(&self, rgb: DVec3) -> DVec3 {
         const DELTA: f64 = 6.0 / 29.0;
-        let bent = |t: f64| {
+        let compressed = |t: f64| {
             if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
         };
         let xyz = self.xyz_from_rgb * rgb / self.white;
-        let [x, y, z] = [xyz.x, xyz.y, xyz.z].map(bent);
+        let [x, y, z] = [xyz.x, xyz.y, xyz.z].map(compressed);
         let lightness = 116.0 * y - 16.0;
         DVec3::new(lightness, 0.01 * lightness * 500.0 * (x - y), 0.01 * lightness * 200.0 * (y - z))
     }
 }
 
-/// The Gaussians of one channel's contrast sensitivity, each with its share of the whole.
+/// The Gaussians of one channel's contrast sensitivity, each with its weight in the sum.
 fn contrast_filter(terms: &[[f64; 2]]) -> Vec<(f64, Vec<f32>)> {
     let pi = std::f64::consts::PI;
     let radius = (3.0 * (WIDEST_B / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
     let gaussian = |b: f64| move |x: f64| (-(pi * x / PIXELS_PER_DEGREE).powi(2) / b).exp();
-    // Over the plane a Gaussian weighs its height times the square of its sum along a line.
+    // The weight of a two-dimensional Gaussian is its height times the square of its sum along a line.
     let weight = |&[a, b]: &[f64; 2]| {
         let line: f64 = (-radius..=radius).map(|x| gaussian(b)(f64::from(x))).sum();
         a * (pi / b).sqrt() * line * line
@@ -198,7 +199,7 @@ fn sum_of_blurs(plane: &Plane, filter: &[(f64, Vec<f32>)]) -> Plane {
     sum
 }
 
-/// `plane` filtered by `across` along its rows and by `down` along its columns; its border repeats.
+/// `plane` filtered by `across` along its rows and by `down` along its columns, with border pixels repeated.
 fn convolved(plane: &Plane, across: &[f32], down: &[f32]) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let radius = across.len() / 2;
@@ -223,7 +224,7 @@ fn convolved(plane: &Plane, across: &[f32], down: &[f32]) -> Plane {
     result
 }
 
-/// `picture` with every pixel replaced by `value` of it.
+/// `picture` with `value` applied to every pixel.
 fn map(picture: &Rgb, value: impl Fn(DVec3) -> DVec3 + Sync) -> Rgb {
     let mut result = picture.clone();
     let [a, b, c] = &mut result;
@@ -235,13 +236,13 @@ fn map(picture: &Rgb, value: impl Fn(DVec3) -> DVec3 + Sync) -> Rgb {
     result
 }
 
-/// The ACES tone curve `(k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅)` with the exposure of 0.6 that goes with it.
+/// The ACES tone curve `(k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅)`, with its exposure of 0.6 included in the coefficients.
 const ACES: [f64; 6] = [0.36 * 2.51, 0.6 * 0.03, 0.0, 0.36 * 2.43, 0.6 * 0.59, 0.14];
 
-/// The tone curve's value up to which a picture counts as not blown out.
+/// The tone curve's value up to which a pixel counts as not blown out.
 const NOT_BLOWN_OUT: f64 = 0.85;
 
-/// The exposures, in stops, to look at a scene with this reference (2021, section 4.1).
+/// The exposures, in stops, at which pictures with this reference are compared (2021, section 4.1).
 fn exposures(reference: &Rgb) -> Vec<f64> {
     let [r, g, b] = reference.each_ref().map(Plane::values);
     let mut luminance: Vec<f64> = (0..r.len())
@@ -249,7 +250,7 @@ fn exposures(reference: &Rgb) -> Vec<f64> {
         .collect();
     luminance.sort_by(f64::total_cmp);
     let (brightest, median) = (luminance[luminance.len() - 1], middle(&luminance));
-    // Where the tone curve reaches its limit: a quadratic.
+    // The input at which the tone curve reaches the limit is the root of a quadratic.
     let [a, b, c] = [0, 1, 2].map(|k| ACES[k] - NOT_BLOWN_OUT * ACES[k + 3]);
     let limit = (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a);
     let first = (limit / brightest.max(1e-5)).log2();
@@ -264,7 +265,7 @@ fn middle(values: &[f64]) -> f64 {
     if values.len().is_multiple_of(2) { 0.5 * (values[half - 1] + values[half]) } else { values[half] }
 }
 
-/// `picture` exposed by `stops` and tone-mapped; negative light is none.
+/// `picture` exposed by `stops` and tone-mapped; negative values count as 0.
 fn tone_mapped(picture: &Rgb, stops: f64) -> Rgb {
     let [k0, k1, k2, k3, k4, k5] = ACES;
     let exposure = stops.exp2();
@@ -287,12 +288,12 @@ mod tests {
     fn green_and_blue_are_the_most_different_and_equal_pictures_do_not_differ() {
         let [green, blue] = [plain([0.0, 1.0, 0.0]), plain([0.0, 0.0, 1.0])];
         let differs = |a: &Rgb, b: &Rgb| flip(a, b).get(20, 15);
-        assert!((differs(&green, &blue) - 1.0).abs() < 1e-4, "the pair that the scale is made of");
+        assert!((differs(&green, &blue) - 1.0).abs() < 1e-4, "the pair that defines the scale");
         assert_eq!(differs(&green, &green), 0.0);
     }
 
     #[test]
-    fn a_fine_line_is_seen_more_than_its_colour_alone_says() {
+    fn a_fine_line_counts_more_than_its_colour_difference() {
         let grey = plain([0.5; 3]);
         let line = [0, 1, 2].map(|_| Plane::from_fn(40, 30, |x, _| if x == 20 { 0.6 } else { 0.5 }));
         let broad = plain([0.502; 3]);
@@ -300,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pixel_is_a_picture() {
+    fn pictures_of_one_pixel_can_be_compared() {
         let dot = |value| [0, 1, 2].map(|_| Plane::filled(1, 1, value));
         assert!(flip(&dot(1.0), &dot(0.0)).get(0, 0) > 0.5);
         assert!(hdr_flip(&dot(0.0), &dot(0.0)).get(0, 0) == 0.0);

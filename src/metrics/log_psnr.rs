@@ -1,11 +1,11 @@
-//! Peak signal-to-noise ratio of logarithmic values: what clipping to display values hides, highlights above all, counts
-//! here.
+//! Peak signal-to-noise ratio of logarithmic values. It includes differences that clipping to display values hides, above all in
+//! highlights.
 
 use super::{MSE_FLOOR, Rgb, mean};
 
 /// `10 · log10(p² / mean (log2(1 + t) − log2(1 + r))²)` in dB, with the peak `p` the largest `log2(1 + r)`.
 ///
-/// Negative values count as 0. A black reference has no peak: −∞.
+/// Negative values count as 0. A black reference has no peak, and the result is −∞.
 pub fn log_psnr_db(image: &Rgb, reference: &Rgb) -> f64 {
     let log = |value: f64| value.max(0.0).ln_1p() / std::f64::consts::LN_2;
     let brightest = reference.iter().flat_map(|plane| plane.values()).fold(0.0_f32, |a, &b| a.max(b));

@@ -1,7 +1,7 @@
-//! How far one picture is from another.
+//! Metrics of the difference between two pictures.
 //!
-//! All figures are of red, green and blue together; alpha is not compared. NaN counts as 0 in both pictures, so that one
-//! broken pixel costs what a black one would, and does not hide all others.
+//! All figures are of red, green and blue together; alpha is not compared. NaN counts as 0 in both pictures, so that a
+//! single NaN counts as a black pixel and does not make the whole figure NaN.
 
 mod flip;
 mod log_psnr;
@@ -19,10 +19,10 @@ use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
 use rayon::prelude::*;
 
-/// Mean squared errors below this count as this: equal pictures have 200 dB, not infinitely many.
+/// Lower bound of mean squared errors: equal pictures have 200 dB instead of an infinite value.
 const MSE_FLOOR: f64 = 1e-20;
 
-/// A border is cut down until this many pixels remain on either side of the middle.
+/// A border is reduced until this many pixels remain on either side of the centre.
 const KEPT_BY_BORDER_PX: usize = 32;
 
 /// Three planes: red, green, blue.
@@ -54,8 +54,8 @@ pub struct Pair {
 impl Pair {
     /// `image` and `reference`, leaving out `border_px` pixels on every side.
     ///
-    /// A border that would leave less than 64 pixels of the shorter side is cut down to that; a picture that is smaller
-    /// still is compared whole.
+    /// A border that would leave less than 64 pixels of the shorter side is reduced so that 64 remain; a smaller picture
+    /// is compared whole.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Input`] for pictures that differ in size or have no pixels.
@@ -66,7 +66,7 @@ impl Pair {
         Ok(Self { image: crop(image, border), reference: crop(reference, border) })
     }
 
-    /// All figures but [`Pair::hdr_flip`].
+    /// All figures except for [`Pair::hdr_flip`].
     pub fn score(&self) -> Score {
         let (shown, shown_reference) = (display(&self.image), display(&self.reference));
         Score {
@@ -83,7 +83,7 @@ impl Pair {
         flip(&self.image, &self.reference)
     }
 
-    /// The mean of [`hdr_flip()`], which takes as long as a dozen others.
+    /// The mean of [`hdr_flip()`], which takes about as long as twelve other metrics.
     pub fn hdr_flip(&self) -> f64 {
         mean_of(&hdr_flip(&self.image, &self.reference))
     }
@@ -132,7 +132,7 @@ fn crop(image: &Image, border: usize) -> Rgb {
     })
 }
 
-/// Linear values as a screen shows them: clipped to 0 … 1 and sRGB-encoded.
+/// Linear values as shown on a display: clipped to 0 … 1 and sRGB-encoded.
 pub fn display(linear: &Rgb) -> Rgb {
     linear.each_ref().map(|plane| {
         let mut shown = plane.clone();
@@ -141,7 +141,7 @@ pub fn display(linear: &Rgb) -> Rgb {
     })
 }
 
-/// A linear value as a screen shows it: clipped to 0 … 1 and sRGB-encoded.
+/// A linear value as shown on a display: clipped to 0 … 1 and sRGB-encoded.
 pub fn displayed(linear: f32) -> f32 {
     srgb_encode(linear.clamp(0.0, 1.0))
 }
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_border_hides_what_lies_in_it_and_only_that() {
+    fn pixels_in_the_border_are_not_compared() {
         let mut image = grey(0.5);
         image.planes[0].set(4, 40, 9.0);
         assert_eq!(score(&image, &grey(0.5), 5).unwrap().psnr_db, 200.0);
@@ -197,8 +197,8 @@ mod tests {
     }
 
     #[test]
-    fn a_border_leaves_the_middle() {
-        // 100×90 leaves 90 / 2 − 32 = 13 pixels of border at most.
+    fn a_border_is_limited_so_that_the_centre_remains() {
+        // The border of 100×90 pixels is at most 90 / 2 − 32 = 13 pixels.
         let mut image = grey(0.5);
         image.planes[0].set(13, 13, 9.0);
         assert!(score(&image, &grey(0.5), 1000).unwrap().psnr_db < 100.0);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_pixel_costs_what_a_black_one_does() {
+    fn a_nan_counts_as_black() {
         let (mut broken, mut black) = (grey(0.5), grey(0.5));
         broken.planes[1].set(7, 7, f32::NAN);
         black.planes[1].set(7, 7, 0.0);

@@ -1,8 +1,8 @@
-//! Squared error of linear values relative to the reference: dark and bright regions weigh alike.
+//! Squared error of linear values relative to the reference, so that dark and bright regions have equal weight.
 
 use super::{Rgb, mean};
 
-/// Keeps black pixels from dividing by nothing.
+/// Added to the squared reference, so that black pixels do not divide by 0.
 const EPSILON: f64 = 0.01;
 
 /// The mean of `(t − r)² / (r² + 0.01)`.

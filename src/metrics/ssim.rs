@@ -1,7 +1,7 @@
 //! Structural similarity, Wang, Bovik, Sheikh & Simoncelli 2004, with their Gaussian window: 11×11, σ = 1.5.
 //!
-//! Separable: the window runs down a band of rows, then along the row. The two variances are only ever needed as a sum, so
-//! four moments are filtered, not five. Cost: 88 multiplications a sample. Memory: one row a thread.
+//! The window is separable: it is applied down a band of rows, then along the row. The two variances are needed only as a sum, so
+//! four moments are filtered, not five. Cost: 88 multiplications per sample. Memory: one row per thread.
 
 use super::Rgb;
 use crate::image::Plane;

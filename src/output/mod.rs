@@ -1,6 +1,6 @@
-//! WRITE: pictures and reports. Knows the formats it writes and how to put a file in place whole or not at all.
+//! WRITE: pictures and reports: the output formats and atomic writes.
 //!
-//! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
+//! Every writer uses [`atomic::write()`]; none of them opens a file itself.
 
 #[doc(hidden)]
 pub mod atomic;

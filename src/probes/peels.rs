@@ -1,88 +1,88 @@
-//! How many of a stack's layers a lens can see, and whether it would see more than there are.
+//! The number of a stack's layers that contribute to a picture, and whether further layers would contribute.
 //!
-//! The truth at some pixels is asked for with all layers and with the first 1, 2, … alone, by the same rays, so that only
-//! what the missing layers hide or show differs. As in [`super`], the rays come in two halves and the squared error is the
-//! product of both differences, which has no bias. Guessed surfaces take no part: what a stack with fewer layers would have to guess
-//! is what is asked for.
+//! The truth at some pixels is computed with all layers and with only the first 1, 2, … of them, by the same rays, so that the
+//! difference is due to the missing layers alone. As in [`super`], the rays are split into two halves and the squared error is the
+//! product of both differences, which has no bias. The disocclusion fill is left out, because it would replace the missing surfaces that
+//! are measured here.
 //!
-//! A ray that finds nothing and has passed behind something of the last layer on its way may have missed what a further layer would
-//! hold. Where a sample has fewer fragments than the stack has layers, nothing more is behind them: such rays found all there was.
+//! A ray that hits nothing after it has passed behind a fragment of the last layer may have missed a fragment of a further
+//! layer. Where a sample has fewer fragments than the stack has layers, there is no further surface, and such rays are not lost.
 //!
-//! Cost: the rays, once for each number of layers. Memory: next to none. Limits: of errors in few places only some are seen.
+//! Cost: the rays, once for each number of layers. Memory: negligible. Limits: errors that occur in few places are partly missed.
 
-use super::{Look, Places, SEED, StratumErrors, mean_error};
+use super::{PixelTracer, ProbeSites, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
-use crate::methods::Plan;
-use crate::methods::Volume;
+use crate::methods::{Plan, Volume};
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;
 
-/// PSNR in dB from which a picture of fewer layers will do: a third of the squared error that is left at final quality, 45 dB.
+/// PSNR in dB from which fewer layers suffice: a third of the squared error of final quality, 45 dB.
 pub(crate) const PEELS_ENOUGH_DB: f64 = 50.0;
 
-/// From this share of lost rays on, more layers would be seen. The first two peels of a made table scene lose 0.1 % and make a picture
-/// within 57 dB of that of all four, those of a fence lose 2.4 % and are within 36 dB: in proportion, 50 dB are left at 0.5 %
-/// and at 0.1 %. This is between the two.
+/// Share of lost rays from which on further layers would contribute. The first two peels of a synthetic table scene lose 0.1 % and give a
+/// picture within 57 dB of that of all four, those of a fence lose 2.4 % and are within 36 dB: by proportion, 50 dB correspond to 0.5 %
+/// and to 0.1 %. The limit lies between the two.
 pub(super) const LOST_RAYS_SHARE: f64 = 2e-3;
 
-/// Pixels looked at. What deep peels add is rare: where the whole pictures of two peels and of four differ by 57.0 dB, on a made table
-/// scene, 400 pixels say 61.9 and these 60.3.
+/// Number of probed pixels. The contribution of deep peels is rare: where the whole pictures of two peels and of four differ by 57.0 dB,
+/// on a synthetic table scene, 400 pixels estimate 61.9 dB and 1600 pixels 60.3 dB.
 const PIXELS: usize = 1600;
 
 /// Rays of each half.
 const RAYS: usize = 64;
 
-/// What a lens sees of a stack's layers.
+/// The contribution of a stack's layers to the picture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PeelsSeen {
-    /// Layers of the stack.
+    /// Number of layers of the stack.
     pub layers: usize,
-    /// The least number of layers whose picture is within [`PEELS_ENOUGH_DB`] of that of all.
+    /// The smallest number of layers whose picture is within [`PEELS_ENOUGH_DB`] of that of all.
     pub needed: usize,
-    /// PSNR in dB of the picture of the first 1, 2, … layers against that of all; `None` where no difference is seen.
+    /// PSNR in dB of the picture of the first 1, 2, … layers against that of all; `None` where no difference is measurable.
     pub psnr_db: Vec<Option<f64>>,
-    /// Share of the rays that find nothing behind the last layer, where a further one may have something.
+    /// Share of the rays that hit nothing behind the last layer, where a further layer may have a surface.
     pub lost_rays: f64,
-    /// Pixels looked at.
+    /// Number of probed pixels.
     pub pixels: usize,
-    /// Rays for each of them and each number of layers.
+    /// Rays for each pixel and each number of layers.
     pub rays_per_pixel: usize,
 }
 
 impl PeelsSeen {
-    /// Whether more layers than there are would be seen.
-    pub fn wants_more(&self) -> bool {
+    /// Whether further layers would contribute to the picture.
+    pub fn needs_more_layers(&self) -> bool {
         self.lost_rays >= LOST_RAYS_SHARE
     }
 }
 
-/// What the lens of `plan` sees of the layers of `scene`; `None` for a single layer, and where nothing is blurred.
+/// The contribution of the layers of `scene` to the picture of `plan`; `None` for a single layer, and where nothing is blurred.
 pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
     let layers = scene.layers.len();
     if layers < 2 || !plan.does(EffectKind::Blur) {
         return None;
     }
-    let Places { look, strata, mut rng, .. } = Places::new(scene, plan, PIXELS, SEED);
-    let fewer: Vec<Look<'_>> = (1..layers)
-        .map(|count| Look { scene, plan, volume: Volume::from_first_layers(count, scene, plan) })
+    let ProbeSites { tracer, strata, mut rng, .. } = ProbeSites::new(scene, plan, PIXELS, SEED);
+    let fewer: Vec<PixelTracer<'_>> = (1..layers)
+        .map(|count| PixelTracer { scene, plan, volume: Volume::from_first_layers(count, scene, plan) })
         .collect();
-    let strata: Vec<(f64, Vec<Seen>)> = strata
+    let strata: Vec<(f64, Vec<PixelStats>)> = strata
         .into_iter()
         .map(|(size, pixels)| {
             let seeds: Vec<(usize, u64)> = pixels.into_iter().map(|pixel| (pixel, rng.u64(..))).collect();
-            (size, seeds.into_par_iter().map(|(pixel, seed)| seen(&look, &fewer, pixel, seed)).collect())
+            let stats = |(pixel, seed)| pixel_stats(&tracer, &fewer, pixel, seed);
+            (size, seeds.into_par_iter().map(stats).collect())
         })
         .collect();
-    let mean = |value: &dyn Fn(&Seen) -> f64| {
-        let of_stratum = |(size, seen): &(f64, Vec<Seen>)| StratumErrors {
+    let mean = |value: &dyn Fn(&PixelStats) -> f64| {
+        let in_stratum = |(size, pixels): &(f64, Vec<PixelStats>)| StratumErrors {
             size: *size,
-            errors: seen.iter().map(value).collect(),
+            errors: pixels.iter().map(value).collect(),
         };
-        mean_error(&strata.iter().map(of_stratum).collect::<Vec<_>>())
+        mean_error(&strata.iter().map(in_stratum).collect::<Vec<_>>())
     };
-    let errors = (0..layers - 1).map(|k| mean(&|seen| seen.errors[k]));
+    let errors = (0..layers - 1).map(|k| mean(&|pixel| pixel.errors[k]));
     let psnr_db: Vec<Option<f64>> =
         errors.map(|error| (error > 0.0).then(|| -10.0 * error.log10())).collect();
     let enough = |db: &Option<f64>| db.is_none_or(|db| db >= PEELS_ENOUGH_DB);
@@ -90,34 +90,37 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
         layers,
         needed: psnr_db.iter().position(enough).map_or(layers, |k| k + 1),
         psnr_db,
-        lost_rays: mean(&|seen| seen.lost_rays),
-        pixels: strata.iter().map(|(_, seen)| seen.len()).sum(),
+        lost_rays: mean(&|pixel| pixel.lost_rays),
+        pixels: strata.iter().map(|(_, pixels)| pixels.len()).sum(),
         rays_per_pixel: 2 * RAYS,
     })
 }
 
-/// What is seen at a pixel.
+/// Results for one pixel.
 #[derive(Debug)]
-struct Seen {
+struct PixelStats {
     /// Estimates of the squared error of the first 1, 2, … layers.
     errors: Vec<f64>,
     /// Share of the rays that are lost behind the last layer.
     lost_rays: f64,
 }
 
-/// What is seen at `pixel` with all layers, and by the same rays with `fewer`.
-fn seen(all: &Look<'_>, fewer: &[Look<'_>], pixel: usize, seed: u64) -> Seen {
+/// Compares `pixel` with all layers to the same rays' results with `fewer` layers.
+fn pixel_stats(all: &PixelTracer<'_>, fewer: &[PixelTracer<'_>], pixel: usize, seed: u64) -> PixelStats {
     let mut rng = Rng::with_seed(seed);
     let halves = [(); 2].map(|()| all.rays(RAYS, &mut rng));
-    let truth = halves.each_ref().map(|rays| all.shown(pixel, rays));
-    let error = |few: &Look<'_>| {
-        let found = halves.each_ref().map(|rays| few.shown(pixel, rays));
+    let truth = halves.each_ref().map(|rays| all.color(pixel, rays));
+    let error = |few: &PixelTracer<'_>| {
+        let found = halves.each_ref().map(|rays| few.color(pixel, rays));
         let difference = |half: usize, channel: usize| f64::from(found[half][channel] - truth[half][channel]);
         (0..3).map(|channel| difference(0, channel) * difference(1, channel)).sum::<f64>() / 3.0
     };
     let width = all.scene.picture_size().0;
     let lost = |rays: &Rays| all.volume.lost_rays(pixel % width, pixel / width, rays.green());
-    Seen { errors: fewer.iter().map(error).collect(), lost_rays: halves.iter().map(lost).sum::<f64>() / 2.0 }
+    PixelStats {
+        errors: fewer.iter().map(error).collect(),
+        lost_rays: halves.iter().map(lost).sum::<f64>() / 2.0,
+    }
 }
 
 #[cfg(test)]
@@ -133,7 +136,7 @@ mod tests {
     const WIDTH: usize = 96;
     const HEIGHT: usize = 64;
 
-    /// What a layer has in column `x`: brightness and CoC radius, or nothing.
+    /// Brightness and CoC radius of a layer in column `x`; `None` where it is empty.
     type Column = fn(usize) -> Option<(f32, f32)>;
 
     fn peels_seen(layers: &[Column]) -> Option<PeelsSeen> {
@@ -153,30 +156,30 @@ mod tests {
         super::peels_seen(&scene, &plan)
     }
 
-    /// A near, blurred half over a bright wall in focus …
+    /// A near, blurred surface on the left half, over a bright wall in focus.
     const NEAR_HALF: Column = |x| Some(if x < 48 { (0.2, -8.0) } else { (0.8, 0.0) });
 
-    /// … the wall behind it …
+    /// The wall behind the near surface.
     const WALL_BEHIND: Column = |x| (x < 48).then_some((0.5, 0.0));
 
-    /// … and something behind the wall, that no ray reaches.
+    /// A surface behind the wall, which no ray reaches.
     const BEHIND_THE_WALL: Column = |_| Some((0.9, 4.0));
 
     #[test]
-    fn what_no_ray_reaches_is_not_needed() {
+    fn a_layer_that_no_ray_reaches_is_not_needed() {
         let seen = peels_seen(&[NEAR_HALF, WALL_BEHIND, BEHIND_THE_WALL]).unwrap();
         assert_eq!((seen.layers, seen.needed), (3, 2), "{seen:?}");
-        assert_eq!(seen.psnr_db[1], None, "the first two show all there is to see");
+        assert_eq!(seen.psnr_db[1], None, "the first two layers give the whole picture");
         let flat = peels_seen(&[|_| Some((0.5, 3.0)), BEHIND_THE_WALL]).unwrap();
         assert_eq!((flat.needed, flat.lost_rays), (1, 0.0), "behind a surface without an edge");
     }
 
     #[test]
-    fn what_lies_behind_a_blurred_near_edge_is_needed() {
+    fn a_layer_behind_a_blurred_near_edge_is_needed() {
         let seen = peels_seen(&[NEAR_HALF, WALL_BEHIND]).unwrap();
         assert_eq!(seen.needed, 2, "{seen:?}");
-        assert!(!seen.wants_more(), "and is all there is: {seen:?}");
-        // Of 8 columns before the edge the share of a disc beyond it sees the wall, 0.5; without it only the others, 0.2, count.
+        assert!(!seen.needs_more_layers(), "{seen:?}");
+        // In 8 columns at the edge, the share of the disc beyond it shows the wall, 0.5; without the wall only the other rays, 0.2, count.
         let beyond = |d: f32| (d.acos() - d * (1.0 - d * d).sqrt()) / std::f32::consts::PI;
         let error = |i: u8| displayed(0.2 + 0.3 * beyond((f32::from(i) + 0.5) / 8.0)) - displayed(0.2);
         let mean = (0..8).map(|i| error(i).powi(2)).sum::<f32>() / WIDTH as f32;
@@ -185,16 +188,16 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_pass_the_last_layer_and_find_nothing_ask_for_more() {
-        // A third surface is missing behind two near ones: of 8 columns of 96 at most half of the rays pass both.
+    fn rays_that_pass_the_last_layer_and_hit_nothing_are_lost() {
+        // A third surface is missing behind two near ones: in 8 of 96 columns at most half of the rays pass both.
         let second: Column = |x| (x < 48).then_some((0.4, -6.0));
         let seen = peels_seen(&[NEAR_HALF, second]).unwrap();
-        assert!(seen.wants_more() && seen.lost_rays < 0.5 * 8.0 / 96.0, "{seen:?}");
+        assert!(seen.needs_more_layers() && seen.lost_rays < 0.5 * 8.0 / 96.0, "{seen:?}");
     }
 
     #[test]
-    fn rays_into_an_open_background_are_not_lost() {
-        // They pass a near object, behind which the stack has fewer fragments than layers: there was nothing more.
+    fn rays_into_a_transparent_background_are_not_lost() {
+        // They pass a near object, behind which the stack has fewer fragments than layers: there is no further surface.
         let first: Column = |x| match x {
             ..48 => Some((0.2, -8.0)),
             80.. => Some((0.5, 0.0)),
@@ -205,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn one_layer_or_no_blur_is_not_asked() {
+    fn a_single_layer_or_a_picture_without_blur_is_not_measured() {
         assert_eq!(peels_seen(&[NEAR_HALF]), None);
         assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), BEHIND_THE_WALL]).map(|seen| seen.needed), Some(1));
         assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), |_| Some((0.5, 0.2))]), None);

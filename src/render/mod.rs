@@ -5,17 +5,13 @@
 
 mod paint;
 
-use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
 use crate::error::Error;
 use crate::finding::Finding;
-use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
-use crate::methods::{self, Progress, Registry};
-use crate::methods::{Plan, Target};
-use crate::output;
+use crate::methods::{self, Plan, Progress, Registry, Target};
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::probes::{self, ErrorEstimate};
 use crate::sample_budget::Outcome;
@@ -24,6 +20,7 @@ use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Sett
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
 use crate::usage::{self, Stage, StageClock};
+use crate::{confidence, finish, output};
 use paint::Painted;
 use std::path::Path;
 use std::sync::Arc;
@@ -394,7 +391,7 @@ fn decide(
             ),
         ));
     }
-    let astray_px = Optics::new(settings, &scene.field)?.astray_px();
+    let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
     methods.prepare(scene, settings)
 }

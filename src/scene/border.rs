@@ -1,12 +1,12 @@
-//! What lies beyond the frame, put around a scene.
+//! Padding of a scene with what lies beyond its frame.
 //!
-//! Every method takes the last sample at the border to go on for ever. Where something else is asked for, each layer is made larger by as
-//! much as the blur can reach, the larger picture is blurred, and it is cut back to the frame ([`crate::image::Image::trimmed`]). A method
-//! knows nothing of it.
+//! Every method repeats the last sample at the border without end. For any other border each layer is padded by as much as the blur can
+//! reach, the larger picture is blurred, and the result is cropped to the frame ([`crate::image::Image::trimmed`]). Methods do not
+//! depend on the border.
 //!
-//! Cost: nothing for [`Border::Clamp`]; else the scene is copied once, and the blur has more pixels. Limits: what is put around is at
-//! most as wide and as high as the frame on each side (or [`ALWAYS_PX`]), which makes nine times the pixels; past that, its last sample
-//! goes on.
+//! Cost: none for [`Border::Clamp`]; otherwise the scene is copied once, and the blur has more pixels. Limits: the padding on each side is
+//! at most as wide and as high as the frame (or [`MIN_LIMIT_PX`]), which makes up to nine times the pixels; past that, its last sample is
+//! repeated.
 
 use super::{Layer, Scene};
 use crate::image::Plane;
@@ -14,44 +14,44 @@ use crate::settings::Border;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// As much may always be put around a frame, in picture pixels, however small the frame is.
-const ALWAYS_PX: usize = 256;
+/// Smallest limit of the padding, in picture pixels: it holds for frames that are smaller than this.
+const MIN_LIMIT_PX: usize = 256;
 
-/// Methods look so much farther than the largest CoC radius, in picture pixels: for interpolation and for rounding to bins.
-const SPARE_PX: f32 = 2.0;
+/// How far beyond the largest CoC radius methods read, in picture pixels: for interpolation and for rounding to bins.
+const READ_MARGIN_PX: f32 = 2.0;
 
 impl Scene {
-    /// How far beyond the frame something may lie and yet be seen in it, in picture pixels, by a lens that moves things `astray_px` beyond
-    /// their CoC.
-    pub fn reach_px(&self, astray_px: f32) -> usize {
-        let of_layer = |layer: &Layer| {
+    /// How far beyond the frame a fragment can lie and still contribute to it, in picture pixels, for a lens that displaces light by up to
+    /// `displacement_px` beyond its CoC.
+    pub fn reach_px(&self, displacement_px: f32) -> usize {
+        let max_coc_of_layer = |layer: &Layer| {
             let width = layer.width().max(1);
             let rows = layer.alpha.values().par_chunks(width).zip(layer.coc_px.values().par_chunks(width));
-            rows.map(|(alpha, coc_px)| largest_of_row(alpha, coc_px)).reduce(|| 0.0, f32::max)
+            rows.map(|(alpha, coc_px)| max_coc_of_row(alpha, coc_px)).reduce(|| 0.0, f32::max)
         };
-        let largest_px = self.layers.iter().map(of_layer).fold(0.0, f32::max) + astray_px;
-        if largest_px > 0.0 { (largest_px + SPARE_PX).ceil() as usize } else { 0 }
+        let max_px = self.layers.iter().map(max_coc_of_layer).fold(0.0, f32::max) + displacement_px;
+        if max_px > 0.0 { (max_px + READ_MARGIN_PX).ceil() as usize } else { 0 }
     }
 
-    /// The scene with what `border` says around it, `reach_px` wide on each side, or as wide as the frame allows:
-    /// [`Scene::outside_px`] says how much it was.
+    /// The scene padded as `border` says, by `reach_px` on each side or as much as the limit for the frame allows:
+    /// [`Scene::outside_px`] has the width of the padding.
     #[must_use]
     pub fn padded(self, border: Border, reach_px: usize) -> Self {
         let (width, height) = self.picture_size();
-        let around = match border {
+        let padded = match border {
             _ if reach_px == 0 || width * height == 0 => return self,
             Border::Clamp => return self,
-            Border::Mirror => mirrored,
-            Border::Transparent => isolated,
+            Border::Mirror => mirror_padded,
+            Border::Transparent => zero_padded,
         };
-        let outside_px = [width, height].map(|side| reach_px.min(side.max(ALWAYS_PX)));
+        let outside_px = [width, height].map(|side| reach_px.min(side.max(MIN_LIMIT_PX)));
         let outside = outside_px.map(|pixels| pixels * self.supersample);
-        // One plane after the other, so that only one of them is there twice.
-        let larger = |plane: Plane| around(&plane, outside);
+        // One plane at a time, so that only one of them is held twice.
+        let pad = |plane: Plane| padded(&plane, outside);
         let layer = |layer: Layer| Layer {
-            color: layer.color.map(larger),
-            alpha: larger(layer.alpha),
-            coc_px: larger(layer.coc_px),
+            color: layer.color.map(pad),
+            alpha: pad(layer.alpha),
+            coc_px: pad(layer.coc_px),
         };
         let layers = self.layers.into_iter().map(layer).collect();
         let mut field = self.field;
@@ -60,49 +60,49 @@ impl Scene {
     }
 }
 
-/// The largest size of CoC radii where there are fragments.
-fn largest_of_row(alpha: &[f32], coc_px: &[f32]) -> f32 {
+/// The largest absolute CoC radius of the fragments.
+fn max_coc_of_row(alpha: &[f32], coc_px: &[f32]) -> f32 {
     let sizes = alpha.iter().zip(coc_px).map(|(&alpha, coc)| if alpha > 0.0 { coc.abs() } else { 0.0 });
     sizes.fold(0.0, |largest, size| if size > largest { size } else { largest })
 }
 
-/// `plane` amid zeros.
-fn isolated(plane: &Plane, outside: [usize; 2]) -> Plane {
-    framed(plane, outside, |y| y.checked_sub(outside[1]).filter(|&y| y < plane.height()), |_, _| 0.0)
+/// `plane` padded with zeros.
+fn zero_padded(plane: &Plane, outside: [usize; 2]) -> Plane {
+    padded_plane(plane, outside, |y| y.checked_sub(outside[1]).filter(|&y| y < plane.height()), |_, _| 0.0)
 }
 
-/// `plane` amid its reflections.
-fn mirrored(plane: &Plane, outside: [usize; 2]) -> Plane {
-    let row = |y: usize| Some(reflected(y, outside[1], plane.height()));
-    framed(plane, outside, row, |samples, x| samples[reflected(x, outside[0], samples.len())])
+/// `plane` padded with its reflections.
+fn mirror_padded(plane: &Plane, outside: [usize; 2]) -> Plane {
+    let source_row = |y: usize| Some(reflected(y, outside[1], plane.height()));
+    padded_plane(plane, outside, source_row, |samples, x| samples[reflected(x, outside[0], samples.len())])
 }
 
-/// A plane as large as `plane` with the columns and rows `outside` around it: each of its rows has in its middle the samples of
-/// `row(y)`, if any, and `beside(samples, x)` in every other column `x`.
-fn framed(
+/// `plane` with `columns` on either side and `rows` above and below. Row `y` of the result has in its middle the samples of row
+/// `source_row(y)` of `plane`, and `padding(samples, x)` in every other column `x`; it is zero where there is no source row.
+fn padded_plane(
     plane: &Plane,
     [columns, rows]: [usize; 2],
-    row: impl Fn(usize) -> Option<usize> + Sync + Send,
-    beside: impl Fn(&[f32], usize) -> f32 + Sync + Send,
+    source_row: impl Fn(usize) -> Option<usize> + Sync + Send,
+    padding: impl Fn(&[f32], usize) -> f32 + Sync + Send,
 ) -> Plane {
     let (width, larger_width) = (plane.width(), plane.width() + 2 * columns);
     let mut larger = Plane::zeros(larger_width, plane.height() + 2 * rows);
     larger.values_mut().par_chunks_mut(larger_width).enumerate().for_each(|(y, to)| {
-        let Some(from) = row(y).map(|y| plane.row(y)) else { return };
+        let Some(from) = source_row(y).map(|y| plane.row(y)) else { return };
         to[columns..][..width].copy_from_slice(from);
         for x in (0..columns).chain(columns + width..larger_width) {
-            to[x] = beside(from, x);
+            to[x] = padding(from, x);
         }
     });
     larger
 }
 
-/// Which of `length` samples place `at` shows, where the first of them is at `outside`: reflected past either end, and there again.
+/// Index of the sample, of `length` samples that begin at `outside`, that is shown at `at`: reflected at both ends, repeatedly.
 fn reflected(at: usize, outside: usize, length: usize) -> usize {
-    let turns = 2 * length;
-    // Both are whole numbers of samples from the first; a whole number of turns keeps the difference from being negative.
-    let place = (at + outside.div_ceil(turns) * turns - outside) % turns;
-    if place < length { place } else { turns - 1 - place }
+    let period = 2 * length;
+    // Adding whole periods keeps the difference from being negative.
+    let place = (at + outside.div_ceil(period) * period - outside) % period;
+    if place < length { place } else { period - 1 - place }
 }
 
 #[cfg(test)]
@@ -122,26 +122,26 @@ mod tests {
     }
 
     #[test]
-    fn reflections_repeat_the_border_and_turn_at_either_end() {
+    fn reflections_repeat_the_border_sample_and_reverse_at_both_ends() {
         let found: Vec<usize> = (0..13).map(|at| reflected(at, 5, 3)).collect();
         assert_eq!(found, [1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1], "the second 0 is the first sample");
     }
 
     #[test]
-    fn a_mirrored_scene_is_itself_amid_its_reflections() {
+    fn a_mirrored_scene_is_surrounded_by_its_reflections() {
         let scene = scene(-0.5, 1);
-        assert_eq!(scene.reach_px(0.0), 3, "half a pixel and two to spare, in whole pixels");
+        assert_eq!(scene.reach_px(0.0), 3, "half a pixel and a margin of two, in whole pixels");
         let padded = scene.clone().padded(Border::Mirror, 3);
         assert_eq!((padded.picture_size(), padded.frame_size()), ((10, 8), (4, 2)));
         let red = &padded.layers[0].color[0];
         assert_eq!(red.row(3), [3.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0, 3.0, 2.0]);
         let column: Vec<f32> = (0..8).map(|y| red.get(3, y)).collect();
         assert_eq!(column, [11.0, 11.0, 1.0, 1.0, 11.0, 11.0, 1.0, 1.0]);
-        assert_eq!(red.clone().trimmed(padded.outside_px), scene.layers[0].color[0], "and itself within");
+        assert_eq!(red.clone().trimmed(padded.outside_px), scene.layers[0].color[0], "unchanged within");
     }
 
     #[test]
-    fn nothing_is_beyond_a_transparent_border() {
+    fn a_transparent_border_adds_no_fragments() {
         let padded = scene(-0.5, 1).padded(Border::Transparent, 3);
         let alpha = &padded.layers[0].alpha;
         assert_eq!(alpha.values().iter().sum::<f32>(), 8.0, "no more fragments than before");
@@ -149,16 +149,16 @@ mod tests {
     }
 
     #[test]
-    fn a_border_that_goes_on_costs_nothing() {
+    fn a_clamped_border_adds_no_padding() {
         let scene = scene(40.0, 1);
         assert_eq!(scene.clone().padded(Border::Clamp, 42), scene);
         let focused = self::scene(0.0, 1);
-        assert_eq!(scene.reach_px(4.0), 46, "and what aberrations add");
-        assert_eq!(focused.reach_px(0.0), 0, "and neither does any where nothing spreads");
+        assert_eq!(scene.reach_px(4.0), 46, "with what aberrations add");
+        assert_eq!(focused.reach_px(0.0), 0, "no border needs padding where nothing is blurred");
     }
 
     #[test]
-    fn samples_of_a_pixel_stay_together_and_the_axis_where_it_was() {
+    fn padding_keeps_the_samples_of_a_pixel_together_and_the_axis_in_place() {
         let scene = scene(3.0, 2);
         let padded = scene.clone().padded(Border::Mirror, 5);
         assert_eq!((padded.width(), padded.height()), (24, 22));
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_around_is_no_wider_than_the_frame_unless_that_is_small() {
+    fn padding_is_no_wider_than_the_frame_unless_the_frame_is_small() {
         let plane = || Plane::filled(300, 2, 1.0);
         let layer = Layer { color: [plane(), plane(), plane()], alpha: plane(), coc_px: plane() };
         let scene = Scene::new(vec![layer], StackKind::PointSampled, 1, 10.0);

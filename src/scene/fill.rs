@@ -1,18 +1,18 @@
-//! A guessed surface behind the last fragment, for stacks of one or two layers.
+//! Disocclusion fill: an estimated surface behind the last fragment, for stacks of one or two layers.
 //!
-//! Where a lens ray passes what the stack knows, it should meet something plausible: what lies farther away nearby. A
-//! pyramid over the nearest layer keeps, in each cell, only the farthest cluster of CoC radii below it; each pixel takes
-//! the finest cell around it that lies behind its own last fragment, unless that is so coarse that no ray would get there.
+//! A lens ray that passes all known fragments should hit something plausible: a farther surface from the neighbourhood. A
+//! pyramid over the nearest layer keeps in each cell only the farthest cluster of CoC radii below it. Each pixel takes
+//! the finest cell around it that lies behind its own last fragment, unless the cell is so coarse that no ray reaches that far.
 
 use super::surface::CELL_PX;
 use super::{Layer, Scene};
 use crate::image::Plane;
 use rayon::prelude::*;
 
-/// Levels of the pyramid at most.
-const LEVELS: usize = 9;
+/// Largest number of levels of the pyramid.
+const MAX_LEVELS: usize = 9;
 
-/// The farthest cluster of a cell: mean colour and radius, and the share of the cell it fills.
+/// The farthest cluster of a cell: mean colour and CoC radius, and as weight the share of the cell that it covers.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
     color: [f32; 3],
@@ -28,23 +28,23 @@ struct Level {
 }
 
 impl Scene {
-    /// The scene, at one sample a pixel, with a guessed surface behind what it knows.
+    /// The scene at one sample per pixel, with an estimated surface as its last layer.
     #[must_use]
     pub fn filled(self) -> Self {
         let mut scene = self.merged();
-        scene.layers.extend(guess(&scene.layers));
+        scene.layers.extend(estimated_layer(&scene.layers));
         scene
     }
 }
 
-/// The guessed surface, empty where nothing farther is near; `None` without layers.
-fn guess(layers: &[Layer]) -> Option<Layer> {
+/// The estimated surface, empty where no farther surface is near; `None` without layers.
+fn estimated_layer(layers: &[Layer]) -> Option<Layer> {
     let nearest = layers.first()?;
     let (width, height) = (nearest.width(), nearest.height());
     let mut levels = vec![base(nearest)];
     while let Some(last) = levels.last()
         && last.width.max(last.height) > 2
-        && levels.len() < LEVELS
+        && levels.len() < MAX_LEVELS
     {
         levels.push(coarser(last));
     }
@@ -52,7 +52,7 @@ fn guess(layers: &[Layer]) -> Option<Layer> {
         .into_par_iter()
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            last_coc(layers, x, y).map_or(Cell::default(), |coc| behind(&levels, x, y, coc))
+            last_coc(layers, x, y).map_or(Cell::default(), |coc| cell_behind(&levels, x, y, coc))
         })
         .collect();
     let plane =
@@ -82,7 +82,7 @@ fn base(layer: &Layer) -> Level {
     Level { width, height, cells }
 }
 
-/// The next level: each cell keeps the farthest cluster of four.
+/// The next coarser level: each cell keeps the farthest cluster of four cells.
 fn coarser(level: &Level) -> Level {
     let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
     let cells = (0..width * height)
@@ -103,19 +103,19 @@ fn farthest_cluster(children: &[Cell]) -> Cell {
     let farthest = present().map(|cell| cell.coc_px).fold(f32::NEG_INFINITY, f32::max);
     let mut mean = Mean::default();
     present().filter(|cell| cell.coc_px >= farthest - CELL_PX).for_each(|cell| mean.add(cell, cell.weight));
-    // A cluster of one far pixel still counts a little on the coarsest level.
+    // The lower bound keeps a cluster of one far pixel from vanishing on coarse levels.
     mean.cell((mean.weight / children.len() as f32).max(0.05))
 }
 
-/// The finest cell around `x, y` that lies behind `coc`.
-fn behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
+/// The finest cell around `x, y` that lies behind `coc`; empty where no ray reaches as far as that cell is large.
+fn cell_behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
     let mut size = 1.0;
     for level in &levels[1..] {
         size *= 2.0;
         let mean = level.sample((x as f32 + 0.5) / size - 0.5, (y as f32 + 0.5) / size - 0.5, coc + CELL_PX);
         if mean.weight > 1e-4 {
             let cell = mean.cell(1.0);
-            // A ray that passes a fragment at `coc` reaches `coc_px` at most their difference away.
+            // A ray that passes a fragment at `coc` reaches depth `coc_px` at most |coc_px − coc| away from it.
             return if 0.7 * size > (cell.coc_px - coc).abs() + 2.0 { Cell::default() } else { cell };
         }
     }
@@ -123,7 +123,7 @@ fn behind(levels: &[Level], x: usize, y: usize, coc: f32) -> Cell {
 }
 
 impl Level {
-    /// Bilinear mean, at cell coordinates `x, y`, of the cells behind `coc`.
+    /// Bilinear interpolation at cell coordinates `x, y` of the cells behind `coc`.
     fn sample(&self, x: f32, y: f32, coc: f32) -> Mean {
         let mut mean = Mean::default();
         for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
@@ -140,7 +140,7 @@ impl Level {
     }
 }
 
-/// A weighted mean of cells in the making.
+/// Accumulator of a weighted mean of cells.
 #[derive(Default)]
 struct Mean {
     color: [f32; 3],
@@ -155,7 +155,7 @@ impl Mean {
         self.weight += weight;
     }
 
-    /// The mean, as a cell of `weight`; an empty cell when nothing was added.
+    /// The mean, as a cell of weight `weight`; an empty cell if nothing was added.
     fn cell(&self, weight: f32) -> Cell {
         if self.weight <= 0.0 {
             return Cell::default();
@@ -168,7 +168,7 @@ impl Mean {
 mod tests {
     use super::*;
 
-    /// A near stripe of red over a far green wall, the wall unknown behind the stripe.
+    /// A near red stripe in front of a far green wall, which is unknown behind the stripe.
     fn stripe() -> Layer {
         let near = |x: usize| (28..36).contains(&x);
         let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 32, |x, _| f(x));
@@ -181,30 +181,31 @@ mod tests {
     }
 
     #[test]
-    fn behind_a_near_stripe_lies_what_surrounds_it() {
-        let guess = guess(&[stripe()]).unwrap();
+    fn a_near_stripe_is_filled_with_the_surface_around_it() {
+        let fill = estimated_layer(&[stripe()]).unwrap();
         for x in 28..36 {
-            assert_eq!(guess.alpha.get(x, 16), 1.0, "column {x} is filled");
-            assert!((guess.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
-            assert!(guess.color_at(x, 16)[0] < 1e-6, "column {x} has nothing of the stripe's red");
-            assert!((guess.color_at(x, 16)[1] - 1.0).abs() < 1e-5, "column {x} is the wall's green");
+            assert_eq!(fill.alpha.get(x, 16), 1.0, "column {x} is filled");
+            assert!((fill.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
+            assert!(fill.color_at(x, 16)[0] < 1e-6, "column {x} has nothing of the stripe's red");
+            assert!((fill.color_at(x, 16)[1] - 1.0).abs() < 1e-5, "column {x} is the wall's green");
         }
     }
 
     #[test]
-    fn behind_the_farthest_surface_there_is_nothing() {
-        let guess = guess(&[stripe()]).unwrap();
-        assert_eq!(guess.alpha.get(5, 16), 0.0, "no guess behind the wall");
+    fn nothing_is_filled_behind_the_farthest_surface() {
+        let fill = estimated_layer(&[stripe()]).unwrap();
+        assert_eq!(fill.alpha.get(5, 16), 0.0, "no fill behind the wall");
     }
 
     #[test]
-    fn what_no_ray_can_reach_is_not_guessed() {
-        // A stripe hardly nearer than the wall: rays part by less than the surroundings are away.
+    fn nothing_is_filled_where_no_ray_can_reach() {
+        // The stripe is little nearer than the wall: rays spread by less than the distance to the surroundings.
         let near = |x: usize| (8..56).contains(&x);
         let plane = |f: &dyn Fn(usize) -> f32| Plane::from_fn(64, 64, |x, _| f(x));
         let color = [0, 1, 2].map(|_| plane(&|_| 1.0));
         let layer =
             Layer { color, alpha: plane(&|_| 1.0), coc_px: plane(&|x| if near(x) { 0.0 } else { 3.0 }) };
-        assert_eq!(guess(&[layer]).unwrap().alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
+        let fill = estimated_layer(&[layer]).unwrap();
+        assert_eq!(fill.alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
     }
 }

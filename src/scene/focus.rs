@@ -1,12 +1,12 @@
-//! LOOK: where focus lies in the picture that the camera sees.
+//! ANALYZE: which parts of the camera's picture are in focus.
 //!
-//! Cost: one look at each pixel. Memory: a plane.
+//! Cost: one read of each pixel's fragments. Memory: one plane.
 
 use super::{OPAQUE_ALPHA, Scene};
 use crate::image::Plane;
 use crate::lens::SHARP_COC_PX;
 
-/// Shares of a picture's pixels, by where what they show lies; they add up to 1, or to 0 for a picture without pixels.
+/// Shares of a picture's pixels by the position of their visible surface; they sum to 1, or to 0 for a picture without pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 #[non_exhaustive]
 pub struct FocusShares {
@@ -16,15 +16,15 @@ pub struct FocusShares {
     pub in_focus: f64,
     /// Behind focus.
     pub behind: f64,
-    /// Nothing is there.
+    /// Without a fragment.
     pub empty: f64,
 }
 
 impl FocusShares {
-    /// Of the picture whose [`Scene::seen_coc_px`] is `coc_px`.
+    /// The shares of the picture whose [`Scene::seen_coc_px`] is `coc_px`.
     pub fn from_coc(coc_px: &Plane) -> Self {
-        let share = |counts: fn(f32) -> bool| {
-            let count = coc_px.values().iter().filter(|&&coc| counts(coc)).count();
+        let share = |is_counted: fn(f32) -> bool| {
+            let count = coc_px.values().iter().filter(|&&coc| is_counted(coc)).count();
             count as f64 / coc_px.values().len().max(1) as f64
         };
         Self {
@@ -37,8 +37,8 @@ impl FocusShares {
 }
 
 impl Scene {
-    /// Signed CoC radius in picture pixels of what each pixel of the frame shows most of, at its middle sample; NaN where it shows
-    /// nothing.
+    /// Signed CoC radius in picture pixels of the most visible fragment of each pixel of the frame, at its middle sample; NaN for an empty
+    /// pixel.
     pub fn seen_coc_px(&self) -> Plane {
         let ((width, height), [columns, rows]) = (self.frame_size(), self.outside_px);
         let s = self.supersample;
@@ -47,13 +47,13 @@ impl Scene {
     }
 
     fn seen_at(&self, x: usize, y: usize) -> f32 {
-        let (mut transmitted, mut most, mut seen) = (1.0, 0.0, f32::NAN);
+        let (mut transmittance, mut max_visibility, mut seen) = (1.0, 0.0, f32::NAN);
         for layer in &self.layers {
             let alpha = layer.alpha.get(x, y);
-            if transmitted * alpha > most {
-                (most, seen) = (transmitted * alpha, layer.coc_px.get(x, y));
+            if transmittance * alpha > max_visibility {
+                (max_visibility, seen) = (transmittance * alpha, layer.coc_px.get(x, y));
             }
-            transmitted *= 1.0 - alpha;
+            transmittance *= 1.0 - alpha;
             if alpha >= OPAQUE_ALPHA {
                 break;
             }
@@ -79,15 +79,15 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_is_where_most_of_what_it_shows_is() {
+    fn a_pixel_has_the_radius_of_its_most_visible_fragment() {
         let front = [(1.0, -3.0), (0.25, -3.0), (0.75, -3.0), (0.0, 0.0)];
         let seen = scene(&[front, [(1.0, 2.0), (1.0, 2.0), (1.0, 2.0), (0.0, 0.0)]], 1).seen_coc_px();
         assert_eq!(seen.values()[..3], [-3.0, 2.0, -3.0]);
-        assert!(seen.get(3, 0).is_nan(), "nothing is there");
+        assert!(seen.get(3, 0).is_nan(), "an empty pixel");
     }
 
     #[test]
-    fn a_supersampled_pixel_is_where_its_middle_is() {
+    fn a_supersampled_pixel_has_the_radius_of_its_middle_sample() {
         let seen = scene(&[[(1.0, -3.0), (1.0, 5.0), (1.0, -4.0), (1.0, 6.0)]], 2).seen_coc_px();
         assert_eq!(seen.values(), [5.0, 6.0]);
     }

@@ -1,8 +1,8 @@
-//! LOOK: how far away what the lens is to be focused on is.
+//! ANALYZE: the distance of what the lens is focused on.
 //!
-//! A pixel is as far as what the picture shows there. An object is as far as the median of its pixels: of those at least half
-//! covered by it, weighted by how much it covers, so that neither its edges nor what shines through count. A focus pull takes its two
-//! keys' distances, in this frame's stack, and goes between them as [`FocusPull`] has it.
+//! The distance of a pixel is that of its visible surface. The distance of an object is the median over its pixels: those that it covers at
+//! least by half, weighted by its coverage, so that neither its edges nor surfaces seen through it count. A focus pull takes the distances
+//! of its two keys in this frame's stack and interpolates between them as [`FocusPull`] says.
 
 use crate::error::Error;
 use crate::lens::FocusPull;
@@ -10,49 +10,49 @@ use crate::settings::{Focus, FocusKey};
 use crate::stack::depth::DepthScale;
 use crate::stack::{ObjectMatte, Stack, Window};
 
-/// Coverage from which on a pixel is an object's.
-const COVERED: f32 = 0.5;
-/// Share of the largest coverage from which on pixels count for an object that covers none by half.
-const NEARLY_MOST: f32 = 0.9;
+/// Coverage from which on a pixel belongs to an object.
+const OBJECT_COVERAGE: f32 = 0.5;
+/// For an object that covers no pixel by [`OBJECT_COVERAGE`]: the share of its largest coverage from which on pixels belong to it.
+const SHARE_OF_MAX_COVERAGE: f32 = 0.9;
 
 /// A frame of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameNumber {
     /// Its number.
     pub number: i64,
-    /// Where that is from, in words.
+    /// Where the number comes from, in words.
     pub from: &'static str,
 }
 
-/// A distance in focus, and how it was found.
+/// A focus distance, and how it was found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Focused {
     /// Planar distance in depth units.
     pub distance: f32,
-    /// How it was found, where it was not said: in words and numbers.
+    /// How it was found; `None` where the setting is the distance itself, or a point.
     pub reason: Option<String>,
 }
 
 /// Planar distance of `focus` in `stack`, which is frame `frame` of its sequence. Points are in picture pixels of the display window.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Settings`] for a point outside of the picture, for one that shows background alone, as an object may, for
-/// an object that is not there ([`Stack::object`]), and for focus keys without a frame's number.
+/// [`crate::error::ErrorKind::Settings`] for a point outside the picture, for a point or an object where there is only background, for
+/// an unknown object ([`Stack::object`]), and for focus keys without a frame number.
 pub fn focus_distance(
     stack: &Stack,
     scale: &DepthScale,
     focus: &Focus,
     frame: Option<FrameNumber>,
 ) -> Result<Focused, Error> {
-    let said = |distance| Focused { distance, reason: None };
+    let without_reason = |distance| Focused { distance, reason: None };
     match focus {
-        Focus::Distance(distance) => Ok(said(*distance)),
-        Focus::Point(point) => distance_at(stack, scale, *point).map(said),
+        Focus::Distance(distance) => Ok(without_reason(*distance)),
+        Focus::Point(point) => distance_at(stack, scale, *point).map(without_reason),
         Focus::Centre => {
             let Window { width, height, .. } = stack.frame.display;
             let centre = [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32);
-            distance_at(stack, scale, centre).map(said)
+            distance_at(stack, scale, centre).map(without_reason)
         }
         Focus::Object(name) => distance_of_object(stack, scale, name),
         Focus::Keys(keys) => {
@@ -62,7 +62,7 @@ pub fn focus_distance(
     }
 }
 
-/// Planar distance of what the picture shows at pixel `point` of the display window.
+/// Planar distance of the visible surface at pixel `point` of the display window.
 fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
     let s = stack.supersample as f32;
     let frame = &stack.frame;
@@ -74,47 +74,52 @@ fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32
         return Err(Error::settings("the focus point lies outside the picture")
             .with("found", place)
             .with("picture", format!("{} × {} pixels", width as f32 / s, height as f32 / s))
-            .help("give pixels from the left and from the top: --focus-at X,Y"));
+            .help("give pixels from the left and from the top: `focus_point = [X, Y]`"));
     }
-    let depth = depth_shown(stack, scale, column as usize, row as usize);
+    let depth = visible_depth(stack, scale, column as usize, row as usize);
     if depth.is_finite() {
         return Ok(depth);
     }
     Err(Error::settings("there is only background at the focus point")
         .with("found", place)
-        .help("pick a point on an object with --focus-at X,Y, name one with --focus-on, or give the distance with --focus"))
+        .help(
+            "pick a point on an object with `focus_point = [X, Y]`, name one with `focus_object`, or give the distance \
+             with `focus_distance`",
+        ))
 }
 
-/// Planar depth of what the picture shows at a sample of the data window; `+∞` for background.
-fn depth_shown(stack: &Stack, scale: &DepthScale, column: usize, row: usize) -> f32 {
+/// Planar depth of the visible surface at a sample of the data window; `+∞` for background.
+fn visible_depth(stack: &Stack, scale: &DepthScale, column: usize, row: usize) -> f32 {
     let [x0, y0] = stack.frame.data_origin_from_centre();
-    let shown = stack.peels.iter().find(|peel| peel.alpha.get(column, row) > 0.0);
-    shown.map_or(f32::INFINITY, |peel| {
+    let visible = stack.peels.iter().find(|peel| peel.alpha.get(column, row) > 0.0);
+    visible.map_or(f32::INFINITY, |peel| {
         scale.planar(peel.depth.get(column, row), x0 + column as f32, y0 + row as f32)
     })
 }
 
 fn distance_of_object(stack: &Stack, scale: &DepthScale, name: &str) -> Result<Focused, Error> {
     let ObjectMatte { cryptomatte, coverage } = stack.object(name)?;
-    let most = coverage.iter().copied().fold(0.0, f32::max);
-    let least = if most >= COVERED { COVERED } else { NEARLY_MOST * most };
-    let covered = coverage.iter().enumerate().filter(|&(_, &share)| share >= least);
-    let seen =
-        covered.map(|(i, &share)| (depth_shown(stack, scale, i % stack.width(), i / stack.width()), share));
-    let mut depths: Vec<(f32, f32)> = seen.filter(|(depth, _)| depth.is_finite()).collect();
+    let max = coverage.iter().copied().fold(0.0, f32::max);
+    let min = if max >= OBJECT_COVERAGE { OBJECT_COVERAGE } else { SHARE_OF_MAX_COVERAGE * max };
+    let covered = coverage.iter().enumerate().filter(|&(_, &share)| share >= min);
+    let samples =
+        covered.map(|(i, &share)| (visible_depth(stack, scale, i % stack.width(), i / stack.width()), share));
+    let mut depths: Vec<(f32, f32)> = samples.filter(|(depth, _)| depth.is_finite()).collect();
     let Some(distance) = weighted_median(&mut depths) else {
         return Err(Error::settings(format!("the object '{name}' has no depth: only background is there"))
-            .with("found", format!("it in {cryptomatte}"))
-            .help("pick a point with --focus-at X,Y, or give the distance with --focus"));
+            .with("found", format!("the object in {cryptomatte}"))
+            .help("pick a point with `focus_point = [X, Y]`, or give the distance with `focus_distance`"));
     };
     let (count, pixels) = (depths.len(), if stack.supersample == 1 { "pixels" } else { "samples" });
-    let weak = if most < COVERED { format!(", none covered by more than {most:.2}") } else { String::new() };
+    let weak =
+        if max < OBJECT_COVERAGE { format!(", none covered by more than {max:.2}") } else { String::new() };
     let reason =
         format!("object '{name}' of {cryptomatte}: {distance}, the median of {count} {pixels}{weak}");
     Ok(Focused { distance, reason: Some(reason) })
 }
 
-/// The value at which half of the weight is reached, of pairs of a value and its weight; `None` without any. Sorts them.
+/// The weighted median of pairs of value and weight: the first value, in rising order, at which the sum of weights reaches half of their
+/// total. Sorts `values`; `None` if there are none.
 fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
     values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * values.iter().map(|&(_, weight)| f64::from(weight)).sum::<f64>();
@@ -126,7 +131,7 @@ fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
     median.map(|&(value, _)| value)
 }
 
-/// The distance at `frame` of a focus pull between `keys`, whose own distances `find` knows.
+/// The distance at `frame` of a focus pull between `keys`; `find` gives the distance of a key's focus.
 fn distance_of_pull(
     keys: &[FocusKey],
     frame: FrameNumber,
@@ -156,12 +161,12 @@ fn distance_of_pull(
 }
 
 fn no_frame_number() -> Error {
-    Error::settings("focus keys need the number of the frame, and there is none")
+    Error::settings("focus keys need the number of the frame, which is not known")
         .with(
             "looked for",
-            "--frame, or digits before the extension of the input's name, as in shot.0042.exr",
+            "`frame`, or digits before the extension of the input's name, as in shot.0042.exr",
         )
-        .help("say which frame this is with --frame N")
+        .help("give the frame number: `frame = N`")
 }
 
 #[cfg(test)]

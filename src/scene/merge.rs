@@ -1,15 +1,15 @@
 //! Merging: the samples of a supersampled stack become coverage layers at picture resolution.
 //!
-//! For each pixel its `S²·M` fragments are sorted by CoC radius and gathered into clusters, nearest first. A cluster's
-//! coverage is the sum of its fragments' alpha over `S²`, its colour the same sum (premultiplied), its radius the mean
-//! (`1/z` is affine in `c`). Of more clusters than layers, the least visible are dropped.
+//! The `S²·M` fragments of each pixel are sorted by CoC radius and grouped into clusters, nearest first. A cluster's
+//! coverage is the sum of its fragments' alpha divided by `S²`, its colour the same sum (premultiplied), its radius the mean
+//! (`1/z` is affine in `c`). If there are more clusters than layers, the least visible ones are dropped.
 
 use super::{Layer, Scene, surface};
 use crate::image::Plane;
 use rayon::prelude::*;
 
-/// A cluster is never deeper than this many gaps, of [`surface::merge_gap_px`] each.
-const GAPS_DEEP: f32 = 2.0;
+/// Largest depth of a cluster, in units of [`surface::merge_gap_px`].
+const MAX_CLUSTER_GAPS: f32 = 2.0;
 
 /// One sample of one layer.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -17,11 +17,11 @@ struct Fragment {
     color: [f32; 3],
     alpha: f32,
     coc_px: f32,
-    /// Which of the pixel's samples it is of.
+    /// Index of its sample within the pixel.
     sample: u32,
 }
 
-/// Fragments gathered, or the empty place of none.
+/// Merged fragments; without coverage, an empty entry.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Cluster {
     color: [f32; 3],
@@ -30,7 +30,7 @@ struct Cluster {
 }
 
 impl Scene {
-    /// The scene at one sample a pixel: a supersampled one's layers become as many coverage layers, any other stays as it is.
+    /// The scene at one sample per pixel: the layers of a supersampled scene become as many coverage layers; any other scene is unchanged.
     #[must_use]
     pub fn merged(self) -> Self {
         if self.supersample == 1 {
@@ -40,7 +40,7 @@ impl Scene {
     }
 }
 
-/// Merges `layers`, `supersample` samples a pixel along each axis, into as many coverage layers.
+/// Merges `layers`, which have `supersample` samples per pixel along each axis, into as many coverage layers.
 fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
     let (width, height) =
         layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
@@ -87,7 +87,7 @@ fn gather(layers: &[Layer], x: usize, y: usize, supersample: usize, fragments: &
     fragments.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
 }
 
-/// Gathers sorted `fragments` into clusters and writes the most visible to `pixel`, nearest first, the rest empty.
+/// Groups sorted `fragments` into clusters and writes the most visible to `pixel`, nearest first; unused entries stay empty.
 fn cluster(fragments: &[Fragment], samples: f32, pixel: &mut [Cluster]) {
     let mut kept: Vec<Cluster> = Vec::with_capacity(pixel.len() + 1);
     let mut rest = fragments;
@@ -104,26 +104,26 @@ fn cluster(fragments: &[Fragment], samples: f32, pixel: &mut [Cluster]) {
         rest = others;
     }
     while kept.len() > pixel.len() {
-        let least = least_visible(&kept);
-        kept.remove(least);
+        let index = least_visible(&kept);
+        kept.remove(index);
     }
     pixel[..kept.len()].copy_from_slice(&kept);
 }
 
-/// How many of the first `fragments` make one cluster.
+/// Number of fragments, from the first on, that form one cluster.
 fn cluster_length(fragments: &[Fragment]) -> usize {
     let first = fragments[0];
     let mut last = first.coc_px;
     let mut samples = 0u64;
     for (i, fragment) in fragments.iter().enumerate() {
         let gap = surface::merge_gap_px(fragment.coc_px);
-        // Samples past the 64th of a pixel share a bit: at worst a cluster ends early.
+        // Samples past the 64th of a pixel share bits, which at worst ends a cluster early.
         let bit = 1u64 << (fragment.sample % 64);
         if fragment.coc_px - last >= gap
-            || fragment.coc_px - first.coc_px >= GAPS_DEEP * gap
+            || fragment.coc_px - first.coc_px >= MAX_CLUSTER_GAPS * gap
             || samples & bit != 0
         {
-            // The first fragment has no gap to itself, no depth and no sample before it.
+            // Never 0: none of the conditions holds for the first fragment.
             return i;
         }
         last = fragment.coc_px;
@@ -132,15 +132,15 @@ fn cluster_length(fragments: &[Fragment]) -> usize {
     fragments.len()
 }
 
-/// The cluster that shows least through those before it.
+/// Index of the cluster that contributes least behind those in front of it.
 fn least_visible(clusters: &[Cluster]) -> usize {
-    let mut transmitted = 1.0;
-    let shows = clusters.iter().map(|cluster| {
-        let share = transmitted * cluster.alpha;
-        transmitted *= 1.0 - cluster.alpha;
-        share
+    let mut transmittance = 1.0;
+    let visibilities = clusters.iter().map(|cluster| {
+        let visibility = transmittance * cluster.alpha;
+        transmittance *= 1.0 - cluster.alpha;
+        visibility
     });
-    shows.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
+    visibilities.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
 }
 
 #[cfg(test)]
@@ -160,20 +160,20 @@ mod tests {
     #[test]
     fn four_samples_of_one_surface_are_one_opaque_cluster_of_their_mean() {
         let found = clusters(&[0, 1, 2, 3].map(|i| fragment(i, 5.0 + 0.1 * i as f32, i as f32)), 2);
-        assert_eq!(found[0].alpha, 1.0, "all of the pixel");
+        assert_eq!(found[0].alpha, 1.0, "the whole pixel");
         assert_eq!(found[0].color, [1.5; 3], "mean colour");
         assert!((found[0].coc_px - 5.15).abs() < 1e-5, "mean radius");
-        assert_eq!(found[1], Cluster::default(), "nothing else");
+        assert_eq!(found[1], Cluster::default(), "no other cluster");
     }
 
     #[test]
-    fn an_edge_becomes_coverage_over_what_is_behind() {
+    fn an_edge_becomes_coverage_over_the_surface_behind() {
         let found = clusters(
             &[fragment(0, -9.0, 1.0), fragment(1, 4.0, 0.5), fragment(2, 4.0, 0.5), fragment(3, 4.0, 0.5)],
             2,
         );
         assert_eq!((found[0].alpha, found[0].color[0]), (0.25, 0.25), "a quarter, premultiplied");
-        assert_eq!((found[1].alpha, found[1].color[0]), (0.75, 0.375), "what the samples saw behind");
+        assert_eq!((found[1].alpha, found[1].color[0]), (0.75, 0.375), "three samples of the surface behind");
     }
 
     #[test]
@@ -183,14 +183,14 @@ mod tests {
     }
 
     #[test]
-    fn of_too_many_clusters_the_least_visible_goes() {
+    fn the_least_visible_of_too_many_clusters_is_dropped() {
         let mut fragments: Vec<Fragment> = (0..3).map(|i| fragment(i, -20.0, 1.0)).collect();
         fragments.extend([fragment(3, 0.0, 0.5), fragment(0, 10.0, 0.2), fragment(1, 10.0, 0.2)]);
         let found = clusters(&fragments, 2);
         assert_eq!(
             [found[0].coc_px, found[1].coc_px],
             [-20.0, 10.0],
-            "1/16 of the one between showed, 3/32 of the farthest"
+            "visibility: 1/16 of the one between, 3/32 of the farthest"
         );
     }
 }

@@ -1,7 +1,7 @@
-//! LOOK and DECIDE: the stack in CoC space, the stats it shows, and the plan that follows from them.
+//! ANALYZE and DECIDE: the stack in CoC space, its statistics, and the effects that a plan decides from them.
 //!
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
-//! `(p + c·u, c)`, so every question of visibility is asked here and no method needs depth.
+//! `(p + c·u, c)`. Visibility along lens rays can therefore be computed in this space, and no method needs depth.
 
 mod border;
 pub(crate) mod effects;
@@ -27,6 +27,8 @@ pub use stats::SceneStats;
 pub(crate) use stats::{BrightStep, bright_step_floor};
 pub(crate) use workload::Discs;
 pub use workload::Workload;
+#[cfg(test)]
+pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
@@ -42,7 +44,7 @@ pub const OPAQUE_ALPHA: f32 = 0.999;
 pub struct Layer {
     /// Red, green, blue: scene-linear, premultiplied, finite.
     pub color: [Plane; 3],
-    /// Coverage or opacity, 0 … 1; 0 where the peel is empty.
+    /// Coverage or opacity, 0 … 1; 0 for an empty sample.
     pub alpha: Plane,
     /// Signed CoC radius in picture pixels, negative in front of focus; finite.
     pub coc_px: Plane,
@@ -65,30 +67,30 @@ impl Layer {
     }
 }
 
-/// A stack as the methods see it: fragments `(x, y, c)`, no depth, no units.
+/// A stack as methods get it: fragments `(x, y, c)`, no depth, no units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// The layers, nearest first, all of one size.
     pub layers: Vec<Layer>,
     /// What the fragments stand for.
     pub kind: StackKind,
-    /// Samples a picture pixel along each axis.
+    /// Samples per picture pixel along each axis.
     pub supersample: usize,
-    /// CoC radius at infinity in picture pixels: with it a CoC radius gives the depth, in units of the focus distance, as
-    /// `1 / (1 − c / c_inf)`, which is all of depth that the papers' equations need.
+    /// CoC radius at infinity in picture pixels. With it a CoC radius gives the depth in units of the focus distance,
+    /// `1 / (1 − c / c_inf)`; the papers' equations need no other depth.
     pub coc_infinity_px: f32,
-    /// Fragments so near the lens that their CoC was limited to [`coc_limit_px`].
+    /// Number of fragments so near the lens that their CoC was limited to [`coc_limit_px`].
     pub limited_fragments: usize,
-    /// Where in the lens's field the picture lies.
+    /// Position of the picture in the lens's field.
     pub field: Field,
-    /// How bright the source's colours could be.
+    /// Range of the source's colours.
     pub color_range: ColorRange,
     /// Columns on either side, and rows above and below, that lie beyond the frame: see [`Scene::padded`].
     pub outside_px: [usize; 2],
 }
 
-/// Largest CoC radius kept for a picture of this size, in picture pixels; past it a fragment spreads over many frames and
-/// its exact size shows no more.
+/// Largest CoC radius kept for a picture of this size, in picture pixels. A larger disc extends over several frame widths, so that its
+/// exact size is not visible.
 pub fn coc_limit_px(width: usize, height: usize) -> f32 {
     (4 * width.max(height)).max(64) as f32
 }
@@ -111,7 +113,7 @@ impl Scene {
         }
     }
 
-    /// Takes the peels out of `stack` and puts them behind `lens`: depth becomes CoC radius, in place.
+    /// Takes the peels out of `stack` and turns their depth into the CoC radius of `lens`, in place.
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
         let (kind, supersample) = (stack.kind, stack.supersample);
         let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
@@ -141,20 +143,20 @@ impl Scene {
         self.layers.first().map_or(0, |layer| layer.alpha.height())
     }
 
-    /// Width and height of the picture that a method makes, in pixels: the frame and what was put around it.
+    /// Width and height of the picture that a method renders, in pixels: the frame and its padding.
     pub fn picture_size(&self) -> (usize, usize) {
         (self.width() / self.supersample, self.height() / self.supersample)
     }
 
-    /// Width and height of the frame in pixels: what is left of the picture without what lies beyond.
+    /// Width and height of the frame in pixels: the picture without its padding.
     pub fn frame_size(&self) -> (usize, usize) {
         let ((width, height), [columns, rows]) = (self.picture_size(), self.outside_px);
         (width - 2 * columns, height - 2 * rows)
     }
 
-    /// The picture without a lens: the layers over one another, averaged over a pixel's samples.
+    /// The picture without a lens: the layers composited over one another and averaged over a pixel's samples.
     ///
-    /// Where the nearest layer is opaque and there is one sample a pixel, this is that layer bit for bit.
+    /// Where the nearest layer is opaque and there is one sample per pixel, the result is that layer bit for bit.
     pub fn pinhole(&self) -> Image {
         let (width, height) = self.picture_size();
         let mut image = Image::transparent(width, height);
@@ -168,11 +170,10 @@ impl Scene {
         image
     }
 
-    /// [`Scene::pinhole`] for a scene that is given away: where the nearest layer hides everything, it is the picture, as it was
-    /// read.
+    /// [`Scene::pinhole`] that consumes the scene: a nearest layer that is opaque everywhere is returned without a copy.
     pub fn into_pinhole(mut self) -> Image {
-        let hides_all = |layer: &Layer| layer.alpha.values().iter().all(|&alpha| alpha >= OPAQUE_ALPHA);
-        if self.supersample == 1 && self.layers.first().is_some_and(hides_all) {
+        let is_opaque = |layer: &Layer| layer.alpha.values().iter().all(|&alpha| alpha >= OPAQUE_ALPHA);
+        if self.supersample == 1 && self.layers.first().is_some_and(is_opaque) {
             let Layer { color: [red, green, blue], alpha, .. } = self.layers.swap_remove(0);
             return Image { planes: [red, green, blue, alpha] };
         }
@@ -193,10 +194,10 @@ impl Scene {
         sum.map(|sum| sum / (s * s) as f32)
     }
 
-    /// All layers at one sample, nearest over farther.
+    /// All layers at one sample, composited nearest over farther.
     fn flattened(&self, x: usize, y: usize) -> [f32; 4] {
         let mut result = [0.0; 4];
-        let mut transmitted = 1.0;
+        let mut transmittance = 1.0;
         for layer in &self.layers {
             let alpha = layer.alpha.get(x, y);
             if alpha <= 0.0 {
@@ -204,9 +205,9 @@ impl Scene {
             }
             let [r, g, b] = layer.color_at(x, y);
             for (sum, value) in result.iter_mut().zip([r, g, b, alpha]) {
-                *sum += transmitted * value;
+                *sum += transmittance * value;
             }
-            transmitted *= 1.0 - alpha;
+            transmittance *= 1.0 - alpha;
             if alpha >= OPAQUE_ALPHA {
                 break;
             }
@@ -215,7 +216,7 @@ impl Scene {
     }
 }
 
-/// Where in the lens's field the picture of a stack with this `frame`, in samples, lies.
+/// Position in the lens's field of the picture of a stack with this `frame`, which is in samples.
 fn field(frame: &Frame, supersample: usize, scale: &DepthScale) -> Field {
     let samples = supersample as f32;
     let [left, top] = frame.data_origin_from_centre().map(|origin| origin - 0.5);
@@ -227,7 +228,7 @@ fn field(frame: &Frame, supersample: usize, scale: &DepthScale) -> Field {
     }
 }
 
-/// Turns a peel's depth into CoC radius and returns how many fragments met the limit.
+/// Turns a peel's depth into CoC radius and returns how many fragments exceeded the limit.
 fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthScale, limit: f32) -> usize {
     let width = peel.depth.width();
     if width == 0 {
@@ -241,7 +242,7 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
             let mut limited = 0;
             for (depth, &alpha) in depth.iter_mut().zip(alpha) {
                 let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
-                // Only the near side is unbounded: behind focus |c| stays below c_inf, which the lens checked.
+                // Only the near side is unbounded: behind focus |c| is below c_inf, which the lens has checked.
                 limited += usize::from(coc < -limit);
                 *depth = coc.clamp(-limit, limit);
             }
@@ -266,17 +267,17 @@ mod tests {
     }
 
     #[test]
-    fn without_a_lens_an_opaque_layer_hides_the_rest_bit_for_bit() {
+    fn the_pinhole_picture_of_an_opaque_front_layer_is_that_layer_bit_for_bit() {
         let front = [0.1, 0.2, 70000.0, 1.0];
         let scene =
             Scene::new(vec![layer(front), layer([5.0, 5.0, 5.0, 1.0])], StackKind::PointSampled, 1, 1.0);
-        assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, untouched");
+        assert_eq!(scene.pinhole().pixel(1, 1), front, "the front layer, unchanged");
         let pinhole = scene.pinhole();
-        assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
+        assert_eq!(scene.into_pinhole(), pinhole, "the same if the scene is consumed");
     }
 
     #[test]
-    fn without_a_lens_coverage_adds_up_front_to_back() {
+    fn the_pinhole_picture_composites_coverage_front_to_back() {
         let scene = Scene::new(
             vec![layer([0.25, 0.0, 0.0, 0.25]), layer([0.0, 1.0, 0.0, 1.0])],
             StackKind::Coverage,
@@ -285,11 +286,11 @@ mod tests {
         );
         assert_eq!(scene.pinhole().pixel(0, 0), [0.25, 0.75, 0.0, 1.0], "a quarter red over green");
         let pinhole = scene.pinhole();
-        assert_eq!(scene.into_pinhole(), pinhole, "also where it is given away");
+        assert_eq!(scene.into_pinhole(), pinhole, "the same if the scene is consumed");
     }
 
     #[test]
-    fn the_axis_is_at_the_centre_of_the_display_window_wherever_the_data_lies() {
+    fn the_axis_is_at_the_centre_of_the_display_window_for_any_data_window() {
         let display = Window { x: 0, y: 0, width: 160, height: 90 };
         let scale = DepthScale {
             convention: DepthConvention::Planar,

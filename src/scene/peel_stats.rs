@@ -1,10 +1,10 @@
-//! What one peel shows, beside the stats of all: taken in the pass of [`super::stats`].
+//! Statistics of single peels, taken in the pass of [`super::stats`].
 //!
-//! Cost: one comparison of neighbours a fragment, and a sum where something is bright.
+//! Cost: one comparison of neighbours per fragment, and a sum over bright fragments.
 
 use super::surface;
 
-/// What one peel shows.
+/// Statistics of one peel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 #[non_exhaustive]
 pub struct PeelStats {
@@ -12,31 +12,31 @@ pub struct PeelStats {
     pub coc_range_px: [f32; 2],
     /// Share of the samples that have a fragment.
     pub covered: f64,
-    /// Share of the fragments that let light through.
+    /// Share of the fragments that are translucent.
     pub translucent: f64,
     /// Share of the fragments with a CoC radius below one pixel.
     pub in_focus: f64,
-    /// What exact discs carry if every fragment with a CoC radius over one pixel that is at least as bright as 1 is one: the sum of
-    /// brightness (largest of r, g, b) over the peel, in scene-linear units times picture pixels.
+    /// Light of the peel's highlights, the fragments with a CoC radius over one pixel and a brightness of at least 1: the sum of their
+    /// brightness (largest of r, g, b), in scene-linear units times picture pixels. Exact discs would carry this light.
     pub highlight_light: f64,
-    /// Share of the neighbours along rows, at least one of them a fragment, of which one is empty or whose CoC radii differ by
+    /// Share of the pairs of neighbours along rows with at least one fragment in which one is empty or the CoC radii differ by
     /// [`surface::AVERAGE_PX`] or more.
     pub jumps: f64,
 }
 
-/// Neighbouring samples along rows.
+/// Counts of pairs of neighbouring samples along rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Neighbours {
-    /// Pairs of which at least one is a fragment.
+    /// Pairs with at least one fragment.
     pub(super) pairs: usize,
-    /// Those of them of which one is empty or whose CoC radii differ by [`surface::AVERAGE_PX`] or more.
+    /// Those in which one sample is empty or the CoC radii differ by [`surface::AVERAGE_PX`] or more.
     pub(super) jumps: usize,
 }
 
 impl Neighbours {
-    /// Of a row; to be compiled for each instruction set.
+    /// The counts of one row. Inlined so that it is compiled for each instruction set.
     #[inline(always)]
-    pub(super) fn of(alpha: &[f32], coc_px: &[f32]) -> Self {
+    pub(super) fn from_row(alpha: &[f32], coc_px: &[f32]) -> Self {
         let Some(last) = alpha.len().checked_sub(1) else { return Self::default() };
         let (mut pairs, mut jumps) = (0_u32, 0_u32);
         let alphas = alpha[..last].iter().zip(&alpha[1..]);
@@ -62,7 +62,7 @@ mod tests {
     use crate::scene::{Layer, Scene};
     use crate::stack::StackKind;
 
-    /// A layer whose fragments are `brightness, alpha, CoC radius`, rows of `width` of them.
+    /// A layer of fragments `brightness, alpha, CoC radius`, in rows of `width`.
     fn layer(width: usize, fragments: &[(f32, f32, f32)]) -> Layer {
         let plane = |value: fn(&(f32, f32, f32)) -> f32| {
             Plane::from_fn(width, fragments.len() / width, |x, y| value(&fragments[y * width + x]))
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn every_peel_has_stats_of_its_own() {
+    fn every_peel_has_its_own_statistics() {
         let front =
             layer(4, &[(0.5, 1.0, -3.0), (0.5, 0.5, -2.0), (0.5, 1.0, 0.9), (9.0, 0.0, 50.0)].repeat(2));
         let back = layer(4, &[(0.5, 1.0, 7.0); 8]);
@@ -91,7 +91,7 @@ mod tests {
             covered: 0.75,
             translucent: 1.0 / 3.0,
             in_focus: 1.0 / 3.0,
-            // −3 | −2 | 0.9 | nothing.
+            // −3 | −2 | 0.9 | empty.
             jumps: 1.0,
             highlight_light: 0.0,
         };
@@ -100,32 +100,32 @@ mod tests {
     }
 
     #[test]
-    fn a_peel_without_fragments_shows_nothing() {
+    fn the_statistics_of_a_peel_without_fragments_are_zero() {
         let empty = layer(3, &[(0.0, 0.0, 5.0); 6]);
         assert_eq!(peels(vec![empty], 1), [PeelStats::default()]);
     }
 
     #[test]
     fn neighbours_jump_where_their_radii_differ_by_the_limit_or_one_is_empty() {
-        // 0 and 0.5 belong together, 0.5 and 1.125 do not, nor do 1.125 and nothing; nothing and nothing are no pair.
-        let found = Neighbours::of(&[1.0, 1.0, 1.0, 0.0, 0.0], &[0.0, 0.5, 1.125, 1.125, 1.125]);
+        // 0 and 0.5 do not jump, 0.5 and 1.125 do, as do 1.125 and an empty sample; two empty samples are no pair.
+        let found = Neighbours::from_row(&[1.0, 1.0, 1.0, 0.0, 0.0], &[0.0, 0.5, 1.125, 1.125, 1.125]);
         assert_eq!(found, Neighbours { pairs: 3, jumps: 2 });
-        let limit = Neighbours::of(&[1.0; 2], &[0.0, surface::AVERAGE_PX]);
+        let limit = Neighbours::from_row(&[1.0; 2], &[0.0, surface::AVERAGE_PX]);
         assert_eq!(limit, Neighbours { pairs: 1, jumps: 1 });
-        assert_eq!(Neighbours::of(&[1.0], &[2.0]), Neighbours::default());
-        assert_eq!(Neighbours::of(&[], &[]), Neighbours::default());
+        assert_eq!(Neighbours::from_row(&[1.0], &[2.0]), Neighbours::default());
+        assert_eq!(Neighbours::from_row(&[], &[]), Neighbours::default());
     }
 
     #[test]
-    fn rows_end_where_they_end() {
-        // Each row is one surface; the last of a row and the first of the next are no neighbours.
+    fn samples_of_two_rows_are_no_neighbours() {
+        // Each row is one surface; the last sample of a row and the first of the next are no pair.
         let rows = layer(20, &[[(0.5, 1.0, -4.0); 20], [(0.5, 1.0, 4.0); 20]].concat());
         assert_eq!(peels(vec![rows], 1)[0].jumps, 0.0);
     }
 
     #[test]
-    fn highlights_carry_the_light_of_what_is_bright_and_blurred() {
-        // 4 and 1 count; 0.9 is no highlight, the 8 in focus no disc, the 16 no fragment.
+    fn highlight_light_is_that_of_bright_and_blurred_fragments() {
+        // 4 and 1 count; 0.9 is too dark, the 8 is in focus, the 16 is no fragment.
         let fragments = [
             (4.0, 1.0, -3.0),
             (1.0, 1.0, 1.5),
@@ -135,7 +135,7 @@ mod tests {
             (0.0, 1.0, 9.0),
         ];
         assert_eq!(peels(vec![layer(6, &fragments)], 1)[0].highlight_light, 5.0);
-        // The same light in 2 × 2 samples a pixel.
+        // The same light in 2 × 2 samples per pixel.
         let samples = layer(12, &fragments.map(|fragment| [fragment; 2]).concat().repeat(2));
         assert_eq!(peels(vec![samples], 2)[0].highlight_light, 5.0);
     }

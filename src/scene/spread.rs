@@ -1,27 +1,27 @@
-//! How far what a scene shows spreads, and where: what the cost of a blur is predicted from.
+//! Statistics of how far fragments spread, and where. The cost of a blur is predicted from them.
 //!
-//! Taken in the pass of [`super::stats`], a row of one layer at a time, and of every fourth row only: prediction needs no more, and
-//! it costs a few milliseconds at 1080p. Counts and sums are estimates for all rows.
+//! They are taken in the pass of [`super::stats`], one row of one layer at a time, from every fourth row only: that is enough for a
+//! prediction and costs a few milliseconds at 1080p. Counts and sums are estimates for all rows.
 
 use super::surface;
 use std::ops::Range;
 
-/// Steps of [`Spread::steps`].
+/// Number of steps of [`Spread::steps`].
 pub(super) const COC_STEPS: usize = 32;
 
-/// Blocks along the longer side of the picture, at most.
+/// Largest number of blocks along the longer side of the picture.
 const MAX_BLOCKS: usize = 32;
 
-/// Least side of a block in picture pixels.
+/// Smallest side of a block in picture pixels.
 const MIN_BLOCK_PX: usize = 16;
 
-/// One row of so many is looked at.
-const ROWS_FOR_ONE: usize = 4;
+/// One row of this many is sampled.
+const ROW_STRIDE: usize = 4;
 
-/// Values that are handled at once.
+/// Values that are processed at once.
 const LANES: usize = 16;
 
-/// How many fragments have CoC radii of one step of size: in front of focus, and behind it.
+/// Number of fragments with CoC radii of one step of size: in front of focus, and behind it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub(crate) struct CocStep {
     /// Of the nearest layer.
@@ -30,25 +30,25 @@ pub(crate) struct CocStep {
     pub behind: [usize; 2],
 }
 
-/// How far what a scene shows spreads.
+/// How far the fragments of a scene spread.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub(crate) struct Spread {
-    /// CoC radius of what is infinitely far, in picture pixels.
+    /// CoC radius at infinity, in picture pixels.
     pub coc_infinity_px: f32,
     /// Fragments by the size of their CoC, see [`coc_step`].
     pub steps: [CocStep; COC_STEPS],
-    /// How often something else begins along a row, of the nearest layer and of all others: a pair of neighbours counts as
-    /// one where only one of them is a fragment or their surfaces are wholly different, and in proportion where they are
+    /// Number of changes of surface along rows, of the nearest layer and of all others: a pair of neighbours counts as
+    /// 1 where only one of them is a fragment or their surfaces are wholly different, and as a fraction where they differ
     /// less: see [`surface::difference`].
     pub changes: [f64; 2],
-    /// How many of the pairs count as one.
+    /// Number of pairs that count as 1.
     pub edges: [f64; 2],
-    /// The picture in blocks; not for reports.
+    /// The picture in blocks; not part of reports.
     #[serde(skip)]
     pub blocks: Blocks,
 }
 
-/// CoC radii of step `step` of [`Spread::steps`] in picture pixels: below half a pixel, then two steps an octave.
+/// CoC radii of step `step` of [`Spread::steps`] in picture pixels: step 0 is below half a pixel, then there are two steps per octave.
 pub(super) fn coc_step(step: usize) -> Range<f64> {
     let bound = |half_octaves: usize| {
         0.5 * f64::from(1_u32 << (half_octaves / 2)) * if half_octaves.is_multiple_of(2) { 1.0 } else { 1.5 }
@@ -59,7 +59,7 @@ pub(super) fn coc_step(step: usize) -> Range<f64> {
 /// The step that `coc_px` falls into.
 #[inline(always)]
 fn step_of(coc_px: f32) -> usize {
-    // Sign aside, the exponent and the first bit of the mantissa number the half octaves.
+    // Without the sign, the exponent and the first bit of the mantissa number the half octaves.
     const HALF: u32 = 0.5_f32.to_bits() >> 22;
     (((coc_px.abs().to_bits() >> 22) + 1).saturating_sub(HALF) as usize).min(COC_STEPS - 1)
 }
@@ -75,18 +75,18 @@ pub(crate) struct Blocks {
     pub blocks: Vec<Block>,
 }
 
-/// What lies in one block. CoC radii are signed, in picture pixels.
+/// Statistics of one block. CoC radii are signed, in picture pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Block {
     /// CoC radius of the nearest fragment; infinite without any.
     pub near_px: f32,
     /// CoC radius of the farthest fragment; infinite without any.
     pub far_px: f32,
-    /// Fragments of the nearest layer that were looked at.
+    /// Number of sampled fragments of the nearest layer.
     pub front: f64,
     /// Sum of their CoC radii.
     pub front_coc_px: f64,
-    /// Sum of the sizes of their CoC radii.
+    /// Sum of the absolute values of their CoC radii.
     pub front_size_px: f64,
 }
 
@@ -103,8 +103,8 @@ impl Default for Block {
 }
 
 impl Blocks {
-    /// Blank blocks for a picture of this size.
-    fn blank((width, height): (usize, usize)) -> Self {
+    /// Empty blocks for a picture of this size.
+    fn empty((width, height): (usize, usize)) -> Self {
         let side_px = width.max(height).div_ceil(MAX_BLOCKS).next_multiple_of(MIN_BLOCK_PX);
         let side_px = side_px.max(MIN_BLOCK_PX);
         let columns = width.div_ceil(side_px);
@@ -113,7 +113,7 @@ impl Blocks {
 
     /// Side of a block in samples.
     pub(super) fn side(picture_size: (usize, usize), supersample: usize) -> usize {
-        Self::blank(picture_size).side_px * supersample
+        Self::empty(picture_size).side_px * supersample
     }
 }
 
@@ -130,26 +130,26 @@ impl Block {
 }
 
 impl Spread {
-    /// Nothing yet, of a picture of this size.
-    pub(super) fn blank(picture_size: (usize, usize), coc_infinity_px: f32) -> Self {
-        Self { coc_infinity_px, blocks: Blocks::blank(picture_size), ..Self::default() }
+    /// The statistics of no rows, for a picture of this size.
+    pub(super) fn empty(picture_size: (usize, usize), coc_infinity_px: f32) -> Self {
+        Self { coc_infinity_px, blocks: Blocks::empty(picture_size), ..Self::default() }
     }
 
     /// Adds row `y` of a layer, the nearest or another one.
     pub(super) fn add(&mut self, row: &RowSpread, y: usize, is_front: bool, supersample: usize) {
         for (step, counted) in self.steps.iter_mut().zip(&row.steps) {
             let counts = if is_front { &mut step.front } else { &mut step.behind };
-            counts.iter_mut().zip(counted).for_each(|(sum, &count)| *sum += ROWS_FOR_ONE * count as usize);
+            counts.iter_mut().zip(counted).for_each(|(sum, &count)| *sum += ROW_STRIDE * count as usize);
         }
-        self.changes[usize::from(!is_front)] += ROWS_FOR_ONE as f64 * f64::from(row.changes);
-        self.edges[usize::from(!is_front)] += ROWS_FOR_ONE as f64 * f64::from(row.edges);
+        self.changes[usize::from(!is_front)] += ROW_STRIDE as f64 * f64::from(row.changes);
+        self.edges[usize::from(!is_front)] += ROW_STRIDE as f64 * f64::from(row.edges);
         let at = y / (self.blocks.side_px * supersample) * self.blocks.columns;
         let blocks = self.blocks.blocks.iter_mut().skip(at);
         blocks.zip(&row.blocks).for_each(|(block, row)| block.add(row, is_front));
     }
 }
 
-/// The share of one row of one layer.
+/// Statistics of one row of one layer.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RowSpread {
     steps: [[u32; 2]; COC_STEPS],
@@ -159,14 +159,14 @@ pub(super) struct RowSpread {
 }
 
 impl RowSpread {
-    /// Whether row `y` is looked at.
-    pub(super) fn looks_at(y: usize) -> bool {
-        y.is_multiple_of(ROWS_FOR_ONE)
+    /// Whether row `y` is sampled.
+    pub(super) fn is_sampled(y: usize) -> bool {
+        y.is_multiple_of(ROW_STRIDE)
     }
 
-    /// Of a row, in blocks of `side` samples; to be compiled for each instruction set.
+    /// The statistics of a row, in blocks of `side` samples. Inlined so that it is compiled for each instruction set.
     #[inline(always)]
-    pub(super) fn of(alpha: &[f32], coc_px: &[f32], side: usize) -> Self {
+    pub(super) fn from_samples(alpha: &[f32], coc_px: &[f32], side: usize) -> Self {
         let mut row = Self::default();
         for (&alpha, &coc) in alpha.iter().zip(coc_px) {
             row.steps[step_of(coc)][usize::from(coc > 0.0)] += u32::from(alpha > 0.0);
@@ -178,7 +178,7 @@ impl RowSpread {
     }
 }
 
-/// What a few samples of one row have.
+/// Statistics of the samples of one row that lie in one block.
 #[inline(always)]
 fn block(alpha: &[f32], coc_px: &[f32]) -> Block {
     let (mut near, mut far) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
@@ -206,7 +206,7 @@ fn block(alpha: &[f32], coc_px: &[f32]) -> Block {
     }
 }
 
-/// How often something else begins along a row, and how often wholly; see [`Spread::changes`].
+/// [`Spread::changes`] and [`Spread::edges`] of one row.
 #[inline(always)]
 fn changes(alpha: &[f32], coc_px: &[f32]) -> [f32; 2] {
     let (mut sum, mut whole) = ([0.0_f32; LANES], [0.0_f32; LANES]);
@@ -232,7 +232,7 @@ fn changes(alpha: &[f32], coc_px: &[f32]) -> [f32; 2] {
     [sum.iter().sum(), whole.iter().sum()]
 }
 
-/// Lanes with zeros after `rest`.
+/// `rest`, padded with zeros to a full set of lanes.
 #[inline(always)]
 fn padded(rest: &[f32]) -> [f32; LANES] {
     let mut lanes = [0.0; LANES];
@@ -245,7 +245,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_size_falls_into_the_step_that_spans_it() {
+    fn every_radius_falls_into_the_step_that_contains_it() {
         for i in 0..20_000 {
             let coc = 0.01 * i as f32;
             let span = coc_step(step_of(-coc));
@@ -256,24 +256,24 @@ mod tests {
 
     #[test]
     fn a_row_is_counted_block_by_block() {
-        // 40 samples, blocks of 16: −2 in the first block, 3 in the second, nothing but one 5 in the third.
+        // 40 samples, blocks of 16: −2 in the first block, 3 in the second, a single 5 in the third.
         let alpha: Vec<f32> = (0..40).map(|x| f32::from(u8::from(x < 32 || x == 39))).collect();
         let coc: Vec<f32> = (0..40).map(|x| [-2.0, 3.0, 5.0][x / 16]).collect();
-        let row = RowSpread::of(&alpha, &coc, 16);
+        let row = RowSpread::from_samples(&alpha, &coc, 16);
         let ends: Vec<_> =
             row.blocks.iter().map(|block| (block.near_px, block.far_px, block.front)).collect();
         assert_eq!(ends, [(-2.0, -2.0, 16.0), (3.0, 3.0, 16.0), (5.0, 5.0, 1.0)]);
         assert_eq!(row.blocks[0].front_coc_px, -32.0);
         assert_eq!(row.blocks[0].front_size_px, 32.0);
-        assert_eq!((row.changes, row.edges), (3.0, 3.0), "−2 | 3 | nothing | 5");
+        assert_eq!((row.changes, row.edges), (3.0, 3.0), "−2 | 3 | empty | 5");
         assert_eq!([-2.0, 3.0, 5.0].map(|coc| row.steps[step_of(coc)]), [[16, 0], [0, 16], [0, 1]]);
     }
 
     #[test]
-    fn every_fourth_row_stands_for_four() {
-        let mut spread = Spread::blank((40, 8), 1.0);
-        let row = RowSpread::of(&[1.0; 40], &[-2.0; 40], 16);
-        assert_eq!((0..8).map(RowSpread::looks_at).filter(|looked| *looked).count(), 2, "of eight");
+    fn every_sampled_row_counts_for_four() {
+        let mut spread = Spread::empty((40, 8), 1.0);
+        let row = RowSpread::from_samples(&[1.0; 40], &[-2.0; 40], 16);
+        assert_eq!((0..8).map(RowSpread::is_sampled).filter(|sampled| *sampled).count(), 2, "of eight");
         spread.add(&row, 0, true, 1);
         spread.add(&row, 4, true, 1);
         spread.add(&row, 4, false, 1);
@@ -281,9 +281,9 @@ mod tests {
     }
 
     #[test]
-    fn a_slope_changes_in_proportion() {
+    fn neighbours_on_a_slope_count_in_proportion_to_their_difference() {
         let coc: Vec<f32> = (0..33).map(|x| 0.125 * x as f32).collect();
-        let row = RowSpread::of(&[1.0; 33], &coc, 64);
+        let row = RowSpread::from_samples(&[1.0; 33], &coc, 64);
         assert_eq!((row.changes, row.edges), (8.0, 0.0), "32 pairs, each a quarter of half a pixel");
     }
 

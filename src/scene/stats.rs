@@ -1,6 +1,7 @@
-//! LOOK: what a scene shows, in one parallel pass.
+//! ANALYZE: the statistics of a scene, taken in one parallel pass.
 //!
-//! Cost: one read of the scene. How far things spread is in [`super::spread`], what each peel shows in [`super::peel_stats`].
+//! Cost: one read of the scene. How far fragments spread is in [`super::spread`], the statistics of single peels are in
+//! [`super::peel_stats`].
 
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
@@ -12,18 +13,18 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Number of half-stop steps of brightness that [`SceneStats::bright`] counts, from 1 up.
-pub(super) const BRIGHT_STEPS: usize = 32;
+pub(crate) const BRIGHT_STEPS: usize = 32;
 
 /// Bright, blurred fragments of one half stop of brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub(crate) struct BrightStep {
-    /// How many there are.
+    /// Number of fragments.
     pub fragments: usize,
-    /// Sum of their discs' areas, `π c²`, in picture pixels.
+    /// Sum of the areas of their discs, `π c²`, in picture pixels.
     pub disc_area_px: f64,
 }
 
-/// What a scene shows: everything a plan is decided from, beside the settings.
+/// The statistics of a scene: all that a plan is decided from, apart from the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct SceneStats {
@@ -33,34 +34,34 @@ pub struct SceneStats {
     pub layers: usize,
     /// What the fragments stand for.
     pub kind: StackKind,
-    /// Samples a picture pixel along each axis.
+    /// Samples per picture pixel along each axis.
     pub supersample: usize,
     /// Smallest and largest signed CoC radius of any fragment in picture pixels; `0, 0` without fragments.
     pub coc_range_px: [f32; 2],
     /// Number of fragments.
     pub fragments: usize,
-    /// Fragments that let light through.
+    /// Number of translucent fragments.
     pub translucent_fragments: usize,
-    /// Fragments with a CoC radius below one pixel.
+    /// Number of fragments with a CoC radius below one pixel.
     pub focused_fragments: usize,
-    /// Samples where no layer has a fragment: the picture's transparent background.
+    /// Number of samples without a fragment in any layer: the picture's transparent background.
     #[serde(rename = "open_samples")]
     pub empty_samples: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub(crate) bright: [BrightStep; BRIGHT_STEPS],
-    /// How bright the source's colours could be.
+    /// Range of the source's colours.
     pub color_range: ColorRange,
-    /// Where that is up to white: fragments with a CoC radius over one pixel, by scene-linear luminance, as the source has them;
-    /// else none.
+    /// For a source that ends at white: fragments with a CoC radius over one pixel, by scene-linear luminance in the source;
+    /// otherwise empty.
     pub(crate) light: Vec<LightStep>,
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
-    /// How far it spreads, and where.
+    /// How far fragments spread, and where.
     pub(crate) spread: Spread,
-    /// Where in the lens's field the picture lies.
+    /// Position of the picture in the lens's field.
     #[serde(skip)]
     pub field: Field,
-    /// What each peel shows, nearest first.
+    /// Statistics of each peel, nearest first.
     pub peels: Vec<PeelStats>,
 }
 
@@ -75,7 +76,7 @@ fn bright_step(brightness: f32) -> Option<usize> {
     (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
 }
 
-/// SceneStats of a row of one layer, or of more.
+/// Statistics of one row of one layer, or the sum over several rows.
 #[derive(Debug, Clone)]
 struct Tally {
     coc_range_px: [f32; 2],
@@ -83,36 +84,36 @@ struct Tally {
     translucent: usize,
     focused: usize,
     bright: [BrightStep; BRIGHT_STEPS],
-    /// Sum of what [`Tally::bright`] counts, in scene-linear units.
+    /// Sum of the brightness of the fragments in [`Tally::bright`], in scene-linear units.
     highlight_light: f64,
     neighbours: Neighbours,
     light: Vec<LightStep>,
 }
 
 impl Scene {
-    /// Looks at every fragment once.
+    /// The scene's statistics, from one read of every fragment.
     pub fn analyze(&self) -> SceneStats {
         let rows: Vec<(&Layer, usize)> =
             self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
         let arch = Arch::new();
         let block_side = Blocks::side(self.picture_size(), self.supersample);
-        // Summed in row order, so that no number depends on how the rows were shared out among threads.
+        // Summed in row order, so that the result does not depend on the distribution of rows among threads.
         let color_range = self.color_range;
-        let look =
-            |&(layer, y): &(&Layer, usize)| arch.dispatch(LookAtRow { layer, y, block_side, color_range });
-        let looks: Vec<(Tally, RowSpread)> = rows.par_iter().map(look).collect();
-        let mut spread = Spread::blank(self.picture_size(), self.coc_infinity_px);
-        for (number, (_, row)) in looks.iter().enumerate() {
+        let analyze =
+            |&(layer, y): &(&Layer, usize)| arch.dispatch(AnalyzeRow { layer, y, block_side, color_range });
+        let row_stats: Vec<(Tally, RowSpread)> = rows.par_iter().map(analyze).collect();
+        let mut spread = Spread::empty(self.picture_size(), self.coc_infinity_px);
+        for (number, (_, row)) in row_stats.iter().enumerate() {
             let is_front = number < self.height();
             spread.add(row, number % self.height(), is_front, self.supersample);
         }
-        let of_layers: Vec<Tally> = looks
+        let layer_tallies: Vec<Tally> = row_stats
             .chunks(self.height().max(1))
             .map(|rows| rows.iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally)))
             .collect();
         let samples = self.width() * self.height();
-        let peels = of_layers.iter().map(|tally| tally.peel_stats(samples, self.supersample)).collect();
-        let tally = of_layers.iter().fold(Tally::default(), Tally::add);
+        let peels = layer_tallies.iter().map(|tally| tally.peel_stats(samples, self.supersample)).collect();
+        let tally = layer_tallies.iter().fold(Tally::default(), Tally::add);
         SceneStats {
             picture_size: self.picture_size(),
             layers: self.layers.len(),
@@ -134,18 +135,18 @@ impl Scene {
     }
 
     fn empty_samples(&self) -> usize {
-        let open = |y: usize| {
-            let is_open = |x: &usize| self.layers.iter().all(|layer| layer.alpha.row(y)[*x] <= 0.0);
-            let closed =
+        let count_in_row = |y: usize| {
+            let is_empty = |x: &usize| self.layers.iter().all(|layer| layer.alpha.row(y)[*x] <= 0.0);
+            let is_covered =
                 self.layers.first().is_some_and(|layer| layer.alpha.row(y).iter().all(|&alpha| alpha > 0.0));
-            if closed { 0 } else { (0..self.width()).filter(is_open).count() }
+            if is_covered { 0 } else { (0..self.width()).filter(is_empty).count() }
         };
-        (0..self.height()).into_par_iter().map(open).sum()
+        (0..self.height()).into_par_iter().map(count_in_row).sum()
     }
 }
 
-/// Looks at row `y` of `layer`; to be compiled for each instruction set.
-struct LookAtRow<'a> {
+/// Takes the statistics of row `y` of `layer`; compiled for each instruction set.
+struct AnalyzeRow<'a> {
     layer: &'a Layer,
     y: usize,
     /// Side of a block of [`Spread::blocks`] in samples.
@@ -153,7 +154,7 @@ struct LookAtRow<'a> {
     color_range: ColorRange,
 }
 
-impl NullaryFnOnce for LookAtRow<'_> {
+impl NullaryFnOnce for AnalyzeRow<'_> {
     type Output = (Tally, RowSpread);
 
     #[inline(always)]
@@ -181,7 +182,7 @@ impl NullaryFnOnce for LookAtRow<'_> {
             fragments: fragments as usize,
             translucent: translucent as usize,
             focused: focused as usize,
-            neighbours: Neighbours::of(alpha, coc),
+            neighbours: Neighbours::from_row(alpha, coc),
             ..Tally::default()
         };
         if bright {
@@ -190,8 +191,8 @@ impl NullaryFnOnce for LookAtRow<'_> {
         if color_range == ColorRange::UpToWhite {
             tally.count_light([red, green, blue], alpha, coc);
         }
-        let looked = RowSpread::looks_at(y).then(|| RowSpread::of(alpha, coc, block_side));
-        (tally, looked.unwrap_or_default())
+        let spread = RowSpread::is_sampled(y).then(|| RowSpread::from_samples(alpha, coc, block_side));
+        (tally, spread.unwrap_or_default())
     }
 }
 
@@ -216,7 +217,7 @@ impl Tally {
         if self.fragments > 0 { self.coc_range_px } else { [0.0; 2] }
     }
 
-    /// What a peel of `samples` samples shows, `supersample` a picture pixel along each axis.
+    /// The statistics of a peel of `samples` samples, `supersample` per picture pixel along each axis.
     fn peel_stats(&self, samples: usize, supersample: usize) -> PeelStats {
         let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
         PeelStats {

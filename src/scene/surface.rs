@@ -1,37 +1,38 @@
-//! When two samples are of one surface: every limit by which the program joins neighbours or tells them apart.
+//! When two samples belong to one surface: all limits by which the program joins or separates neighbours.
 //!
-//! Depth is known at samples only, so that a surface is a guess: samples beside one another whose CoC radii are close. How close
-//! depends on what for, so each question has its own limit here, and shaders get the same constants. Differences are of signed CoC
-//! radii in picture pixels: a difference of `d` px moves one sample against the other by at most `d` px for any lens ray.
+//! Depth is known only at samples, so a surface is an assumption: neighbouring samples whose CoC radii are close. How close depends on
+//! the use, so each use has its own limit here, and shaders get the same constants. Differences are of signed CoC radii in picture
+//! pixels: for a difference of `d` px, any lens ray shifts the two samples against each other by at most `d` px.
 
-/// Neighbouring samples of one surface differ by less than this in CoC radius, in picture pixels.
+/// Upper limit of the difference in CoC radius between neighbouring samples of one surface, in picture pixels.
 ///
-/// Wider would thicken edges. `shear` decides by it which bins a fragment joins, `accumulate` how far a fragment reaches towards its
-/// neighbours, `peel-rays` along which samples a ray may go on, and the focus map where a line may be drawn.
+/// A larger limit would thicken edges. It decides in `shear` which bins a fragment joins, in `accumulate` how far a fragment extends
+/// towards its neighbours, in `peel-rays` along which samples a ray continues, and in the focus map where a line may be drawn.
 pub(crate) const JOIN_PX: f32 = 0.5;
 
-/// Whether neighbouring samples of these CoC radii, in picture pixels, are of one surface.
+/// Whether neighbouring samples of these CoC radii, in picture pixels, belong to one surface.
 #[inline(always)]
 pub(crate) fn joins(coc_px: f32, other_coc_px: f32) -> bool {
     (other_coc_px - coc_px).abs() < JOIN_PX
 }
 
-/// From pixel to pixel of one surface a step larger than [`JOIN_PX`] changes by at most this share of itself.
+/// Largest relative change, from one pixel to the next of one surface, of a step in CoC radius larger than [`JOIN_PX`].
 ///
-/// On a plane in space CoC is affine over the picture, because `1/z` is: its steps are equal, however large.
+/// On a plane in space the CoC radius is affine over the picture, because `1/z` is. Its steps are equal, whatever their size.
 const STEP_CHANGE_SHARE: f32 = 0.25;
 
-/// Whether the two pixels in the middle of four in a row, of these CoC radii in picture pixels, are of one surface: the step between
-/// them is small, or like the step before or after it. NaN stands for no pixel. The focus map asks, which sees one radius a pixel.
+/// Whether the two middle pixels of four in a row, of these CoC radii in picture pixels, belong to one surface: the step between
+/// them is small, or similar to the step before or after it. NaN stands for no pixel. Used by the focus map, which has one radius per
+/// pixel.
 pub(crate) fn continues([before, from, to, after]: [f32; 4]) -> bool {
     let step = to - from;
-    let like = |other: f32| (other - step).abs() <= STEP_CHANGE_SHARE * step.abs();
-    step.abs() <= JOIN_PX || like(from - before) || like(after - to)
+    let is_similar = |other: f32| (other - step).abs() <= STEP_CHANGE_SHARE * step.abs();
+    step.abs() <= JOIN_PX || is_similar(from - before) || is_similar(after - to)
 }
 
-/// Neighbours whose colours may be averaged differ by less than this in CoC radius, in picture pixels.
+/// Upper limit of the difference in CoC radius between neighbours whose colours may be averaged, in picture pixels.
 ///
-/// `shear`'s prefilter averages, and the stats of a peel say how often it cannot.
+/// Used by `shear`'s prefilter. The statistics of a peel count the pairs that exceed it.
 pub(crate) const AVERAGE_PX: f32 = 0.6;
 
 /// Whether the colours of neighbours of these CoC radii, in picture pixels, may be averaged.
@@ -40,42 +41,42 @@ pub(crate) fn may_average(coc_px: f32, other_coc_px: f32) -> bool {
     (coc_px - other_coc_px).abs() < AVERAGE_PX
 }
 
-/// Samples of one pixel that differ by less than this in CoC radius, in picture pixels, merge …
+/// Smallest value of [`merge_gap_px`], in picture pixels.
 const MERGE_PX: f32 = 0.5;
 
-/// … or by less than this share of it, whichever is more.
+/// [`merge_gap_px`] as a share of the CoC radius, where that is more than [`MERGE_PX`].
 const MERGE_SHARE: f32 = 0.02;
 
-/// The difference to the next sample of a pixel from which a sample of this CoC radius is of another surface, in picture pixels.
-/// Merging the samples of a supersampled stack asks.
+/// The difference in CoC radius from which the next sample of a pixel belongs to another surface than a sample of this CoC radius, in
+/// picture pixels. Used to merge the samples of a supersampled stack.
 pub(crate) fn merge_gap_px(coc_px: f32) -> f32 {
     MERGE_PX.max(MERGE_SHARE * coc_px.abs())
 }
 
-/// Neighbours that differ by this in CoC radius, in picture pixels, are wholly different surfaces …
+/// Smallest difference in CoC radius between neighbours on wholly different surfaces, in picture pixels.
 const DISTINCT_PX: f32 = 0.5;
 
-/// … or by this share of it, whichever is more.
+/// That difference as a share of the CoC radius, where that is more than [`DISTINCT_PX`].
 const DISTINCT_SHARE: f32 = 1.0 / 32.0;
 
-/// How different the surfaces of neighbours of these CoC radii are, from 0 to 1. Predicting costs asks: work begins anew where a
-/// surface does.
+/// How different the surfaces of neighbours of these CoC radii are, from 0 to 1. Used to predict costs, which rise with the number of
+/// surfaces along a row.
 #[inline(always)]
 pub(crate) fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
     let distinct_px = (coc_px.abs() * DISTINCT_SHARE).max(DISTINCT_PX);
     ((next_coc_px - coc_px).abs() / distinct_px).min(1.0)
 }
 
-/// What lies within this of the farthest CoC radius of a cell, in picture pixels, is of its farthest surface. The guess of what lies
-/// behind a stack asks, of cells of many pixels: their samples lie farther from one another than neighbours.
+/// Samples of a cell of many pixels within this distance of its farthest CoC radius, in picture pixels, belong to its farthest surface.
+/// Used by the disocclusion fill. Wider than [`JOIN_PX`], because samples of a cell lie farther apart than neighbours.
 pub(crate) const CELL_PX: f32 = 1.0;
 
-/// What lies within this share of a surface's CoC radius is of its level in `b-buffer`, which keeps no depth within a level: it cannot
-/// be told apart.
+/// Fragments within this share of a surface's CoC radius belong to its level in `b-buffer`, which keeps no depth within a level and
+/// cannot separate them.
 pub(crate) const LEVEL_SHARE: f32 = 0.5;
 
-/// The difference from which a fragment is not of the surface of CoC radius `surface_px` in `b-buffer`, whose parameter
-/// `same_surface_px` is the least; in picture pixels.
+/// The difference in CoC radius from which a fragment does not belong to the surface of CoC radius `surface_px` in `b-buffer`, in picture
+/// pixels. The parameter `same_surface_px` is its lower bound.
 pub(crate) fn level_gap_px(surface_px: f32, same_surface_px: f32) -> f32 {
     same_surface_px.max(LEVEL_SHARE * surface_px.abs())
 }
@@ -88,11 +89,11 @@ mod tests {
     fn neighbours_join_below_the_limit_and_not_at_it() {
         assert!(joins(3.0, 3.49) && joins(3.49, 3.0) && !joins(3.0, 3.5) && !joins(-3.5, -3.0));
         assert!(may_average(0.0, 0.59) && !may_average(0.0, AVERAGE_PX));
-        assert!(!joins(f32::NAN, 1.0) && !may_average(1.0, f32::NAN), "nothing joins nothing");
+        assert!(!joins(f32::NAN, 1.0) && !may_average(1.0, f32::NAN), "NaN joins no sample");
     }
 
     #[test]
-    fn a_surface_continues_over_a_small_step_and_over_one_of_a_slope() {
+    fn a_surface_continues_over_small_steps_and_along_slopes() {
         assert!(continues([f32::NAN, 1.0, 1.5, f32::NAN]), "a small step needs no neighbours");
         assert!(continues([1.0, 3.0, 5.0, f32::NAN]) && continues([f32::NAN, 3.0, 5.0, 7.4]), "a slope");
         assert!(!continues([3.0, 3.0, 5.0, 5.0]) && !continues([1.0, 1.0, f32::NAN, f32::NAN]), "an edge");

@@ -1,47 +1,47 @@
-//! The size of a blur, in the figures that the cost of a method depends on: a reading of the scene's statistics.
+//! The amount of work of a blur: figures that the cost of a method depends on, derived from the scene's statistics.
 //!
-//! Figures are of the picture, not of samples: a supersampled stack is merged before most methods look at it.
+//! Figures are per picture pixel, not per sample, because a supersampled stack is merged before most methods read it.
 
 use super::spread::{Block, Blocks, COC_STEPS, coc_step};
 use super::stats::{SceneStats, bright_step_floor};
 use std::f64::consts::PI;
 
-/// The statistics of a scene and how often its lens is sampled, and what follows from them for the work of a blur.
+/// The statistics of a scene and its number of lens rays, and the figures of work that follow from them.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Workload<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,
-    /// Lens rays a pixel: those of all colours, where colours have rays of their own; 0 where the lens is not sampled.
+    /// Lens rays per pixel, over all colours where each colour has its own rays; 0 where the lens is not sampled.
     pub rays: usize,
 }
 
-/// The stretches of CoC depth in front of the rays of a pixel, means over the picture.
+/// Intervals of CoC depth in front of the visible surface, means over the picture's pixels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Depths {
-    /// From the nearest that a ray of the pixel can meet to what the pixel shows.
+    /// From the nearest fragment that a ray of the pixel can hit to the pixel's visible surface.
     pub before_px: f64,
-    /// From the nearest that there is at all to what the pixel shows.
+    /// From the nearest fragment of the scene to the pixel's visible surface.
     pub whole_px: f64,
 }
 
-/// Discs, all together.
+/// Sums over a set of discs.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Discs {
-    /// How many there are.
+    /// Number of discs.
     pub count: f64,
-    /// Their rows.
+    /// Number of their rows.
     pub rows: f64,
 }
 
-/// The middle of a step of CoC radii.
+/// The centre of a step of CoC radii.
 fn middle(step: usize) -> f64 {
     let span = coc_step(step);
     0.5 * (span.start + span.end)
 }
 
 impl<'a> Workload<'a> {
-    /// Samples a pixel along each axis.
+    /// Samples per pixel along each axis.
     pub fn supersample(&self) -> f64 {
         self.stats.supersample as f64
     }
@@ -56,34 +56,34 @@ impl<'a> Workload<'a> {
         self.size()[0] * self.size()[1]
     }
 
-    /// Layers of the stack.
+    /// Number of layers of the stack.
     pub fn layers(&self) -> f64 {
         self.stats.layers as f64
     }
 
-    /// Samples of all layers.
+    /// Number of samples of all layers.
     pub fn samples(&self) -> f64 {
         self.pixels() * self.supersample().powi(2) * self.layers()
     }
 
-    /// Samples of all layers, where they have to be merged first.
+    /// Number of samples that are merged: those of all layers of a supersampled stack, otherwise 0.
     pub fn merged(&self) -> f64 {
         if self.stats.supersample > 1 { self.samples() } else { 0.0 }
     }
 
-    /// Lens samples a pixel, those of every set.
+    /// Lens samples per pixel, over all sets of rays.
     pub fn views(&self) -> f64 {
         self.rays as f64
     }
 
-    /// Size of the largest CoC radii in front of and behind focus.
+    /// The largest absolute CoC radii in front of and behind focus.
     pub fn reach_px(&self) -> [f64; 2] {
         let [near, far] = self.stats.coc_range_px.map(f64::from);
         [(-near).max(0.0), far.max(0.0)]
     }
 
-    /// The sum over the fragments of the nearest layer, and of all others, of `figure` of their CoC radius, for each picture
-    /// pixel's worth.
+    /// The sums of `figure` of the CoC radius over the fragments of the nearest layer, and over those of all others, in picture pixels: a
+    /// sample counts by the share of a pixel that it is.
     pub fn sums(&self, figure: impl Fn(f64) -> f64) -> [f64; 2] {
         let mut sums = [0.0; 2];
         for (number, step) in self.stats.spread.steps.iter().enumerate() {
@@ -95,17 +95,17 @@ impl<'a> Workload<'a> {
         sums
     }
 
-    /// Mean area of the part of a disc of radius `coc_px` around a pixel of the picture that lies within the picture.
+    /// Area within the picture of a disc of radius `coc_px` around a pixel, the mean over all pixels.
     pub fn disc_px(&self, coc_px: f64) -> f64 {
         self.size().map(|side| share_inside(coc_px, side)).iter().product::<f64>() * PI * coc_px * coc_px
     }
 
-    /// Mean number of the disc's rows that lie within the picture.
+    /// Number of the disc's rows within the picture, the mean over all pixels.
     pub fn disc_rows(&self, coc_px: f64) -> f64 {
         1.0 + share_inside(coc_px, self.size()[1]) * 2.0 * coc_px
     }
 
-    /// How often a pixel of the nearest layer differs from the one before it in its row.
+    /// Share of the pixels of the nearest layer that show another surface than the pixel before them in the row.
     pub fn edge_density(&self) -> f64 {
         let front: f64 = self.sums(|_| 1.0)[0];
         let edges = self.stats.spread.edges[0] / self.supersample();
@@ -115,7 +115,7 @@ impl<'a> Workload<'a> {
     /// The discs of blurred fragments that are brighter than `threshold`.
     pub fn discs(&self, threshold: f32) -> Discs {
         let mut discs = Discs::default();
-        // A threshold within a step takes part of it; the whole of it is near enough.
+        // A step that contains the threshold is counted whole, which is accurate enough.
         let bright = self
             .stats
             .bright
@@ -135,7 +135,7 @@ impl<'a> Workload<'a> {
         &self.stats.spread.blocks
     }
 
-    /// Calls `look` with every block and all blocks within `reach(block)` pixels of it; `reach` may be infinite.
+    /// The blocks within `reach_px` pixels of block `at`, which may be infinite, each with its distance in pixels.
     fn around(&self, at: usize, reach_px: f64) -> impl Iterator<Item = (&'a Block, f64)> {
         let &Blocks { side_px, columns, ref blocks } = self.blocks();
         let (side, rows) = (side_px as f64, blocks.len() / columns.max(1));
@@ -150,7 +150,7 @@ impl<'a> Workload<'a> {
         })
     }
 
-    /// What lies before the pixels of the picture, as the rays of each can meet it.
+    /// The CoC depth that the rays of a pixel pass before they hit its visible surface.
     pub fn depths(&self) -> Depths {
         let whole = self.stats.coc_range_px.map(f64::from);
         let mut sum = Depths::default();
@@ -178,7 +178,7 @@ impl<'a> Workload<'a> {
         Depths { before_px: sum.before_px / count, whole_px: sum.whole_px / count }
     }
 
-    /// The sum over the pixels of the picture of `figure` of the radius within which all lies that spreads over the pixel.
+    /// The sum over the picture's pixels of `figure` of the radius that contains all fragments whose discs cover the pixel.
     pub fn reached(&self, figure: impl Fn(f64) -> f64) -> f64 {
         let blocks = &self.blocks().blocks;
         let [near, _] = self.reach_px();
@@ -188,7 +188,7 @@ impl<'a> Workload<'a> {
             let own = figure(if block.front > 0.0 { block.front_size_px / block.front } else { 0.0 });
             let raised = self.around(at, near).map(|(block, gap)| {
                 let radius = -f64::from(block.near_px);
-                // The nearest fragment may be anywhere in its block: the share of this one that its disc covers.
+                // Share of this block that the nearest fragment's disc covers; the fragment may lie anywhere in its block.
                 let share = if gap > 0.0 { (radius - gap) / side + 0.25 } else { 2.0 * radius / side };
                 share.clamp(0.0, 1.0) * (figure(radius.max(0.0)) - own)
             });
@@ -197,15 +197,15 @@ impl<'a> Workload<'a> {
         sum * self.pixels() / blocks.len().max(1) as f64
     }
 
-    /// Rows of the picture, in whole blocks, that hold something with a CoC radius within `span`.
+    /// Number of rows of the picture, in whole blocks, with a CoC radius within `span`.
     pub fn rows_with(&self, span: [f64; 2]) -> f64 {
         let rows = self.row_ranges();
         let holding = rows.iter().filter(|range| range[0] <= span[1] && range[1] >= span[0]).count();
         self.size()[1] * holding as f64 / rows.len().max(1) as f64
     }
 
-    /// Slices of CoC radii `width_px` wide near focus, growing past 32 of them by a 32nd part, that some fragment is in, summed
-    /// over the rows of the picture that they can reach.
+    /// Number of occupied slices of CoC radii, summed over the rows of the picture that each can reach. Slices are `width_px` wide near
+    /// focus; past the 32nd each is a 32nd part wider than the one before.
     pub fn row_slices(&self, width_px: f64) -> f64 {
         let rows = self.row_ranges();
         let height = self.size()[1] / rows.len().max(1) as f64;
@@ -223,13 +223,12 @@ impl<'a> Workload<'a> {
         sum
     }
 
-    /// Slices that some fragment is in.
+    /// Number of slices that contain a fragment, see [`Workload::row_slices`].
     pub fn slices(&self, width_px: f64) -> f64 {
         self.occupied(width_px).map(|(slices, _)| slices).sum()
     }
 
-    /// For each step of CoC radii on either side of focus that some fragment is in: how many slices it has, and its signed
-    /// ends.
+    /// For each step of CoC radii on either side of focus that contains a fragment: its number of slices, and its signed bounds.
     fn occupied(&self, width_px: f64) -> impl Iterator<Item = (f64, [f64; 2])> {
         let [near, far] = self.stats.coc_range_px.map(f64::from);
         let steps = &self.stats.spread.steps;
@@ -245,7 +244,7 @@ impl<'a> Workload<'a> {
         })
     }
 
-    /// CoC radii of each row of blocks, from and to.
+    /// Smallest and largest CoC radius of each row of blocks.
     fn row_ranges(&self) -> Vec<[f64; 2]> {
         let rows = self.blocks().blocks.chunks(self.blocks().columns.max(1));
         rows.map(|row| {
@@ -257,7 +256,7 @@ impl<'a> Workload<'a> {
     }
 }
 
-/// Share of a stretch of half length `reach_px`, around any point of a line of length `side`, that lies on the line.
+/// Share of an interval of half length `reach_px` that lies on a line of length `side`, the mean over all centres on the line.
 fn share_inside(reach_px: f64, side: f64) -> f64 {
     match reach_px {
         0.0 => 1.0,
@@ -266,7 +265,7 @@ fn share_inside(reach_px: f64, side: f64) -> f64 {
     }
 }
 
-/// How many slices lie between focus and CoC radius `coc_px`, see [`Workload::row_slices`].
+/// Signed number of slices between focus and CoC radius `coc_px`, see [`Workload::row_slices`].
 fn position(coc_px: f64, width_px: f64) -> f64 {
     const EVEN: f64 = 32.0;
     let steps = coc_px.abs() / width_px;
@@ -278,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_of_a_stretch_that_lies_inside_is_its_mean_over_all_places() {
+    fn the_share_of_an_interval_inside_is_its_mean_over_all_centres() {
         for (reach, side) in [(3.0, 10.0), (9.0, 10.0), (10.0, 10.0), (25.0, 10.0)] {
             let inside = |place: f64| (place + reach).min(side) - (place - reach).max(0.0);
             let mean = (0..10_000).map(|i| inside(side * (f64::from(i) + 0.5) / 1e4)).sum::<f64>() / 1e4;

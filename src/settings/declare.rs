@@ -1,29 +1,17 @@
 //! From one declaration of a setting to its field in [`super::Values`], its field with an origin, and its row in
 //! [`super::SETTINGS`].
 
-use super::{Origin, Sourced, Values};
+use super::origin::{Origin, Sourced};
 
 /// The highest of `layers` that sets a field.
-pub(super) fn pick<T: Clone>(
-    layers: &[(Origin, &Values)],
-    field: impl Fn(&Values) -> &Option<T>,
+pub(super) fn pick<V, T: Clone>(
+    layers: &[(Origin, &V)],
+    field: impl Fn(&V) -> &Option<T>,
 ) -> Option<Sourced<T>> {
-    let set = |(origin, values): &(Origin, &Values)| {
+    let set = |(origin, values): &(Origin, &V)| {
         field(values).clone().map(|value| Sourced { value, origin: origin.clone() })
     };
     layers.iter().rev().find_map(set)
-}
-
-impl<T> Sourced<T> {
-    /// A built-in default.
-    pub(super) fn default_of(value: T) -> Self {
-        Self { value, origin: Origin::Default }
-    }
-
-    /// The same value, as one that might be open.
-    pub(super) fn given(self) -> Sourced<Option<T>> {
-        Sourced { value: Some(self.value), origin: self.origin }
-    }
 }
 
 /// The type of a resolved setting: its own where it has a default, else an option.
@@ -182,31 +170,45 @@ macro_rules! settings {
         pub static SETTINGS: &[Setting] = &[
             $( Setting {
                 field: "focus",
-                get: |values| match &values.focus {
-                    Some(Focus::$variant(focus)) => Some(focus.to_value()),
-                    _ => None,
-                },
-                set: |values, value| values.focus = Kept::from_value(value).map(Focus::$variant),
                 ..row(stringify!($focus_key), $focus_table, concat!($($focus_doc, "\n"),+), $focus_row)
             }, )+
             $( $( Setting {
                 default: default_of!($lens_type $(= $lens_default)?),
-                get: |values| values.$lens.as_ref().map(Kept::to_value),
-                set: |values, value| values.$lens = Kept::from_value(value),
                 ..row(stringify!($lens), $lens_table, concat!($($lens_doc, "\n"),+), $lens_row)
             }, )+ )+
-            $( Setting {
-                get: |values| values.$reading.as_ref().map(Kept::to_value),
-                set: |values, value| values.$reading = Kept::from_value(value),
-                ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
-            }, )+
+            $( row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row), )+
             $( $( Setting {
                 default: default_of!($picture_type = $picture_default),
-                get: |values| values.$picture.as_ref().map(Kept::to_value),
-                set: |values, value| values.$picture = Kept::from_value(value),
                 ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
             }, )+ )+
         ];
+
+        impl Setting {
+            /// The value that `values` give it.
+            pub fn get(&self, values: &Values) -> Option<Value> {
+                match self.key {
+                    $( stringify!($focus_key) => match &values.focus {
+                        Some(Focus::$variant(focus)) => Some(focus.to_value()),
+                        _ => None,
+                    }, )+
+                    $( $( stringify!($lens) => values.$lens.as_ref().map(Kept::to_value), )+ )+
+                    $( stringify!($reading) => values.$reading.as_ref().map(Kept::to_value), )+
+                    $( $( stringify!($picture) => values.$picture.as_ref().map(Kept::to_value), )+ )+
+                    _ => None,
+                }
+            }
+
+            /// Keeps `value`, one of [`Setting::kind`], in `values`; another leaves it open.
+            pub fn set(&self, values: &mut Values, value: &Value) {
+                match self.key {
+                    $( stringify!($focus_key) => values.focus = Kept::from_value(value).map(Focus::$variant), )+
+                    $( $( stringify!($lens) => values.$lens = Kept::from_value(value), )+ )+
+                    $( stringify!($reading) => values.$reading = Kept::from_value(value), )+
+                    $( $( stringify!($picture) => values.$picture = Kept::from_value(value), )+ )+
+                    _ => {}
+                }
+            }
+        }
     };
 }
 

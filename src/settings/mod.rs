@@ -10,6 +10,7 @@ mod choices;
 mod declare;
 mod effort;
 mod focus;
+mod origin;
 mod parameters;
 mod preset;
 mod setting;
@@ -18,6 +19,7 @@ mod table;
 pub use choices::{Border, DepthConvention, SensorDistance};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
+pub use origin::{Origin, Sourced};
 pub use parameters::{
     Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
 };
@@ -31,43 +33,7 @@ pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
 
 use declare::pick;
 use serde::Serialize;
-use std::fmt;
 use std::sync::Arc;
-
-/// Where a value came from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase", tag = "from", content = "name")]
-#[non_exhaustive]
-pub enum Origin {
-    /// The built-in default.
-    Default,
-    /// An attribute of the input's header.
-    Header,
-    /// A preset, by name or file.
-    Preset(String),
-    /// A command-line flag.
-    Flag,
-}
-
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Default => f.write_str("default"),
-            Self::Header => f.write_str("header"),
-            Self::Preset(name) => write!(f, "preset {name}"),
-            Self::Flag => f.write_str("flag"),
-        }
-    }
-}
-
-/// A value with its origin.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Sourced<T> {
-    /// The value.
-    pub value: T,
-    /// Where it came from.
-    pub origin: Origin,
-}
 
 /// How much light passes each point of an aperture, as a picture has it.
 #[derive(Debug, Clone, PartialEq)]

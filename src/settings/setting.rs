@@ -2,7 +2,6 @@
 //!
 //! [`super::SETTINGS`] has them all. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
-use super::Values;
 use crate::error::Error;
 use std::fmt;
 use std::path::PathBuf;
@@ -13,7 +12,7 @@ use std::path::PathBuf;
 pub struct Setting {
     /// Its key in the library: the name that errors and findings call it by, in backquotes.
     pub key: &'static str,
-    /// The field of [`Values`] that holds it. Settings of one field exclude one another.
+    /// The field of [`super::Values`] that holds it. Settings of one field exclude one another.
     pub field: &'static str,
     /// Its table in a preset.
     pub table: &'static str,
@@ -35,8 +34,6 @@ pub struct Setting {
     pub otherwise: &'static str,
     pub(super) text: &'static str,
     pub(super) default: fn() -> Option<Value>,
-    pub(super) get: fn(&Values) -> Option<Value>,
-    pub(super) set: fn(&mut Values, &Value),
 }
 
 /// How a setting is set on a command line.
@@ -228,8 +225,6 @@ impl Setting {
             otherwise: "",
             text: "",
             default: || None,
-            get: |_| None,
-            set: |_, _| {},
         }
     }
 
@@ -266,21 +261,6 @@ impl Setting {
     /// With what holds where it is not set.
     pub(super) const fn otherwise(self, words: &'static str) -> Self {
         Self { otherwise: words, ..self }
-    }
-
-    /// The setting with the key `key`.
-    pub fn by_key(key: &str) -> Option<&'static Self> {
-        super::SETTINGS.iter().find(|setting| setting.key == key)
-    }
-
-    /// The value that `values` give it.
-    pub fn get(&self, values: &Values) -> Option<Value> {
-        (self.get)(values)
-    }
-
-    /// Keeps `value`, one of [`Self::kind`], in `values`; another leaves it open.
-    pub fn set(&self, values: &mut Values, value: &Value) {
-        (self.set)(values, value);
     }
 
     /// What it does, in one line without a full stop.
@@ -340,7 +320,7 @@ impl Setting {
     }
 }
 
-/// A type that a field of [`Values`] may have.
+/// A type that a field of [`super::Values`] may have.
 pub(super) trait Kept: Sized {
     /// As the value of any setting.
     fn to_value(&self) -> Value;

@@ -8,8 +8,10 @@
 
 use super::choices::{Border, DepthConvention, SensorDistance};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
+use super::effort::Effort;
+use super::focus::Focus;
+use super::origin::{Origin, Sourced};
 use super::setting::{Kept, Kind, Range, Setting, Value};
-use super::{Effort, Focus, Origin, Sourced};
 use crate::error::Error;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -190,6 +192,13 @@ pub struct Listed<'a> {
     pub value: Option<Value>,
     /// Where the value comes from.
     pub origin: &'a Origin,
+}
+
+impl Setting {
+    /// The setting with the key `key`.
+    pub fn by_key(key: &str) -> Option<&'static Self> {
+        SETTINGS.iter().find(|setting| setting.key == key)
+    }
 }
 
 impl PartialEq for Setting {

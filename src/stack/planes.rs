@@ -23,7 +23,7 @@ impl Stack {
     ///
     /// let grey = Plane::filled(64, 36, 0.5);
     /// let peel = Peel { color: [grey.clone(), grey.clone(), grey], alpha: Plane::filled(64, 36, 1.0), depth: Plane::filled(64, 36, 4.0) };
-    /// let stack = Stack::from_peels(vec![peel], Frame::of_size(64, 36), &ReadOptions::default())?;
+    /// let stack = Stack::from_peels(vec![peel], Frame::from_size(64, 36), &ReadOptions::default())?;
     /// assert_eq!(stack.peels.len(), 1);
     /// # Ok::<(), thinlens::error::Error>(())
     /// ```
@@ -123,7 +123,7 @@ mod tests {
     fn planes_in_memory_are_understood_as_a_files_are() {
         let options = ReadOptions { convention: Some(DepthConvention::Ray), ..ReadOptions::default() };
         let peels = vec![peel(2, 1, f32::NAN, 1.0), peel(2, 1, 0.5, 3.0)];
-        let stack = Stack::from_peels(peels, Frame::of_size(2, 1), &options).unwrap();
+        let stack = Stack::from_peels(peels, Frame::from_size(2, 1), &options).unwrap();
         assert_eq!((stack.kind, stack.convention), (StackKind::PointSampled, DepthConvention::Ray));
         assert_eq!(stack.peels[0].color[0].values(), [0.0, 0.0], "NaN is replaced");
         assert!(stack.findings.iter().any(|finding| finding.text.contains("6 colour values were NaN")));
@@ -131,16 +131,18 @@ mod tests {
 
     #[test]
     fn planes_that_make_no_stack_say_which() {
-        assert!(refused(vec![], Frame::of_size(2, 1)).contains("no peel"));
-        let text = refused(vec![peel(2, 1, 0.5, 1.0), peel(1, 2, 0.5, 1.0)], Frame::of_size(2, 1));
+        assert!(refused(vec![], Frame::from_size(2, 1)).contains("no peel"));
+        let text = refused(vec![peel(2, 1, 0.5, 1.0), peel(1, 2, 0.5, 1.0)], Frame::from_size(2, 1));
         assert!(text.contains("red plane of peel 1") && text.contains("1×2 values"), "{text}");
-        let empty = Frame { display: Window { x: 0, y: 0, width: 0, height: 1 }, ..Frame::of_size(2, 1) };
+        let empty = Frame { display: Window { x: 0, y: 0, width: 0, height: 1 }, ..Frame::from_size(2, 1) };
         assert!(refused(vec![peel(2, 1, 0.5, 1.0)], empty).contains("display window"));
         let far = Window { x: i32::MAX, y: 0, width: 2, height: 1 };
         assert!(
-            refused(vec![peel(2, 1, 0.5, 1.0)], Frame { data: far, ..Frame::of_size(2, 1) })
+            refused(vec![peel(2, 1, 0.5, 1.0)], Frame { data: far, ..Frame::from_size(2, 1) })
                 .contains("data window")
         );
-        assert!(refused(vec![peel(2, 1, 0.5, f32::NAN)], Frame::of_size(2, 1)).contains("there is no depth"));
+        assert!(
+            refused(vec![peel(2, 1, 0.5, f32::NAN)], Frame::from_size(2, 1)).contains("there is no depth")
+        );
     }
 }

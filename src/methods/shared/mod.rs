@@ -1,5 +1,6 @@
-//! What several methods share: the stack as they read it and how their results become a picture, sorted fragments and
-//! N-buffers for rays, methods that look at each pixel on its own, the area of a discrete disc, image pyramids, and sub-images by depth.
+//! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that
+//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray
+//! batches.
 
 mod content;
 mod disc;

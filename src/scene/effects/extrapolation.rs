@@ -1,7 +1,7 @@
 //! The decision about highlights of a source that ends at white.
 
 use super::inputs::{Inputs, percent};
-use super::words::{Effect, EffectKind};
+use super::words::{Effect, EffectKind, NO_EFFECT};
 use crate::scene::extrapolation::Extrapolation;
 use crate::stack::ColorRange;
 
@@ -13,7 +13,7 @@ pub(super) fn highlight_extrapolation(inputs: &Inputs<'_>) -> Effect {
     };
     if stats.color_range == ColorRange::Unbounded {
         let change = format!(
-            "with it, blurred fragments of a displayed luminance above {threshold} would be up to {gain} times as bright"
+            "with it, blurred fragments with a displayed luminance above {threshold} would be up to {gain} times as bright"
         );
         return new(false, "the source is scene-linear: nothing was clipped".to_owned(), change);
     }
@@ -21,9 +21,9 @@ pub(super) fn highlight_extrapolation(inputs: &Inputs<'_>) -> Effect {
     if gained.added <= 0.0 {
         let reason = match gained.fragments {
             0 => format!("no blurred fragment has a displayed luminance above {threshold}"),
-            _ => format!("nothing would be gained: its gain is {gain}"),
+            _ => format!("the gain is {gain}, which adds no light"),
         };
-        return new(false, reason, "with it, nothing".to_owned());
+        return new(false, reason, NO_EFFECT.to_owned());
     }
     let share = percent(gained.fragments, stats.fragments);
     let more = 100.0 * gained.added / gained.light;
@@ -34,7 +34,7 @@ pub(super) fn highlight_extrapolation(inputs: &Inputs<'_>) -> Effect {
     );
     let less = 100.0 * gained.added / (gained.light + gained.added);
     let change = format!(
-        "without it, they would have {less:.0} % less light, and lights that were clipped be grey discs"
+        "without it, they would have {less:.0} % less light, and clipped lights would become grey discs"
     );
     new(true, reason, change)
 }

@@ -1,45 +1,45 @@
-//! What effects are decided from.
+//! The inputs of every decision about an effect.
 
 use super::words::EffectKind;
 use crate::lens::Optics;
 use crate::scene::extrapolation::Extrapolation;
 use crate::scene::stats::SceneStats;
 
-/// What effects are decided from: every decision is a pure function of this.
+/// The inputs of a decision. Every decision is a pure function of them.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Inputs<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,
-    /// Lens samples a pixel, where their number is known already.
+    /// Lens samples per pixel; `None` while the number is not known.
     pub views: Option<usize>,
-    /// Where in the pixel the views lie, as a share of its width.
+    /// Width of the part of the pixel that views start from, as a share of the pixel's width.
     pub jitter: f32,
-    /// The lens with all that was requested.
+    /// The lens with everything that was requested.
     pub optics: &'a Optics,
-    /// How highlights are extrapolated.
+    /// Parameters of the highlight extrapolation.
     pub extrapolation: Extrapolation,
     /// The passes that the method has.
     pub passes: &'a [EffectKind],
 }
 
 impl Inputs<'_> {
-    /// The larger of the two ends of the CoC range.
+    /// The largest absolute CoC radius.
     pub fn max_coc_px(&self) -> f32 {
         let [near, far] = self.stats.coc_range_px;
         far.abs().max(near.abs())
     }
 
-    /// The longest shift of a ray by the aberrations that the method follows.
+    /// The longest shift of a ray by the aberrations that the method simulates.
     pub fn longest_shift_px(&self) -> f32 {
-        let able = |kind| self.passes.contains(&kind);
-        let spherical_px = if able(EffectKind::SphericalAberration) { self.optics.spherical_px } else { 0.0 };
-        let axial_px = if able(EffectKind::AxialColor) { self.optics.axial_px } else { [0.0; 3] };
+        let has = |kind| self.passes.contains(&kind);
+        let spherical_px = if has(EffectKind::SphericalAberration) { self.optics.spherical_px } else { 0.0 };
+        let axial_px = if has(EffectKind::AxialColor) { self.optics.axial_px } else { [0.0; 3] };
         Optics { spherical_px, axial_px, ..self.optics.clone() }.longest_shift_px()
     }
 }
 
-/// `part` of `whole` in percent; 0 of nothing.
+/// `part` of `whole` in percent; 0 where `whole` is 0.
 pub(crate) fn percent(part: usize, whole: usize) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }

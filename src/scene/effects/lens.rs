@@ -1,14 +1,14 @@
-//! DECIDE, for the lens: its aperture's shape, what cuts it off, and its faults.
+//! DECIDE, for the lens: the aperture's shape, the lens barrel, aberrations and vignetting.
 
 use super::inputs::Inputs;
-use super::words::{Effect, EffectKind};
+use super::words::{Effect, EffectKind, NO_EFFECT};
 use crate::lens::Optics;
 use glam::Vec2;
 
-/// A change of the aperture's outline by less than this shows nowhere: in pixels, at the largest CoC radius.
+/// Smallest visible change of the aperture's outline, in pixels at the largest CoC radius.
 const MIN_OUTLINE_PX: f32 = 0.01;
 
-/// A place that keeps more of its light than this is as bright as ever.
+/// Share of its light from which on a place shows no darkening.
 const MAX_LIGHT: f32 = 0.999;
 
 pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
@@ -22,8 +22,8 @@ pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
     };
     let larger = 100.0 * (curved.area() / straight.area() - 1.0);
     let change = match (curved == straight, on) {
-        (true, _) => "with it, nothing".to_owned(),
-        (false, true) => format!("without it, every blurred point would have lost {larger:.1} % of its area"),
+        (true, _) => NO_EFFECT.to_owned(),
+        (false, true) => format!("without it, every blurred point would lose {larger:.1} % of its area"),
         (false, false) => format!("with it, every blurred point would be {larger:.1} % larger"),
     };
     Effect::new(EffectKind::BladeCurvature, on, reason, change)
@@ -34,11 +34,11 @@ pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
     let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_coc_px();
     let on = narrower_px > MIN_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
-        ("the aperture is as wide as high".to_owned(), "with it, nothing".to_owned())
+        ("the aperture is as wide as high".to_owned(), NO_EFFECT.to_owned())
     } else {
         let reason =
             format!("at the largest CoC radius the aperture is {narrower_px:.2} px narrower on either side");
-        let without = if on { "without it" } else { "as it is" };
+        let without = if on { "without it" } else { "with it off" };
         (reason, format!("{without}, every blurred point is {ratio} times too wide"))
     };
     Effect::new(EffectKind::Squeeze, on, reason, change)
@@ -46,15 +46,10 @@ pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
 
 pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
     let Some(image) = &inputs.optics.image else {
-        return Effect::new(
-            EffectKind::ApertureImage,
-            false,
-            "no picture of the aperture is given",
-            "with it, nothing",
-        );
+        return Effect::new(EffectKind::ApertureImage, false, "there is no aperture image", NO_EFFECT);
     };
     let light = 100.0 * image.mean();
-    let reason = format!("its picture lets {light:.0} % of the light of a full disc through");
+    let reason = format!("the aperture image transmits {light:.0} % of the light of a full disc");
     let change = "without it, every blurred point would have the outline of the blades, or of a disc";
     Effect::new(EffectKind::ApertureImage, inputs.max_coc_px() > MIN_OUTLINE_PX, reason, change)
 }
@@ -62,23 +57,20 @@ pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
 pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
     let barrel = inputs.optics.cats_eye;
     if barrel == 0.0 {
-        return Effect::new(
-            EffectKind::CatsEye,
-            false,
-            "the barrel cuts nothing off: cats_eye is 0",
-            "with it, nothing",
-        );
+        let reason = "the lens barrel hides no part of the aperture: `cats_eye` is 0";
+        return Effect::new(EffectKind::CatsEye, false, reason, NO_EFFECT);
     }
     let cut_px = barrel * inputs.max_coc_px();
-    let left = 100.0 * inputs.optics.barrel_share(Vec2::X);
+    let open = 100.0 * inputs.optics.barrel_share(Vec2::X);
     let reason = format!(
-        "the barrel leaves {left:.0} % of the aperture in the corners, and cuts off up to {cut_px:.2} px"
+        "the lens barrel leaves {open:.0} % of the aperture open in the corners, and cuts up to {cut_px:.2} px off \
+         blurred points"
     );
-    let change = "without it, blurred points would be as round in the corners as in the middle";
+    let change = "without it, blurred points would be as round in the corners as in the centre";
     Effect::new(EffectKind::CatsEye, cut_px > MIN_OUTLINE_PX, reason, change)
 }
 
-/// How far a lens with spherical aberration alone moves a ray.
+/// The longest shift of a ray by spherical aberration alone.
 fn spherical_shift_px(optics: &Optics) -> f32 {
     Optics { axial_px: [0.0; 3], ..optics.clone() }.longest_shift_px()
 }
@@ -87,13 +79,13 @@ pub(super) fn spherical_aberration(inputs: &Inputs<'_>) -> Effect {
     let kind = EffectKind::SphericalAberration;
     let size = inputs.optics.spherical_px;
     if size == 0.0 {
-        return Effect::new(kind, false, "the whole aperture focuses in one place", "with it, nothing");
+        return Effect::new(kind, false, "the whole aperture focuses at one distance", NO_EFFECT);
     }
     let shift = spherical_shift_px(inputs.optics);
     let [soft, hard] = if size > 0.0 { ["behind", "in front of"] } else { ["in front of", "behind"] };
-    let reason = format!("rays land up to {shift:.2} px astray: soft discs {soft} focus, rings {hard} it");
+    let reason = format!("rays are shifted by up to {shift:.2} px: soft discs {soft} focus, rings {hard} it");
     let change = format!(
-        "without it, discs would be even, and what is in focus sharper by {:.2} px",
+        "without it, discs would be even, and surfaces in focus sharper by {:.2} px",
         size.abs() / 6.0
     );
     Effect::new(kind, shift > MIN_OUTLINE_PX, reason, change)
@@ -102,24 +94,24 @@ pub(super) fn spherical_aberration(inputs: &Inputs<'_>) -> Effect {
 pub(super) fn axial_color(inputs: &Inputs<'_>) -> Effect {
     let kind = EffectKind::AxialColor;
     if !inputs.optics.has_axial_color() {
-        return Effect::new(kind, false, "all colours focus in one place", "with it, nothing");
+        return Effect::new(kind, false, "all colours focus at one distance", NO_EFFECT);
     }
     let [red, _, blue] = inputs.optics.axial_px;
     let reason = format!(
         "where green is in focus, the CoC radius of red is {red:.2} px and that of blue {blue:.2} px"
     );
-    let change = "without it, no colour fringes, and one set of lens samples in place of three";
+    let change = "without it, no colour fringes, and one set of lens samples instead of three";
     Effect::new(kind, red.abs().max(blue.abs()) > MIN_OUTLINE_PX, reason, change)
 }
 
 pub(super) fn lateral_color(inputs: &Inputs<'_>) -> Effect {
     let [red, _, blue] = inputs.optics.lateral_px;
     if red == 0.0 && blue == 0.0 {
-        return Effect::new(EffectKind::LateralColor, false, "all colours are one size", "with it, nothing");
+        return Effect::new(EffectKind::LateralColor, false, "all colours have one magnification", NO_EFFECT);
     }
     let reason = format!("in the corners red lies {red:.2} px and blue {blue:.2} px farther out than green");
     let change = "without it, no colour fringes towards the corners";
-    // However small, it shows beside a light.
+    // On for any strength: beside a bright light even a small shift is visible.
     Effect::new(EffectKind::LateralColor, true, reason, change)
 }
 
@@ -127,17 +119,13 @@ pub(super) fn vignetting(inputs: &Inputs<'_>) -> Effect {
     let (optics, field) = (inputs.optics, inputs.stats.field);
     if optics.vignetting == 0.0 {
         let full = Optics { vignetting: 1.0, ..optics.clone() };
-        let left = 100.0 * full.brightness(&field, field.far_out());
-        let change = format!("at its full strength, the corners would keep {left:.0} % of their light");
-        return Effect::new(
-            EffectKind::Vignetting,
-            false,
-            "brightness is that of a corrected lens: vignetting is 0",
-            change,
-        );
+        let kept = 100.0 * full.brightness(&field, field.corner_place());
+        let change = format!("with it at full strength, the corners would keep {kept:.0} % of their light");
+        let reason = "the picture is evenly bright, as by a corrected lens: `vignetting` is 0";
+        return Effect::new(EffectKind::Vignetting, false, reason, change);
     }
-    let left = optics.brightness(&field, field.far_out());
-    let reason = format!("the corners keep {:.1} % of their light", 100.0 * left);
-    let change = "without it, they would be as bright as the middle";
-    Effect::new(EffectKind::Vignetting, left < MAX_LIGHT, reason, change)
+    let kept = optics.brightness(&field, field.corner_place());
+    let reason = format!("the corners keep {:.1} % of their light", 100.0 * kept);
+    let change = "without it, they would be as bright as the centre";
+    Effect::new(EffectKind::Vignetting, kept < MAX_LIGHT, reason, change)
 }

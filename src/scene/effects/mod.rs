@@ -1,7 +1,7 @@
-//! DECIDE, effect by effect: whether a scene calls for it, why, and what the opposite choice would change.
+//! DECIDE, for each effect: whether the scene needs it, why, and what the opposite choice would change.
 //!
-//! Here are the effects of the scene and of its lens; a method decides about its own passes in its own folder. Every decision is a
-//! pure function of [`Inputs`]. Numbers come from the statistics; what only the rendered picture can tell is said to be unknown.
+//! This module decides the effects of the scene and of its lens. A method decides about its own passes in its own folder. Every decision
+//! is a pure function of [`Inputs`]. Numbers come from the statistics; a number that only the rendered picture has is stated as unknown.
 
 mod extrapolation;
 mod inputs;
@@ -13,7 +13,7 @@ pub use inputs::Inputs;
 pub(crate) use inputs::percent;
 pub use words::{Effect, EffectKind};
 
-/// The decisions about the scene and its lens, whatever the method.
+/// The decisions about the scene and its lens, which hold for every method.
 pub(crate) fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
     vec![
         scene::blur(inputs),

@@ -5,7 +5,7 @@ use super::words::{Effect, EffectKind};
 use crate::scene::stats::SceneStats;
 use std::f32::consts::PI;
 
-/// No fragment reaches beyond its own pixel below this CoC radius.
+/// CoC radius up to which no fragment reaches beyond its own pixel.
 const BLUR_FROM_PX: f32 = 0.5;
 
 pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
@@ -15,8 +15,8 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason =
-            format!("the largest CoC radius is {largest:.2} px: nothing reaches beyond its own pixel");
-        let share = 100.0 * share_astray(largest, inputs.jitter);
+            format!("the largest CoC radius is {largest:.2} px: no fragment reaches beyond its own pixel");
+        let share = 100.0 * share_outside_pixel(largest, inputs.jitter);
         let change = format!("with it, at most {share:.1} % of a pixel's lens rays would end in a neighbour");
         return Effect::new(EffectKind::Blur, false, reason, change);
     }
@@ -24,20 +24,21 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let all: usize = counts.iter().sum();
     let share = percent(all - counts[0], all);
     let change = format!(
-        "without it, about {share:.1} % of the fragments would be sharp and not up to {:.1} px wide",
+        "without it, about {share:.1} % of the fragments would be sharp instead of up to {:.1} px wide",
         2.0 * largest
     );
-    let astray = if shift > 0.0 { format!(", aberrations of up to {shift:.2} px") } else { String::new() };
-    let reason = format!("CoC radii from {near:.1} (near) to {far:.1} px (far){astray}");
+    let aberrations =
+        if shift > 0.0 { format!(", aberrations of up to {shift:.2} px") } else { String::new() };
+    let reason = format!("CoC radii from {near:.1} (near) to {far:.1} px (far){aberrations}");
     Effect::new(EffectKind::Blur, true, reason, change)
 }
 
-/// The share of a pixel's lens rays that end outside of its square, where it and all around it have CoC radius `coc_px` and rays
-/// start within `jitter` of the pixel's width: the mean over a disc, which no aperture outreaches.
-fn share_astray(coc_px: f32, jitter: f32) -> f32 {
+/// Share of a pixel's lens rays that end outside its square, where the pixel and its neighbours have CoC radius `coc_px` and rays
+/// start within `jitter` of the pixel's width: the mean over a disc, which contains every aperture.
+fn share_outside_pixel(coc_px: f32, jitter: f32) -> f32 {
     /// Steps of the mean along radius and angle.
     const STEPS: usize = 64;
-    // Rays that start evenly within the jitter and move by `offset` leave by this share.
+    // Share of rays, evenly spread within the jitter, that an offset along one axis moves out of the pixel.
     let leaves = |offset: f32| ((0.5 * jitter + offset.abs() - 0.5) / jitter).clamp(0.0, 1.0);
     let ring = |i: usize| {
         let radius = coc_px * ((i as f32 + 0.5) / STEPS as f32).sqrt();
@@ -50,22 +51,22 @@ fn share_astray(coc_px: f32, jitter: f32) -> f32 {
 
 pub(super) fn merge(stats: &SceneStats) -> Effect {
     match stats.supersample {
-        1 => Effect::new(EffectKind::Merge, false, "one sample a pixel", "nothing could be merged"),
+        1 => Effect::new(EffectKind::Merge, false, "one sample per pixel", "there are no samples to merge"),
         s => Effect::new(
             EffectKind::Merge,
             true,
-            format!("{s} × {s} samples a pixel become coverage peels"),
-            "it cannot be left out: samples are no picture pixels",
+            format!("{s} × {s} samples per pixel become coverage peels"),
+            "it cannot be left out: the samples are finer than the picture's pixels",
         ),
     }
 }
 
 pub(super) fn translucency(stats: &SceneStats) -> Effect {
     let count = stats.translucent_fragments;
-    let reason = format!("{count} fragments let light through");
+    let reason = format!("{count} fragments are translucent");
     let share = percent(count, stats.fragments);
     let change = match count {
-        0 => "it cannot be put in: every alpha is 1".to_owned(),
+        0 => "it cannot be added: every alpha is 1".to_owned(),
         _ => format!("it cannot be left out: {share:.1} % of the fragments have an alpha below 1"),
     };
     Effect::new(EffectKind::Translucency, count > 0, reason, change)
@@ -77,16 +78,16 @@ pub(super) fn transparent_background(stats: &SceneStats) -> Effect {
         return Effect::new(
             EffectKind::TransparentBackground,
             false,
-            "something is behind every pixel: lens rays that find nothing are left out of the mean",
-            "with it, such rays would make the picture transparent; how many is not known before painting",
+            "every pixel shows a surface: lens rays that hit nothing are left out of the mean",
+            "with it, such rays would make the picture transparent; their number is not known before rendering",
         );
     }
     let share = percent(count, stats.picture_size.0 * stats.picture_size.1 * stats.supersample.pow(2));
     Effect::new(
         EffectKind::TransparentBackground,
         true,
-        format!("{count} pixels show nothing at all: the picture keeps its transparency"),
-        format!("without it, blurred edges before the {share:.1} % that show nothing would turn opaque"),
+        format!("{count} samples are empty: the picture keeps its transparency"),
+        format!("without it, blurred edges in front of the {share:.1} % that are empty would become opaque"),
     )
 }
 
@@ -95,13 +96,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rays_go_astray_by_the_share_that_the_disc_reaches_over_the_side() {
-        assert_eq!(share_astray(0.0, 1.0), 0.0, "a pinhole");
-        assert_eq!(share_astray(0.25, 0.5), 0.0, "rays within half the pixel, moved by a quarter");
+    fn rays_leave_the_pixel_in_proportion_to_how_far_the_disc_reaches_past_its_sides() {
+        assert_eq!(share_outside_pixel(0.0, 1.0), 0.0, "a pinhole");
+        assert_eq!(share_outside_pixel(0.25, 0.5), 0.0, "rays within half the pixel, moved by a quarter");
         // Small discs leave by either side alone: 2 · E|c·u_x| = 2 c · 4 / (3π).
         let c = 0.01;
         let expected = 2.0 * c * 4.0 / (3.0 * PI);
-        assert!((share_astray(c, 1.0) / expected - 1.0).abs() < 0.01, "{}", share_astray(c, 1.0));
-        assert!(share_astray(0.5, 1.0) < 0.45, "at half a pixel less than half");
+        let found = share_outside_pixel(c, 1.0);
+        assert!((found / expected - 1.0).abs() < 0.01, "{found}");
+        assert!(share_outside_pixel(0.5, 1.0) < 0.45, "at half a pixel less than half");
     }
 }

@@ -1,7 +1,10 @@
-//! The words of a plan: which effects there are, and what a decision about one of them says.
+//! The terms of a plan: the effects, and the decision about one of them.
 
 use crate::error::Error;
 use crate::settings::nearest;
+
+/// What switching an effect on would change, where its strength is 0.
+pub(super) const NO_EFFECT: &str = "with it, no effect";
 
 /// An effect that a plan switches on or off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -108,7 +111,7 @@ impl EffectKind {
         })
     }
 
-    /// Whether it is a pass that some methods have and others lack.
+    /// Whether it is a pass that only some methods have.
     pub fn is_pass(self) -> bool {
         match self {
             Self::Blur
@@ -137,7 +140,7 @@ impl EffectKind {
     }
 }
 
-/// One decision, with its reason in words and numbers.
+/// One decision, with its reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Effect {
@@ -145,24 +148,24 @@ pub struct Effect {
     pub name: EffectKind,
     /// Whether it will be simulated.
     pub on: bool,
-    /// Why.
+    /// The reason, with numbers.
     pub reason: String,
     /// What the opposite choice would change, with a number where the statistics have one.
     pub change: String,
-    /// Whether the user asked for it, instead of the plan.
+    /// Whether the user requested this choice; otherwise it is the plan's own.
     pub forced: bool,
-    /// The number that the effect works with when it is on, where it has one: a strength, a weight or a threshold.
+    /// The number that the effect uses when it is on, where it has one: a strength, a weight or a threshold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub strength: Option<f32>,
 }
 
 impl Effect {
-    /// A decision of the plan's own.
+    /// A decision by the plan itself.
     pub fn new(name: EffectKind, on: bool, reason: impl Into<String>, change: impl Into<String>) -> Self {
         Self { name, on, reason: reason.into(), change: change.into(), forced: false, strength: None }
     }
 
-    /// The decision with the number that the effect works with.
+    /// The decision with the number that the effect uses.
     #[must_use]
     pub fn with_strength(self, strength: f32) -> Self {
         Self { strength: Some(strength), ..self }
