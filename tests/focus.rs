@@ -170,7 +170,7 @@ fn an_object_with_background_depth_only_has_no_distance() {
         .manifest("CryptoObject", MANIFEST);
     let message = failure(vec![part], "sphere");
     assert!(
-        message.starts_with("the object 'sphere' has no depth") && message.contains("--focus-at"),
+        message.starts_with("the object 'sphere' has no depth") && message.contains("`focus_point"),
         "{message}"
     );
 }

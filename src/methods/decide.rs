@@ -264,7 +264,7 @@ mod tests {
             "two blades"
         );
         let error = parameter_refused("highlight_threshold", 0.4);
-        assert!(error.contains("brighter than white"), "{error}");
+        assert!(error.contains("must be 1 (white) or more"), "{error}");
     }
 
     #[test]

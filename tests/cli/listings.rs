@@ -106,7 +106,10 @@ fn a_parameter_out_of_its_range_is_refused_with_key_value_range_and_default() {
     let output = run(folder.path(), &["render", STACK, "--preset", "lens.toml", "-o", "a.exr"]);
     assert_eq!(output.status.code(), Some(1));
     let text = stderr(&output);
-    assert!(text.contains("'rays' must be a whole number from 1 to 65536 (the default is 1024)"), "{text}");
+    assert!(
+        text.contains("'rays' of accumulate must be a whole number from 1 to 65536 (the default is 1024)"),
+        "{text}"
+    );
     assert!(text.contains("2 | rays = 0"), "{text}");
     assert!(!folder.path().join("a.exr").exists(), "nothing written");
 }

@@ -24,6 +24,7 @@ pub enum EffectKind {
     /// Fragments with an alpha below 1.
     Translucency,
     /// Transparent background: lens rays that hit nothing make the picture transparent.
+    #[serde(rename = "open-background")]
     TransparentBackground,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
