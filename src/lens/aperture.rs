@@ -405,7 +405,7 @@ mod tests {
             assert!((round.area() - PI).abs() < 1e-4, "{blades} blades: {}", round.area());
             assert!((round.second_moments() - Vec2::splat(0.25)).length() < 1e-4, "{blades} blades");
             for point in [Vec2::new(0.3, -0.4), Vec2::new(-0.9, 0.1), Vec2::new(1.2, 0.8)] {
-                assert!((round.from_disc(point) - point).length() < 1e-4, "{blades} blades: {point}");
+                assert!((round.warp_disc(point) - point).length() < 1e-4, "{blades} blades: {point}");
                 assert!((round.depth_inside(point, 1.0) - (1.0 - point.length())).abs() < 1e-4, "{point}");
             }
         }

@@ -147,7 +147,7 @@ mod tests {
             for optics in [&disc, &polygon] {
                 let count = 200_000;
                 let within = |i: &usize| {
-                    optics.within_barrel(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
+                    optics.within_barrel(optics.aperture.warp_disc(sunflower(*i, count)), height) > 0.0
                 };
                 let counted = (0..count).filter(within).count() as f32 / count as f32;
                 for share in [BarrelShares::new(optics).at(height), optics.barrel_share(height)] {

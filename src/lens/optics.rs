@@ -165,7 +165,7 @@ impl Optics {
                 let seen = image.lit_point(point);
                 Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
             }
-            None => self.aperture.from_disc(point),
+            None => self.aperture.warp_disc(point),
         }
     }
 
