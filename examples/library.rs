@@ -29,7 +29,7 @@ const WALL_M: f32 = 6.0;
 
 fn main() -> Result<(), Error> {
     let [width, height] = SIZE;
-    let stack = Stack::from_peels(peels(), Frame::of_size(width, height), &ReadOptions::default())?;
+    let stack = Stack::from_peels(peels(), Frame::from_size(width, height), &ReadOptions::default())?;
     let lens = Values {
         focal_length_mm: Some(85.0),
         f_number: Some(1.4),
