@@ -192,7 +192,7 @@ impl Aperture {
     ///
     /// Each wedge of the disc becomes the sector of one side: the radius is the share of the way to the side, the angle the position along
     /// the side.
-    pub(crate) fn from_disc(&self, point: Vec2) -> Vec2 {
+    pub(crate) fn warp_disc(&self, point: Vec2) -> Vec2 {
         let unsqueezed = match self.side() {
             None => point,
             Some(side) => {

@@ -33,7 +33,7 @@ impl LensSamples {
         let disc = views(count, Aperture::DISC);
         let set = |symmetry: fn(Vec2) -> Vec2| {
             let view = |view: &View| View {
-                lens: aperture.from_disc(symmetry(view.lens)),
+                lens: aperture.warp_disc(symmetry(view.lens)),
                 jitter: symmetry(view.jitter),
                 ..*view
             };
