@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The properties of a machine that determine how long a blur takes, and the version of the program.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Machine {
+pub struct Machine {
     /// Name of the processor; its architecture if the system does not provide it.
     pub cpu: String,
     /// Logical cores that the process may use.
