@@ -65,12 +65,12 @@ const DEVIATIONS: [Deviation; 9] = [
     Deviation {
         law: Law::Transparency,
         within: [0.999, 1.24],
-        reason: "layers extend into one another: where blur lowers the coverage of a fragment, the layers that it extends into add to it",
+        reason: "layers overlap: where blur lowers the coverage of a fragment, the other layers that hold it add to it",
     },
     Deviation {
         law: Law::SeeThrough,
         within: [0.25, 0.27],
-        reason: "layers extend into one another, as for transparency: a bar narrower than its blur is too dense",
+        reason: "layers overlap, as for transparency: a bar narrower than its blur is too dense",
     },
     Deviation {
         law: Law::NoCracks,
