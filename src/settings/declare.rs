@@ -1,32 +1,7 @@
-//! From one declaration of a setting to its field in [`super::Values`], its field with an origin, and its row in
+//! Macros that turn the declaration of a setting into its field in [`super::Values`], its field with an origin, and its row in
 //! [`super::SETTINGS`].
 
-use super::{Origin, Sourced, Values};
-
-/// The highest of `layers` that sets a field.
-pub(super) fn pick<T: Clone>(
-    layers: &[(Origin, &Values)],
-    field: impl Fn(&Values) -> &Option<T>,
-) -> Option<Sourced<T>> {
-    let set = |(origin, values): &(Origin, &Values)| {
-        field(values).clone().map(|value| Sourced { value, origin: origin.clone() })
-    };
-    layers.iter().rev().find_map(set)
-}
-
-impl<T> Sourced<T> {
-    /// A built-in default.
-    pub(super) fn default_of(value: T) -> Self {
-        Self { value, origin: Origin::Default }
-    }
-
-    /// The same value, as one that might be open.
-    pub(super) fn given(self) -> Sourced<Option<T>> {
-        Sourced { value: Some(self.value), origin: self.origin }
-    }
-}
-
-/// The type of a resolved setting: its own where it has a default, else an option.
+/// The type of a resolved setting: its own type if it has a default, otherwise an option.
 macro_rules! resolved_type {
     ($type:ty) => { Option<$type> };
     ($type:ty = $default:expr) => { $type };
@@ -35,10 +10,10 @@ macro_rules! resolved_type {
 /// The resolved value of a setting.
 macro_rules! resolved {
     ($layers:expr, $key:ident) => {
-        pick($layers, |values| &values.$key).map_or(Sourced::default_of(None), Sourced::given)
+        pick($layers, |values| &values.$key).map_or(Sourced::from_default(None), Sourced::into_option)
     };
     ($layers:expr, $key:ident = $default:expr) => {
-        pick($layers, |values| &values.$key).unwrap_or_else(|| Sourced::default_of($default))
+        pick($layers, |values| &values.$key).unwrap_or_else(|| Sourced::from_default($default))
     };
 }
 
@@ -52,17 +27,17 @@ macro_rules! back {
     };
 }
 
-/// The default of a setting as the value of any.
+/// The default of a setting as a [`Value`](super::Value).
 macro_rules! default_of {
     ($type:ty) => {
         || None
     };
     ($type:ty = $default:expr) => {
-        || Some(<$type as Kept>::to_value(&$default))
+        || Some(<$type as SettingType>::to_value(&$default))
     };
 }
 
-/// Declares a struct of resolved settings; the fields in brackets have no row of their own.
+/// Declares a struct of resolved settings; the field in brackets has no row of its own.
 macro_rules! group {
     (
         $(#[doc = $about:literal])+
@@ -79,7 +54,7 @@ macro_rules! group {
         }
 
         impl $name {
-            /// Lays `layers` over the built-in defaults, later ones on top.
+            /// Resolves the settings from `layers` over the built-in defaults; later layers take precedence.
             pub(super) fn resolve(layers: &[(Origin, &Values)]) -> Self {
                 Self {
                     $( $plain: resolved!(layers, $plain = $plain_default), )?
@@ -87,7 +62,7 @@ macro_rules! group {
                 }
             }
 
-            /// The same as one layer.
+            /// The settings as one layer.
             pub fn values(&self) -> Values {
                 Values {
                     $( $plain: back!(self, $plain = $plain_default), )?
@@ -96,7 +71,7 @@ macro_rules! group {
                 }
             }
 
-            /// Where the value of a field comes from.
+            /// The origin of a field's value.
             fn origin(&self, field: &str) -> Option<&Origin> {
                 $( if field == stringify!($plain) { return Some(&self.$plain.origin); } )?
                 match field {
@@ -105,7 +80,7 @@ macro_rules! group {
                 }
             }
 
-            /// Every setting with its value and where that comes from, in the order of the table.
+            /// Every setting with its value and the value's origin, in the order of the table.
             pub fn listed(&self) -> Vec<Listed<'_>> {
                 let values = self.values();
                 let listed = |setting: &'static Setting| {
@@ -114,7 +89,7 @@ macro_rules! group {
                 SETTINGS.iter().filter_map(listed).collect()
             }
 
-            /// Checks every value, for settings that were not made by [`super::Settings::resolve`] from checked layers.
+            /// Checks every value. [`super::Settings::resolve`] makes settings without a check.
             ///
             /// # Errors
             /// Those of [`Values::check`].
@@ -143,7 +118,7 @@ macro_rules! settings {
             $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty = $picture_default:expr, $picture_row:expr; )+
         } )+ }
     ) => {
-        /// One layer of settings: what it leaves open is `None`.
+        /// One layer of settings; an unset value is `None`.
         #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Values {
             /// What is in focus.
@@ -153,7 +128,7 @@ macro_rules! settings {
             $( $( $(#[doc = $picture_doc])+ pub $picture: Option<$picture_type>, )+ )+
             /// Name of the method, or `auto`.
             pub method: Option<String>,
-            /// What decides the number of lens samples.
+            /// The sample budget: what decides the number of lens samples.
             pub effort: Option<Effort>,
         }
 
@@ -183,24 +158,24 @@ macro_rules! settings {
                     Some(Focus::$variant(focus)) => Some(focus.to_value()),
                     _ => None,
                 },
-                set: |values, value| values.focus = Kept::from_value(value).map(Focus::$variant),
+                set: |values, value| values.focus = SettingType::from_value(value).map(Focus::$variant),
                 ..row(stringify!($focus_key), $focus_table, concat!($($focus_doc, "\n"),+), $focus_row)
             }, )+
             $( $( Setting {
                 default: default_of!($lens_type $(= $lens_default)?),
-                get: |values| values.$lens.as_ref().map(Kept::to_value),
-                set: |values, value| values.$lens = Kept::from_value(value),
+                get: |values| values.$lens.as_ref().map(SettingType::to_value),
+                set: |values, value| values.$lens = SettingType::from_value(value),
                 ..row(stringify!($lens), $lens_table, concat!($($lens_doc, "\n"),+), $lens_row)
             }, )+ )+
             $( Setting {
-                get: |values| values.$reading.as_ref().map(Kept::to_value),
-                set: |values, value| values.$reading = Kept::from_value(value),
+                get: |values| values.$reading.as_ref().map(SettingType::to_value),
+                set: |values, value| values.$reading = SettingType::from_value(value),
                 ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
             }, )+
             $( $( Setting {
                 default: default_of!($picture_type = $picture_default),
-                get: |values| values.$picture.as_ref().map(Kept::to_value),
-                set: |values, value| values.$picture = Kept::from_value(value),
+                get: |values| values.$picture.as_ref().map(SettingType::to_value),
+                set: |values, value| values.$picture = SettingType::from_value(value),
                 ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
             }, )+ )+
         ];
