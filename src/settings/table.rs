@@ -286,7 +286,7 @@ impl Setting {
 
     /// The setting with the key `key`.
     pub fn by_key(key: &str) -> Option<&'static Self> {
-        super::SETTINGS.iter().find(|setting| setting.key == key)
+        SETTINGS.iter().find(|setting| setting.key == key)
     }
 
     /// Its value in `values`.
