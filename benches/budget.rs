@@ -1,23 +1,22 @@
-//! What a render may cost: CPU seconds of the look at the scene and of the blur, how they grow with the blur's size, what it adds
-//! to look for the number of views that reaches a target, and memory.
+//! Budget of a render: CPU seconds of the scene's analysis and of the blur, their growth with the blur's size, the cost of the
+//! search for the number of views that reaches a target, and memory.
 //!
-//! `cargo bench --bench budget` makes a 1080p stack of four peels; with the environment variable `THINLENS_STACK` it takes
-//! that file, with its lens from `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
-//! which a process of its own measures.
+//! `cargo bench --bench budget` uses a synthetic 1080p stack of four peels, or the file of the environment variable
+//! `THINLENS_STACK` with the lens of `THINLENS_PRESET`. Each figure is the median of several runs in one process, except memory,
+//! which is measured in a separate process.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
 mod scene;
 
-use scene::{median, scaled, wanted};
+use scene::{bench_scene, median, scaled};
 use std::hint::black_box;
 use std::process::Command;
-use thinlens::methods;
 use thinlens::methods::{Plan, Target};
-use thinlens::sample_budget;
 use thinlens::scene::Scene;
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::usage::{Stopwatch, peak_memory_bytes};
+use thinlens::{methods, sample_budget};
 
 const RUNS: usize = 5;
 const MEMORY_FLAG: &str = "--measure-memory";
@@ -27,9 +26,9 @@ fn main() {
     if std::env::args().any(|argument| argument == MEMORY_FLAG) {
         return measure_memory();
     }
-    let (scene, _, read_seconds) = wanted();
+    let (scene, _, read_seconds) = bench_scene();
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
-    println!("look     {:6.4} CPU s", look(&scene));
+    println!("analyze  {:6.4} CPU s", analyze(&scene));
     println!("views    CPU s   wall s");
     for views in [16, 64, 256] {
         let (cpu, wall) = blur(&scene, views);
@@ -53,23 +52,23 @@ fn main() {
     memory();
 }
 
-/// What it costs to look for the views that reach `target_db`, and to paint with them.
+/// Prints the cost of the search for the views that reach `target_db` and of the blur with them.
 fn print_search(scene: &Scene, target_db: f64) {
     let plan = plan(scene, Effort::TargetDb(target_db));
     let Some(Target::Error { psnr_db, max_views }) = plan.target else { return println!("nothing to blur") };
     let outcome = sample_budget::find_views(scene.clone(), &plan, (psnr_db, max_views))
         .expect("shear samples the lens");
-    let found = timed(scene, |scene| {
+    let search = timed(scene, |scene| {
         sample_budget::render_to_target(scene, &plan, (psnr_db, max_views), &|_| {})
             .expect("the CPU does not fail");
     });
-    let known = blur(scene, outcome.views).0;
+    let blur_alone = blur(scene, outcome.views).0;
     let tried: Vec<String> = outcome.tried.iter().map(|trial| trial.views.to_string()).collect();
     println!(
         "{target_db:3} dB   {:6.3}   {} views: {:.2} times the blur with {}",
-        found.0,
+        search.0,
         tried.join(", "),
-        found.0 / known,
+        search.0 / blur_alone,
         outcome.views
     );
 }
@@ -95,8 +94,8 @@ fn timed(scene: &Scene, work: impl Fn(Scene)) -> (f64, f64) {
     (median(runs.iter().map(|run| run.0).collect()), median(runs.iter().map(|run| run.1).collect()))
 }
 
-/// Median CPU seconds of looking at `scene`.
-fn look(scene: &Scene) -> f64 {
+/// Median CPU seconds of analyzing `scene`.
+fn analyze(scene: &Scene) -> f64 {
     let run = |_| {
         let watch = Stopwatch::start();
         black_box(scene.analyze());
@@ -111,7 +110,7 @@ fn plan(scene: &Scene, effort: Effort) -> Plan {
     methods::Registry::default().plan(&scene.analyze(), &settings).expect("defaults make a plan")
 }
 
-/// Runs this program again for memory alone, so that nothing measured before counts.
+/// Measures memory in new processes of this program, so that earlier measurements do not count.
 fn memory() {
     let program = std::env::current_exe().expect("this program's path");
     for (what, flags) in [("64 views", &[MEMORY_FLAG] as &[&str]), ("45 dB", &[MEMORY_FLAG, TARGET_FLAG])] {
@@ -121,9 +120,9 @@ fn memory() {
     }
 }
 
-/// Blurs once, with a given number of views or for a target, and compares the process's peak memory with the decoded stack.
+/// Blurs once, with a fixed number of views or for a target, and compares the process's peak memory with the decoded stack.
 fn measure_memory() {
-    let (scene, ..) = wanted();
+    let (scene, ..) = bench_scene();
     let stack_bytes = scene.layers.len() * 5 * size_of::<f32>() * scene.width() * scene.height();
     if std::env::args().any(|argument| argument == TARGET_FLAG) {
         let plan = plan(&scene, Effort::TargetDb(45.0));

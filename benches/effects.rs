@@ -1,14 +1,14 @@
-//! What each effect costs: CPU seconds of the blur with it, and with the lens as it is without.
+//! Cost of each effect: CPU seconds of the blur with and without it.
 //!
-//! `cargo bench --bench effects` makes a 1080p stack of four peels with a thousand lights; with the environment variable
-//! `THINLENS_STACK` it takes that file, with its lens from `THINLENS_PRESET`. 64 views; medians of several runs, the two by turns in
+//! `cargo bench --bench effects` uses a synthetic 1080p stack of four peels with a thousand lights, or the file of the
+//! environment variable `THINLENS_STACK` with the lens of `THINLENS_PRESET`. 64 views; medians of several runs, alternating in
 //! one process.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
 mod scene;
 
-use scene::{median, wanted};
+use scene::{bench_scene, median};
 use std::sync::Arc;
 use thinlens::finish::finish;
 use thinlens::methods;
@@ -19,13 +19,13 @@ use thinlens::usage::Stopwatch;
 
 const RUNS: usize = 7;
 
-/// Lights put into a scene that is made here.
+/// Number of lights added to the synthetic scene.
 const LIGHTS: usize = 1000;
 
 fn main() {
-    let (mut scene, mut settings, read_seconds) = wanted();
+    let (mut scene, mut settings, read_seconds) = bench_scene();
     if read_seconds.is_none() {
-        put_lights(&mut scene);
+        add_lights(&mut scene);
     }
     settings.effort.value = Some(Effort::Views(64));
     println!("{} × {} pixels, {} layers", scene.width(), scene.height(), scene.layers.len());
@@ -42,7 +42,7 @@ fn main() {
     }
 }
 
-/// `settings` with each effect so strong that it shows.
+/// `settings` with each effect strong enough to be visible.
 fn lenses(settings: &Settings) -> Vec<(EffectKind, Settings)> {
     let with = |change: &dyn Fn(&mut Settings)| {
         let mut settings = settings.clone();
@@ -68,7 +68,7 @@ fn lenses(settings: &Settings) -> Vec<(EffectKind, Settings)> {
     ]
 }
 
-/// A mirror lens's aperture.
+/// The aperture of a mirror lens.
 fn ring() -> Mask {
     let side = 256;
     let light = |i: usize| {
@@ -78,7 +78,7 @@ fn ring() -> Mask {
     Mask { name: "ring".to_owned(), width: side, height: side, values: (0..side * side).map(light).collect() }
 }
 
-/// Median CPU seconds of the pictures of `scene` by each of `plans`.
+/// Median CPU seconds of rendering `scene` by each of `plans`.
 fn compared(scene: &Scene, plans: [&Plan; 2]) -> [f64; 2] {
     let mut seconds = [(); 2].map(|()| Vec::with_capacity(RUNS));
     for _ in 0..RUNS {
@@ -93,12 +93,12 @@ fn compared(scene: &Scene, plans: [&Plan; 2]) -> [f64; 2] {
     seconds.map(median)
 }
 
-/// Makes fragments here and there as bright as lights.
-fn put_lights(scene: &mut Scene) {
+/// Makes scattered fragments as bright as lights.
+fn add_lights(scene: &mut Scene) {
     let layer = &mut scene.layers[0];
-    let (width, all) = (layer.width(), layer.width() * layer.height());
+    let (width, count) = (layer.width(), layer.width() * layer.height());
     for i in 0..LIGHTS {
-        let place = (i * 7_919 * 263) % all;
-        layer.color.iter_mut().for_each(|plane| plane.set(place % width, place / width, 300.0));
+        let index = (i * 7_919 * 263) % count;
+        layer.color.iter_mut().for_each(|plane| plane.set(index % width, index / width, 300.0));
     }
 }

@@ -1,8 +1,8 @@
-//! The default method on the GPU against the CPU at 1080p and 4K, four peels and 64 views: what goes up, what is computed, what comes
-//! down. `cargo bench --bench gpu`; `THINLENS_STACK` and `THINLENS_PRESET` measure with a stack of one's own.
+//! The default method on the GPU and on the CPU at 1080p and 4K, four peels and 64 views: times of upload, passes and readback.
+//! `cargo bench --bench gpu`; `THINLENS_STACK` and `THINLENS_PRESET` name another stack and lens.
 //!
-//! Every ray has to fetch at least a colour: 16 bytes, which a card cannot do faster than its caches give them. The least traffic says how
-//! far from that the paint is.
+//! Every ray fetches at least one colour, 16 bytes, at most at the bandwidth of the GPU's caches. The printed minimum traffic
+//! shows how far the paint pass is from that limit.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
@@ -20,7 +20,7 @@ fn main() {
 
 #[cfg(feature = "gpu")]
 mod measure {
-    use super::scene::{made, median, wanted};
+    use super::scene::{bench_scene, median, synthetic};
     use std::time::Instant;
     use thinlens::gpu::{Gpu, GpuUsage};
     use thinlens::methods::{Plan, Registry, render, render_on};
@@ -31,10 +31,10 @@ mod measure {
     /// Views of the frames.
     const VIEWS: usize = 64;
 
-    /// Runs, of which the middle one counts; one before them warms caches and compiles.
+    /// Measured runs, of which the median counts; one run before them warms caches and compiles.
     const RUNS: usize = 5;
 
-    /// Bytes that a ray has to fetch: a colour.
+    /// Minimum bytes that a ray fetches: one colour.
     const MIN_BYTES_PER_RAY: f64 = 16.0;
 
     pub(super) fn run() {
@@ -43,13 +43,13 @@ mod measure {
             return;
         };
         println!("{}, driver {}", gpu.adapter(), gpu.adapter().driver);
-        let (own, settings, _) = wanted();
+        let (own, settings, _) = bench_scene();
         if std::env::var_os("THINLENS_STACK").is_some() {
             compare("own stack", &gpu, own, &settings);
             return;
         }
         for (name, width, height) in [("1080p", 1920, 1080), ("4K", 3840, 2160)] {
-            compare(name, &gpu, made(width, height), &settings);
+            compare(name, &gpu, synthetic(width, height), &settings);
         }
     }
 
@@ -78,7 +78,7 @@ mod measure {
         let paint = middle(|run| run.usage.pass_seconds.get("paint").copied().unwrap_or(0.0)) * 1e-3;
         let rays = (width * height) as f64 * VIEWS as f64;
         println!(
-            "  paint: {:.2} billion rays a second, {:.0} GB/s at the least",
+            "  paint: {:.2} billion rays a second, {:.0} GB/s at least",
             1e-9 * rays / paint,
             1e-9 * MIN_BYTES_PER_RAY * rays / paint
         );

@@ -1,7 +1,7 @@
-//! What each method takes for one scene, with the parameters it has by default.
+//! Time of each method on one scene, with default parameters.
 //!
-//! `cargo bench --bench methods` makes a 960 × 540 stack of four peels with CoC radii up to 16 pixels. Wall seconds, on all
-//! cores, of the blur alone: a comparison of methods on this machine, within the noise of three samples.
+//! `cargo bench --bench methods` uses a synthetic 960 × 540 stack of four peels with CoC radii up to 16 pixels. Wall seconds of
+//! the blur only, on all cores: a comparison of methods on this machine, within the noise of three samples.
 
 mod scene;
 
@@ -10,7 +10,7 @@ use thinlens::methods::{self, METHODS};
 use thinlens::scene::Scene;
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
-/// Lens samples of the reference, whose own thousand would take longer than all the rest.
+/// Lens samples of the reference: its default of 1024 would take longer than all other methods together.
 const REFERENCE_VIEWS: usize = 32;
 
 fn main() {
@@ -19,7 +19,7 @@ fn main() {
 
 /// The scene of every benchmark.
 fn scene() -> Scene {
-    scene::scaled(&scene::made(960, 540), 16.0)
+    scene::scaled(&scene::synthetic(960, 540), 16.0)
 }
 
 #[divan::bench(args = METHODS.map(|method| method.info().name), sample_count = 3, sample_size = 1)]

@@ -148,7 +148,7 @@ fn read_case(
 
 /// The benches' scene with CoC radii up to `coc_px` and about `lights` lights.
 fn made(size: (usize, usize), coc_px: f32, lights: usize) -> Case {
-    let mut scene = scene::scaled(&scene::made(size.0, size.1), coc_px);
+    let mut scene = scene::scaled(&scene::synthetic(size.0, size.1), coc_px);
     let every = (size.0 * size.1).checked_div(lights).unwrap_or(usize::MAX);
     for plane in scene.layers.iter_mut().take(1).flat_map(|layer| &mut layer.color) {
         plane.values_mut().iter_mut().skip(every / 2).step_by(every).for_each(|value| *value = 50.0);

@@ -13,15 +13,14 @@
 
 use crate::error::Error;
 use crate::image::Plane;
-use crate::methods::Plan;
-use crate::methods::{self, METHODS, Progress};
+use crate::methods::{self, METHODS, Plan, Progress};
 use crate::scene::{EffectKind, Scene};
 
 /// Checks that the method of `plan` can measure confidence.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] if it does not follow lens rays.
-pub fn check(plan: &Plan) -> Result<(), Error> {
+pub(crate) fn check(plan: &Plan) -> Result<(), Error> {
     if plan.method.lens_sampling().is_some() {
         return Ok(());
     }
@@ -36,7 +35,7 @@ pub fn check(plan: &Plan) -> Result<(), Error> {
 ///
 /// # Errors
 /// Those of [`check`] and of the method.
-pub fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Plane, Error> {
+pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Plane, Error> {
     check(plan)?;
     let (width, height) = scene.picture_size();
     if !plan.does(EffectKind::Blur) {

@@ -1,4 +1,4 @@
-//! One error type for the whole library: what was wanted, what was found, where, and what to do.
+//! The error type of the library: what was expected, what was found, where, and what to do.
 //!
 //! ```text
 //! error: peel 3 has no depth channel
@@ -8,26 +8,27 @@
 //!   help: enable the Z pass, or name it with `depth_channel`
 //! ```
 //!
-//! A setting is named by its key in backquotes, with a value as in `` `f_number = inf` ``. The command line shows it as the flag
-//! that it is there.
+//! A setting is named by its key in backquotes, with a value as in `` `f_number = inf` ``. The command line replaces the key by its
+//! flag.
 
 use std::fmt;
 use std::path::Path;
 
-/// Whose fault an error is: callers that act on errors (exit codes, skipping a frame) ask this, not the text.
+/// The category of an error. Callers that act on errors (exit codes, skipping a frame) use this, not the text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
-    /// A file could not be opened, read or understood.
+    /// A file cannot be opened, read or interpreted.
     Input,
-    /// A lens, preset or flag value that cannot be carried out.
+    /// A lens, preset or setting that is invalid.
     Settings,
-    /// The input asks for more than the stated limits.
+    /// The input exceeds a limit.
     Limits,
-    /// A valid file that uses something this tool does not read.
+    /// A valid file with an unsupported feature.
     Unsupported,
-    /// The result could not be written.
+    /// The result cannot be written.
     Output,
-    /// A graphics device that is not there, or that failed.
+    /// A graphics device that does not exist or failed.
     Device,
 }
 
@@ -95,19 +96,19 @@ impl Error {
         self.with("help", text)
     }
 
-    /// Keeps the error this one was caused by.
+    /// Adds the error that caused this one.
     #[must_use]
     pub fn caused_by(mut self, source: impl std::error::Error + Send + Sync + 'static) -> Self {
         self.source = Some(Box::new(source));
         self
     }
 
-    /// All of it on one line, for where it is a reason.
+    /// The whole error on one line, for use as a reason.
     pub fn on_one_line(&self) -> String {
         self.to_string().replace("\n  ", "; ")
     }
 
-    /// Whose fault it is.
+    /// The category of the error.
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }
@@ -116,8 +117,8 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.what)?;
-        let (help, stats): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
-        for (label, text) in stats {
+        let (help, context): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
+        for (label, text) in context {
             write!(f, "\n  {label}: {text}")?;
         }
         if let Some(source) = &self.source {
@@ -141,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_says_where_before_what_to_do() {
+    fn an_error_prints_where_before_what_to_do() {
         let error = Error::input("no depth").help("enable the Z pass").in_file(Path::new("a.exr"));
         assert_eq!(error.to_string(), "no depth\n  in: a.exr\n  help: enable the Z pass");
         assert_eq!(error.on_one_line(), "no depth; in: a.exr; help: enable the Z pass");

@@ -1,23 +1,24 @@
-//! What was concluded on the way, to be shown to the user: nothing guesses without saying so.
+//! Conclusions that are reported to the user: every assumption about the input is one.
 
 /// A conclusion with its reason.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Finding {
-    /// What it is about: `depth`, `kind`, `peels` …
+    /// Its subject: `depth`, `kind`, `peels` …
     pub about: &'static str,
-    /// What was concluded, and why.
+    /// The conclusion and its reason.
     pub text: String,
-    /// Whether the user should look: shown as a warning.
+    /// Whether it is printed as a warning.
     pub warning: bool,
 }
 
 impl Finding {
-    /// A conclusion worth a line.
+    /// A conclusion that is printed as a note.
     pub fn note(about: &'static str, text: impl Into<String>) -> Self {
         Self { about, text: text.into(), warning: false }
     }
 
-    /// A conclusion the user should look at.
+    /// A conclusion that is printed as a warning.
     pub fn warning(about: &'static str, text: impl Into<String>) -> Self {
         Self { about, text: text.into(), warning: true }
     }

@@ -34,6 +34,16 @@ impl Plane {
         plane
     }
 
+    /// A plane of `values`, row by row from the top.
+    ///
+    /// # Panics
+    /// If there are not `width · height` values.
+    pub fn from_values(width: usize, height: usize, values: &[f32]) -> Self {
+        let mut plane = Self::zeros(width, height);
+        plane.values_mut().copy_from_slice(values);
+        plane
+    }
+
     /// The plane without `columns` on the left and on the right, and without `rows` above and below; unchanged if both are 0.
     #[must_use]
     pub fn trimmed(self, [columns, rows]: [usize; 2]) -> Self {

@@ -1,17 +1,17 @@
-//! Which machine this is: what timings, and a calibration, hold for.
+//! The machine that timings and a calibration are valid for.
 
 use serde::{Deserialize, Serialize};
 
-/// A machine, as far as it decides how long a blur takes, and the program that was measured on it.
+/// The properties of a machine that determine how long a blur takes, and the version of the program.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Machine {
-    /// The processor's name; its architecture where the system does not say.
+pub(crate) struct Machine {
+    /// Name of the processor; its architecture if the system does not provide it.
     pub cpu: String,
     /// Logical cores that the process may use.
     pub cores: usize,
     /// Threads of the pool.
     pub threads: usize,
-    /// The instruction set that vector code is run in.
+    /// The instruction set of vector code.
     pub vectors: String,
     /// The operating system.
     pub os: String,
@@ -20,8 +20,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// This one, with the threads of the pool that this is called from.
-    pub fn this() -> Self {
+    /// This machine, with the number of threads of the current pool.
+    pub(crate) fn this() -> Self {
         // "V4(…)", "Neon(…)", "Scalar".
         let vectors = format!("{:?}", pulp::Arch::new());
         Self {
@@ -34,8 +34,8 @@ impl Machine {
         }
     }
 
-    /// Name of the file that its calibration is kept in: a folder may be shared by many machines.
-    pub fn file_name(&self) -> String {
+    /// Name of the calibration file of this machine: several machines may share a folder.
+    pub(crate) fn file_name(&self) -> String {
         let Self { cpu, cores, threads, vectors, os, .. } = self;
         let name = format!("calibration {os} {cpu} {vectors} {threads} of {cores}").to_lowercase();
         let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -43,12 +43,12 @@ impl Machine {
     }
 }
 
-/// The processor's name; `CPU` where the system does not say.
-pub fn cpu_name() -> String {
+/// Name of the processor; `CPU` if the system does not provide it.
+pub(crate) fn cpu_name() -> String {
     model().unwrap_or_else(|| "CPU".to_owned())
 }
 
-/// The processor's name as the system has it.
+/// Name of the processor as reported by the system.
 #[cfg(target_os = "linux")]
 fn model() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
@@ -62,7 +62,7 @@ fn model_name(cpuinfo: &str) -> Option<&str> {
     Some(name.trim()).filter(|name| !name.is_empty())
 }
 
-/// The processor's name as the system has it: a variable of every process on Windows, not asked for elsewhere.
+/// Name of the processor from an environment variable of Windows; not available on other systems.
 #[cfg(not(target_os = "linux"))]
 fn model() -> Option<String> {
     std::env::var("PROCESSOR_IDENTIFIER").ok().filter(|name| !name.is_empty())
@@ -73,21 +73,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_counts_the_threads_of_the_pool_that_it_is_asked_in() {
+    fn a_machine_has_the_number_of_threads_of_the_current_pool() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         assert_eq!(pool.install(Machine::this).threads, 3);
     }
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn the_processor_is_named_by_its_first_model_line() {
+    fn the_name_of_the_processor_is_its_first_model_name() {
         let text = "processor\t: 0\nmodel name\t: Example 9000 @ 3 GHz\nmodel name\t: other\n";
         assert_eq!(model_name(text), Some("Example 9000 @ 3 GHz"));
         assert_eq!(model_name("processor: 0\n"), None);
     }
 
     #[test]
-    fn machines_that_differ_keep_their_calibration_in_different_files() {
+    fn different_machines_have_different_calibration_files() {
         let this = Machine { cpu: "AMD EPYC 9B14 (Zen 4)".to_owned(), ..Machine::this() };
         let name = this.file_name();
         assert!(name.contains("-amd-epyc-9b14-zen-4-") && name.ends_with(".json"), "{name}");

@@ -15,8 +15,7 @@ use crate::cost::{self, Calibration};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Image;
-use crate::methods::{self, Progress, Sampler};
-use crate::methods::{Plan, Target};
+use crate::methods::{self, Plan, Progress, Sampler, Target};
 use crate::probes::{self, ErrorEstimate, MANY_RAYS, ProbeSites, Probes, SEED};
 use crate::scene::{Scene, SceneStats};
 use crate::usage::Stopwatch;
@@ -57,6 +56,7 @@ const SHARE_OF_BUDGET: f64 = 0.85;
 
 /// The result of a search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Outcome {
     /// The target.
     #[serde(rename = "goal")]
@@ -105,6 +105,7 @@ impl Trial {
 ///
 /// # Errors
 /// A method that cannot render single pixels.
+#[doc(hidden)]
 pub fn render_to_target(
     scene: Scene,
     plan: &Plan,
@@ -119,6 +120,7 @@ pub fn render_to_target(
 ///
 /// # Errors
 /// Those of [`render_to_target`].
+#[doc(hidden)]
 pub fn find_views(scene: Scene, plan: &Plan, target: (f64, usize)) -> Result<Outcome, Error> {
     seek(scene, plan, target).map(|(_, outcome)| outcome)
 }
@@ -188,7 +190,7 @@ fn first_step(psnr_db: f64, spread: f64, [gain_of_16, gain_of_step]: [f64; 2]) -
 ///
 /// # Errors
 /// Those of the method.
-pub fn render_within(
+pub(crate) fn render_within(
     scene: Scene,
     (stats, plan): (&SceneStats, &Plan),
     seconds: f64,

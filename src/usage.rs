@@ -1,9 +1,10 @@
-//! What a run costs: wall time and processor time by stage, and memory.
+//! Resources of a run: wall time and processor time by stage, and memory.
 
 use std::time::Instant;
 
 /// A stage of the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stage {
     /// Files to stack.
     Read,
@@ -11,9 +12,9 @@ pub enum Stage {
     Plan,
     /// Plan to picture.
     Blur,
-    /// Picture against the stack's truth.
+    /// Measurement of the sampling error.
     Verify,
-    /// How much of the picture the stack knows.
+    /// The confidence mask.
     Confidence,
     /// Picture to files.
     Write,
@@ -21,6 +22,7 @@ pub enum Stage {
 
 /// Seconds by stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[non_exhaustive]
 pub struct Seconds {
     /// [`Stage::Read`].
     pub read: f64,
@@ -34,7 +36,7 @@ pub struct Seconds {
     pub confidence: f64,
     /// [`Stage::Write`].
     pub write: f64,
-    /// From the start of the clock, time between the stages included.
+    /// Since the start of the clock, including time between the stages.
     pub total: f64,
 }
 
@@ -51,7 +53,7 @@ impl Seconds {
     }
 }
 
-/// Wall time and processor time since some moment.
+/// Wall time and processor time since its start.
 #[derive(Debug, Clone, Copy)]
 pub struct Stopwatch {
     started: Instant,
@@ -64,18 +66,18 @@ impl Stopwatch {
         Self { started: Instant::now(), cpu_at_start: cpu_seconds() }
     }
 
-    /// Seconds on the wall.
+    /// Wall seconds.
     pub fn seconds(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }
 
-    /// Seconds of processor time of the whole process, all threads together.
+    /// Processor seconds of all threads of the process.
     pub fn cpu_seconds(&self) -> f64 {
         cpu_seconds() - self.cpu_at_start
     }
 }
 
-/// Sums up the cost of each stage. Processor time is the whole process's: stages that overlap count one another's.
+/// Sums up the time of each stage. Processor time is that of the whole process: it includes stages that run at the same time.
 #[derive(Debug, Clone)]
 pub struct StageClock {
     whole: Stopwatch,
@@ -91,30 +93,30 @@ impl StageClock {
         Self { whole: now, since_lap: now, seconds: Seconds::default(), cpu_seconds: Seconds::default() }
     }
 
-    /// Charges `stage` with what has passed since the last lap.
+    /// Adds the time since the last lap to `stage`.
     pub fn lap(&mut self, stage: Stage) {
         self.seconds.add(stage, self.since_lap.seconds());
         self.cpu_seconds.add(stage, self.since_lap.cpu_seconds());
         self.skip();
     }
 
-    /// Charges no stage with what has passed since the last lap.
+    /// Starts a new lap; the time since the last one is added to no stage.
     pub fn skip(&mut self) {
         self.since_lap = Stopwatch::start();
     }
 
-    /// Wall time by stage, and in all until now.
+    /// Wall time by stage, and in total until now.
     pub fn seconds(&self) -> Seconds {
         Seconds { total: self.whole.seconds(), ..self.seconds }
     }
 
-    /// Processor time by stage, and in all until now.
+    /// Processor time by stage, and in total until now.
     pub fn cpu_seconds(&self) -> Seconds {
         Seconds { total: self.whole.cpu_seconds(), ..self.cpu_seconds }
     }
 }
 
-/// Processor time of this process so far, user and system, all threads together; 0 where the system does not say.
+/// Processor seconds of this process so far, user and system, all threads; 0 if the system does not provide it.
 #[cfg(unix)]
 pub fn cpu_seconds() -> f64 {
     use nix::sys::resource::{UsageWho, getrusage};
@@ -124,22 +126,22 @@ pub fn cpu_seconds() -> f64 {
         .map_or(0.0, |usage| seconds(usage.user_time()) + seconds(usage.system_time()))
 }
 
-/// Processor time of this process so far: not known on this system, 0.
+/// Processor seconds of this process so far: not available on this system, 0.
 #[cfg(not(unix))]
 pub fn cpu_seconds() -> f64 {
     0.0
 }
 
-/// The most memory this process has held, in bytes.
+/// Peak memory of this process in bytes.
 #[cfg(target_os = "linux")]
 pub fn peak_memory_bytes() -> Option<u64> {
-    // `getrusage` would count what the parent held when it started us: a large script makes a small tool look large.
+    // `getrusage` includes the memory of the parent at the start of this process: a large parent script would be counted.
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     kibibytes.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|value| value * 1024)
 }
 
-/// The most memory this process has held, in bytes.
+/// Peak memory of this process in bytes.
 #[cfg(all(unix, not(target_os = "linux")))]
 pub fn peak_memory_bytes() -> Option<u64> {
     use nix::sys::resource::{UsageWho, getrusage};
@@ -148,7 +150,7 @@ pub fn peak_memory_bytes() -> Option<u64> {
     getrusage(UsageWho::RUSAGE_SELF).ok().map(|usage| usage.max_rss() as u64 * unit)
 }
 
-/// The most memory this process has held: not known on this system.
+/// Peak memory of this process: not available on this system.
 #[cfg(not(unix))]
 pub fn peak_memory_bytes() -> Option<u64> {
     None
@@ -159,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stage_is_charged_for_its_own_work_and_the_total_covers_all() {
+    fn a_stage_counts_its_own_time_and_the_total_includes_everything() {
         let work = || std::thread::sleep(std::time::Duration::from_millis(20));
         let mut clock = StageClock::start();
         work();
@@ -171,21 +173,21 @@ mod tests {
         clock.lap(Stage::Read);
         let seconds = clock.seconds();
         assert!(seconds.read >= 0.04, "{seconds:?}");
-        assert!(seconds.plan < 0.02, "what was skipped is no stage's: {seconds:?}");
+        assert!(seconds.plan < 0.02, "skipped time is added to no stage: {seconds:?}");
         assert_eq!((seconds.blur, seconds.write), (0.0, 0.0));
         assert!(seconds.total >= seconds.read + 0.02, "{seconds:?}");
     }
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn peak_memory_covers_what_was_held() {
+    fn peak_memory_includes_allocated_memory() {
         let held = vec![1_u8; 32 << 20];
         assert!(peak_memory_bytes().unwrap() >= std::hint::black_box(&held).len() as u64);
     }
 
     #[cfg(unix)]
     #[test]
-    fn work_takes_processor_time_and_sleep_does_not() {
+    fn work_takes_processor_time() {
         let watch = Stopwatch::start();
         let mut sum = 0.0_f64;
         while watch.cpu_seconds() < 0.01 {

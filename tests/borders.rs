@@ -1,11 +1,10 @@
-//! What lies beyond the frame, for every method: scenes with something put around them, blurred and cut back.
+//! Borders, for every method: scenes are padded, blurred and cropped to the frame.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 use std::f32::consts::PI;
 use thinlens::image::{Image, Plane};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, METHODS, Method};
+use thinlens::methods::{self, METHODS, Method, Plan};
 use thinlens::probes::{self, ProbeSites, Probes, SEED};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Border, Effort, Origin, ParameterValues, Settings, Values};
@@ -24,8 +23,8 @@ fn scene(value: impl Fn(usize, usize) -> f32, coc_px: impl Fn(usize, usize) -> f
     Scene::new(vec![layer], StackKind::Coverage, 1, 1000.0)
 }
 
-/// A texture on surfaces before, in and behind focus.
-fn world() -> Scene {
+/// A textured scene in front of, in and behind focus.
+fn textured_scene() -> Scene {
     let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 251) as f32 / 251.0;
     scene(
         |x, y| noise(x / 4, y / 3),
@@ -44,13 +43,13 @@ fn plan(method: &dyn Method, scene: &Scene, views: usize) -> Plan {
     methods::Registry::default().plan(&scene.analyze(), &settings).unwrap()
 }
 
-/// The frame of `scene`, blurred.
+/// The blurred picture of `scene`, cropped to the frame.
 fn blur(method: &dyn Method, scene: &Scene, views: usize) -> Image {
     let plan = plan(method, scene, views);
     methods::render(scene.clone(), &plan, &|_| {}).unwrap().trimmed(scene.outside_px)
 }
 
-/// `scene` with `border` around it, as far as the blur reaches.
+/// `scene` padded with `border`, as far as the blur reaches.
 fn padded(scene: &Scene, border: Border) -> Scene {
     scene.clone().padded(border, scene.reach_px(0.0))
 }
@@ -71,7 +70,7 @@ fn difference(a: &Image, b: &Image) -> f32 {
 }
 
 #[test]
-fn a_constant_picture_amid_its_reflections_stays_constant() {
+fn a_constant_picture_with_a_mirrored_border_stays_constant() {
     let expected = Image::from_fn(WIDTH, HEIGHT, |_, _| [0.6, 0.6, 0.6, 1.0]);
     for method in METHODS {
         for coc_px in [-9.0, 14.0] {
@@ -88,8 +87,8 @@ fn segment(distance: f32) -> f32 {
     (t.acos() - t * (1.0 - t * t).sqrt()) / PI
 }
 
-/// How far from the share of a disc a method may be, for what lies in front of focus and for what lies behind it. Gaussians and
-/// pyramids are no discs; three methods let nothing in focus, not even nothing, through what is in front of focus.
+/// Tolerance of a method's alpha against the share of a disc, in front of and behind focus. Gaussians and
+/// pyramids are not discs; three methods never blend content in front of focus with content in focus, not even with an empty border.
 fn allowed(method: &str, coc_px: f32) -> f32 {
     let [before, behind] = match method {
         "recursive-gaussian" => [0.14, 0.09],
@@ -103,7 +102,7 @@ fn allowed(method: &str, coc_px: f32) -> f32 {
 }
 
 #[test]
-fn before_nothing_a_picture_fades_by_the_part_of_its_disc_that_lies_beyond_the_frame() {
+fn with_a_transparent_border_alpha_decreases_by_the_share_of_the_disc_outside_the_frame() {
     for method in METHODS {
         for coc_px in [-12.0_f32, 12.0] {
             let found = blur(method, &padded(&scene(|_, _| 0.5, |_, _| coc_px), Border::Transparent), 1024);
@@ -116,42 +115,39 @@ fn before_nothing_a_picture_fades_by_the_part_of_its_disc_that_lies_beyond_the_f
                     off < allowed(name, coc_px),
                     "{name}, c = {coc_px}, column {x}: {alpha}, not {expected}"
                 );
-                assert!(
-                    (red - 0.5 * alpha).abs() < 1e-5,
-                    "{name}: premultiplied as before: {red} of {alpha}"
-                );
+                assert!((red - 0.5 * alpha).abs() < 1e-5, "{name}: still premultiplied: {red} of {alpha}");
             }
         }
     }
 }
 
 #[test]
-fn a_mirrored_scene_is_one_that_goes_on_as_its_reflection() {
+fn a_mirrored_border_is_a_scene_that_continues_as_its_reflection() {
     for method in METHODS {
         let name = method.info().name;
-        // It casts its dice anew in each pixel, which few rays show.
+        // Its random numbers differ between pixels: few rays are noisy.
         let views = if name == "layer-rays" { 512 } else { 64 };
-        let scene = world();
+        let scene = textured_scene();
         let found = blur(method, &padded(&scene, Border::Mirror), views);
-        // Farther by whole cells of the pyramids, so that the frame lies in them as before.
-        let goes_on = scene.clone().padded(Border::Mirror, scene.reach_px(0.0) + 64);
-        let expected = blur(method, &goes_on, views);
-        // Guesses and pyramids look farther than the lens.
+        // Wider by whole cells of the pyramids, so that the alignment of the frame does not change.
+        let continued = scene.clone().padded(Border::Mirror, scene.reach_px(0.0) + 64);
+        let expected = blur(method, &continued, views);
+        // Disocclusion fill and pyramids read beyond the reach of the lens.
         let db = psnr_db(&found, &expected);
         assert!(db > if name == "accumulate" { 199.0 } else { 45.0 }, "{name}: {db} dB");
         let clamped_db = psnr_db(&blur(method, &scene, views), &expected);
-        // Its pyramids look one cell past the border at each level, which is the same in either case.
-        let tells = name != "pyramid-disocclusion";
+        // Its pyramids read one cell beyond the border at each level, which is the same in both cases.
+        let is_sensitive = name != "pyramid-disocclusion";
         assert!(
-            !tells || clamped_db < db - 3.0,
+            !is_sensitive || clamped_db < db - 3.0,
             "{name}: another border is another picture: {clamped_db} dB"
         );
     }
 }
 
 #[test]
-fn probes_look_at_the_frame_alone() {
-    let scene = padded(&world(), Border::Mirror);
+fn probes_are_inside_the_frame() {
+    let scene = padded(&textured_scene(), Border::Mirror);
     let shear = methods::Registry::default().by_name("shear").unwrap();
     let plan = plan(shear, &scene, 256);
     let (width, [columns, rows]) = (scene.picture_size().0, scene.outside_px);
@@ -163,7 +159,7 @@ fn probes_look_at_the_frame_alone() {
     let outside: Vec<&usize> = pixels.iter().filter(|&&pixel| !within(pixel)).collect();
     assert!(
         pixels.len() >= 100 && outside.is_empty(),
-        "{} pixels, of them beyond the frame {outside:?}",
+        "{} pixels, outside the frame: {outside:?}",
         pixels.len()
     );
     let picture = methods::render(scene.clone(), &plan, &|_| {}).unwrap();
@@ -173,6 +169,6 @@ fn probes_look_at_the_frame_alone() {
         values.filter(|(pixel, _)| !within(*pixel)).for_each(|(_, value)| *value = 9.0);
     }
     let estimate = |image: &Image| probes::verify(image, &scene, &plan, 200, SEED);
-    assert_eq!(estimate(&spoilt), estimate(&picture), "what is cut off does not count");
+    assert_eq!(estimate(&spoilt), estimate(&picture), "pixels outside the frame do not count");
     assert!(estimate(&picture).interval_db.0 > 35.0, "{}", estimate(&picture));
 }

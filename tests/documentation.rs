@@ -7,7 +7,7 @@
 //! Two conventions: a script with `--device gpu` runs only where `THINLENS_REQUIRE_GPU` is set, and pages have no fenced blocks, so that no command is
 //! overlooked. Commands in running text are parsed but not run, by a test of `src/cli/mod.rs`.
 
-#![cfg(unix)]
+#![cfg(all(unix, feature = "cli"))]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 #[expect(dead_code, reason = "other tests use the rest")]

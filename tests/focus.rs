@@ -1,9 +1,10 @@
-//! What the lens is focused on: points, objects by cryptomatte, and keys along a sequence, from files to distances.
+//! Focus on points, on objects by cryptomatte, and focus keys of a sequence.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 #[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
+#[cfg(feature = "cli")]
 #[expect(dead_code, reason = "other tests use the rest")]
 mod program;
 
@@ -11,9 +12,6 @@ use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use fixtures::{Part, exr_bytes, source};
 use half::f16;
-use program::{run, stderr};
-use std::fs;
-use std::path::Path;
 use thinlens::error::Error;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::scene::{Focused, focus_distance};
@@ -46,11 +44,11 @@ fn picture(depths: &[f32]) -> Part {
 }
 
 trait Crypto {
-    /// The same with channels `NAME00` of `ending`s: best objects and their coverage.
+    /// Adds the channels `NAME00.R` and `.G`: ids of largest coverage, and that coverage.
     fn matte(self, name: &str, objects: &[u32], coverage: &[f32]) -> Self;
-    /// The same with the next best of `NAME00`.
+    /// Adds the channels `NAME00.B` and `.A`: the ids of second largest coverage.
     fn second(self, name: &str, objects: &[u32], coverage: &[f32]) -> Self;
-    /// The same with a header that says `NAME` and its manifest.
+    /// Adds header attributes with `NAME` and its manifest.
     fn manifest(self, name: &str, manifest: &str) -> Self;
 }
 
@@ -92,7 +90,7 @@ fn focused(stack: &Stack, name: &str) -> Result<Focused, Error> {
     focus_distance(stack, &scale, &Focus::Object(name.to_owned()), None)
 }
 
-/// Where an object of a file of `parts` is.
+/// The focus distance of an object in a file of `parts`.
 fn distance(parts: Vec<Part>, name: &str) -> f32 {
     focused(&stack_with(parts, &options()), name).unwrap_or_else(|error| panic!("{error}")).distance
 }
@@ -101,10 +99,10 @@ fn failure(parts: Vec<Part>, name: &str) -> String {
     focused(&stack_with(parts, &options()), name).unwrap_err().to_string()
 }
 
-// Where an object is.
+// The distance of an object.
 
 #[test]
-fn an_object_is_as_far_as_the_median_of_its_pixels() {
+fn the_distance_of_an_object_is_the_median_of_its_pixels() {
     let part = picture(&[5.0, 2.0, 9.0, 2.5, 1000.0, 7.0])
         .matte("CryptoObject", &[CUBE, CUBE, CUBE, CUBE, CUBE, SPHERE], &[1.0; 6])
         .manifest("CryptoObject", MANIFEST);
@@ -114,7 +112,7 @@ fn an_object_is_as_far_as_the_median_of_its_pixels() {
 }
 
 #[test]
-fn pixels_that_an_object_covers_by_less_than_half_are_not_its_own() {
+fn pixels_that_an_object_covers_by_less_than_half_are_ignored() {
     let part = |coverage: &[f32]| {
         picture(&[1.0, 2.0, 8.0])
             .matte("CryptoObject", &[CUBE; 3], coverage)
@@ -122,12 +120,12 @@ fn pixels_that_an_object_covers_by_less_than_half_are_not_its_own() {
     };
     assert_eq!(distance(vec![part(&[0.49, 0.49, 0.5])], "cube"), 8.0);
     assert_eq!(distance(vec![part(&[0.5, 0.5, 0.5])], "cube"), 2.0);
-    // Hair covers no pixel by half: those that it covers most say where it is.
+    // Hair covers no pixel by half: the pixels of its largest coverage count.
     assert_eq!(distance(vec![part(&[0.1, 0.1, 0.3])], "cube"), 8.0);
 }
 
 #[test]
-fn what_an_object_covers_more_counts_more() {
+fn pixels_are_weighted_by_coverage() {
     let part = picture(&[1.0, 2.0, 8.0])
         .matte("CryptoObject", &[CUBE; 3], &[0.5, 0.5, 1.0])
         .manifest("CryptoObject", MANIFEST);
@@ -145,7 +143,7 @@ fn coverage_of_all_ranks_adds_up() {
 }
 
 #[test]
-fn the_depth_is_that_of_what_the_picture_shows() {
+fn the_depth_is_that_of_the_visible_peel() {
     let part = Part::flat((2, 1), "peel0.R=1 peel0.G=1 peel0.B=1 peel1.R=1 peel1.G=1 peel1.B=1 peel1.A=1")
         .with("peel0.A", floats(&[0.0, 1.0]))
         .with("peel0.depth", floats(&[1.0, 2.0]))
@@ -166,21 +164,21 @@ fn depth_along_the_ray_becomes_planar() {
 }
 
 #[test]
-fn an_object_before_nothing_but_background_has_no_distance() {
+fn an_object_with_background_depth_only_has_no_distance() {
     let part = picture(&[1.0, 1e10])
         .matte("CryptoObject", &[CUBE, SPHERE], &[1.0; 2])
         .manifest("CryptoObject", MANIFEST);
     let message = failure(vec![part], "sphere");
     assert!(
-        message.starts_with("the object 'sphere' has no depth") && message.contains("--focus-at"),
+        message.starts_with("the object 'sphere' has no depth") && message.contains("`focus_point"),
         "{message}"
     );
 }
 
-// How it is found.
+// How objects are found.
 
 #[test]
-fn hosts_name_channels_in_their_own_ways() {
+fn channel_names_of_different_programs_are_read() {
     let ways = [
         ("CryptoObject", ["R", "G"], "CryptoObject"),
         ("ViewLayer.CryptoObject", ["r", "g"], "ViewLayer.CryptoObject"),
@@ -194,13 +192,13 @@ fn hosts_name_channels_in_their_own_ways() {
             .with(&format!("{channels}00.{id}"), ids(&[0x2e21_36b8, 7]))
             .with(&format!("{channels}00.{coverage}"), floats(&[1.0, 1.0]))
             .manifest(header, r#"{"plane":"2e2136b8","odd":"00000007"}"#);
-        // Its id is not the hash of its name: only the manifest can know it.
+        // Its id is not the hash of its name: only the manifest has it.
         assert_eq!(distance(vec![part], "odd"), 4.0, "{channels}00.{id}, header {header}");
     }
 }
 
 #[test]
-fn a_part_of_its_own_may_hold_the_cryptomatte() {
+fn a_cryptomatte_may_be_in_a_separate_part() {
     let crypto = |name| {
         let part = Part::flat((2, 1), "X=0").named(name);
         part.matte("CryptoObject", &[CUBE, 7], &[1.0; 2]).manifest("CryptoObject", r#"{"odd":"00000007"}"#)
@@ -228,7 +226,7 @@ fn without_a_manifest_a_name_is_found_by_its_hash() {
 }
 
 #[test]
-fn names_may_hold_any_letters() {
+fn names_may_contain_any_characters() {
     let name = "Kühe/\"weiß\" равнина";
     let manifest = r#"{"Kühe\/\"wei\u00df\" равнина":"00000007"}"#;
     let part =
@@ -237,7 +235,7 @@ fn names_may_hold_any_letters() {
 }
 
 #[test]
-fn ids_are_bits_and_may_be_any_float() {
+fn ids_are_compared_as_bits() {
     // NaN differs from itself as a float, and 0 equals −0.
     let nan = 0x7fc0_0001;
     let manifest = r#"{"nan":"7fc00001","other nan":"7fc00002","zero":"80000000"}"#;
@@ -250,7 +248,7 @@ fn ids_are_bits_and_may_be_any_float() {
 }
 
 #[test]
-fn coverage_that_is_no_coverage_is_none() {
+fn invalid_coverage_is_ignored_or_clamped() {
     let part = picture(&[1.0, 2.0, 3.0, 4.0])
         .matte("CryptoObject", &[CUBE; 4], &[f32::NAN, -5.0, 1e30, f32::INFINITY])
         .second("CryptoObject", &[SPHERE; 4], &[0.0; 4])
@@ -285,13 +283,13 @@ fn a_manifest_of_half_a_million_names_is_searched() {
     assert_eq!(focused(&stack, "cow").unwrap().distance, 4.0);
     let message = focused(&stack, "/world/forest/tree_499999").unwrap_err().to_string();
     assert!(
-        message.contains("the picture does not show the object '/world/forest/tree_499999'"),
+        message.contains("the object '/world/forest/tree_499999' is not visible in the picture"),
         "{message}"
     );
 }
 
 #[test]
-fn objects_are_looked_for_before_materials_of_the_same_name() {
+fn objects_are_preferred_to_materials_of_the_same_name() {
     let manifest = |id: &str| format!(r#"{{"clay":"{id}"}}"#);
     let material = |name: &'static str| {
         let part = four().matte("CryptoMaterial", &[7, 7, 8, 8], &[1.0; 4]);
@@ -304,7 +302,7 @@ fn objects_are_looked_for_before_materials_of_the_same_name() {
 }
 
 #[test]
-fn of_several_view_layers_the_first_says_what_the_camera_sees() {
+fn only_the_cryptomattes_of_the_first_view_layer_are_used() {
     let peel = |n: usize| {
         format!(
             "Peel{n}.Combined.R=1 Peel{n}.Combined.G=1 Peel{n}.Combined.B=1 Peel{n}.Combined.A=1 Peel{n}.Depth.Z={}",
@@ -334,10 +332,10 @@ fn each_cryptomatte_has_the_manifest_of_its_own_name() {
     assert!(objects.iter().all(|found| found.names == ["odd"]), "{objects:?}");
 }
 
-// What is kept.
+// Channels in memory.
 
 #[test]
-fn objects_are_found_whatever_travels_to_the_output() {
+fn objects_are_found_whichever_channels_are_copied_to_the_output() {
     for carry in [Carry::Unused, Carry::All, Carry::None] {
         let stack = stack_with(vec![four()], &ReadOptions { carry, ..options() });
         assert_eq!(focused(&stack, "sphere").unwrap().distance, 3.0, "{carry:?}");
@@ -346,11 +344,11 @@ fn objects_are_found_whatever_travels_to_the_output() {
         assert_eq!(stack.mattes.is_empty(), travels, "no channel is kept twice");
     }
     let unasked = stack_with(vec![four()], &ReadOptions { carry: Carry::None, ..ReadOptions::default() });
-    assert!(unasked.mattes.is_empty(), "and none is read for nothing");
+    assert!(unasked.mattes.is_empty(), "cryptomattes are not read unless requested");
 }
 
 #[test]
-fn objects_of_a_supersampled_stack_are_found_and_not_handed_on() {
+fn objects_of_a_supersampled_stack_are_found_and_not_copied_to_the_output() {
     let part = Part::flat((4, 2), "R=1 G=1 B=1 A=1")
         .with("Z", floats(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]))
         .matte("CryptoObject", &[CUBE, CUBE, CUBE, SPHERE, 0, 0, 0, 0], &[1.0; 8]);
@@ -361,25 +359,24 @@ fn objects_of_a_supersampled_stack_are_found_and_not_handed_on() {
     assert!(stack.carried.channels.is_empty());
 }
 
-// What is said.
+// Messages.
 
 #[test]
-fn the_objects_that_a_picture_shows_are_listed_largest_first() {
+fn visible_objects_are_listed_largest_first() {
     let part = picture(&[1.0, 2.0, 3.0, 4.0])
         .matte("CryptoObject", &[SPHERE, CUBE, CUBE, 7], &[1.0, 1.0, 1.0, 0.5])
         .second("CryptoObject", &[0, SPHERE, 0, 0], &[0.0, 0.5, 1.0, 0.5])
         .manifest("CryptoObject", MANIFEST);
-    let expected = Objects {
-        cryptomatte: "CryptoObject".to_owned(),
-        names: vec!["cube".to_owned(), "sphere".to_owned()],
-        unnamed: 1,
-        doubt: None,
+    let objects = stack_with(vec![part], &options()).objects();
+    let [Objects { cryptomatte, names, unnamed: 1, doubt: None, .. }] = objects.as_slice() else {
+        panic!("{objects:?}")
     };
-    assert_eq!(stack_with(vec![part], &options()).objects(), [expected], "the plane is not to be seen");
+    assert_eq!(cryptomatte, "CryptoObject");
+    assert_eq!(names, &["cube", "sphere"], "the plane is not visible");
 }
 
 #[test]
-fn an_unknown_object_has_its_nearest_name_and_a_list() {
+fn an_unknown_object_is_an_error_with_the_nearest_name_and_a_list() {
     let message = failure(vec![four()], "shpere");
     assert!(message.starts_with("there is no object called 'shpere' in the picture"), "{message}");
     assert!(message.contains("found: in CryptoObject: cube, sphere"), "{message}");
@@ -390,7 +387,7 @@ fn an_unknown_object_has_its_nearest_name_and_a_list() {
 }
 
 #[test]
-fn a_list_of_many_objects_is_cut() {
+fn a_list_of_many_objects_is_truncated() {
     let many: Vec<u32> = (1..=40).collect();
     let names = many.iter().map(|id| format!("\"n{id}\":\"{id:08x}\"")).collect::<Vec<_>>().join(",");
     let part = picture(&[1.0; 40]).matte("CryptoObject", &many, &[1.0; 40]);
@@ -399,18 +396,18 @@ fn a_list_of_many_objects_is_cut() {
 }
 
 #[test]
-fn a_file_without_cryptomatte_says_what_was_looked_for_and_what_works() {
+fn a_file_without_cryptomatte_is_an_error_with_the_expected_channels() {
     let message = failure(vec![picture(&[1.0])], "cow");
     assert_eq!(
         message,
-        "the file has no cryptomatte to find the object 'cow' by\n  looked for: 32-bit channels CryptoObject00.R G B A or \
-         such, as large as the picture's\n  help: render with a Cryptomatte pass, or focus on a pixel with --focus-at X,Y"
+        "the file has no cryptomatte: the object 'cow' cannot be found\n  looked for: 32-bit channels such as CryptoObject00.R G B A, \
+         with the picture's data window\n  help: render with a Cryptomatte pass, or focus on a pixel with `focus_point = [X, Y]`"
     );
 }
 
 // Along a sequence.
 
-/// What focus a job with the preset `lens` finds for the file `bytes` called `name`: its distance and the words about it.
+/// The focus distance of a job with the preset `lens`, and the text of its finding.
 fn pulled(lens: &str, frame: Option<i64>) -> Result<(f32, String), Error> {
     let preset = Preset::parse(lens, "lens.toml").unwrap();
     let job = Job {
@@ -421,7 +418,7 @@ fn pulled(lens: &str, frame: Option<i64>) -> Result<(f32, String), Error> {
         ..Job::default()
     };
     let prepared = prepare(&job)?;
-    assert!(prepared.stack.mattes.is_empty(), "what was kept for focusing is let go");
+    assert!(prepared.stack.mattes.is_empty(), "channels that were read for focusing are dropped");
     let said = prepared.stack.findings.iter().find(|finding| finding.about == "focus");
     Ok((prepared.lens.focus_distance, said.map(|finding| finding.text.clone()).unwrap_or_default()))
 }
@@ -440,7 +437,7 @@ const PULL: &str = "
     point = [0, 0]";
 
 #[test]
-fn focus_goes_from_key_to_key() {
+fn focus_is_interpolated_between_keys() {
     let distance = |frame| pulled(PULL, Some(frame)).unwrap().0;
     assert_eq!([distance(-7), distance(1)], [2.0; 2], "before the first key, focus is there");
     assert!((distance(3) - 2.4).abs() < 1e-6, "2 · 2 · 3 / (2 + 3), halfway between the reciprocals");
@@ -451,7 +448,7 @@ fn focus_goes_from_key_to_key() {
 }
 
 #[test]
-fn what_was_decided_is_said() {
+fn the_focus_of_a_frame_is_reported_with_its_keys() {
     let (_, said) = pulled(PULL, Some(3)).unwrap();
     assert_eq!(
         said,
@@ -462,7 +459,7 @@ fn what_was_decided_is_said() {
 }
 
 #[test]
-fn a_key_that_is_not_needed_is_not_looked_for() {
+fn the_object_of_a_key_that_is_not_used_is_not_searched_for() {
     let lens = PULL.replace("sphere", "cow");
     assert_eq!(pulled(&lens, Some(1)).unwrap().0, 2.0);
     let message = pulled(&lens, Some(4)).unwrap_err().to_string();
@@ -470,87 +467,97 @@ fn a_key_that_is_not_needed_is_not_looked_for() {
 }
 
 #[test]
-fn without_a_frame_number_focus_keys_say_so() {
+fn focus_keys_without_a_frame_number_are_an_error() {
     let message = pulled(PULL, None).unwrap_err().to_string();
     assert!(message.contains("need the number of the frame") && message.contains("`frame = N`"), "{message}");
 }
 
-// As a user meets it.
+/// The program.
+#[cfg(feature = "cli")]
+mod commands {
+    use super::program::{run, stderr};
+    use super::{PULL, exr_bytes, four};
+    use std::fs;
+    use std::path::Path;
 
-/// A folder with `shot.0003.exr` and `lens.toml`, a pull.
-fn sequence() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("shot.0003.exr"), exr_bytes(vec![four()])).unwrap();
-    fs::write(folder.path().join("lens.toml"), PULL).unwrap();
-    folder
-}
+    /// A folder with `shot.0003.exr` and `lens.toml`, a pull.
+    fn sequence() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("shot.0003.exr"), exr_bytes(vec![four()])).unwrap();
+        fs::write(folder.path().join("lens.toml"), PULL).unwrap();
+        folder
+    }
 
-fn stdout(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-#[test]
-fn every_subcommand_knows_the_frame_by_the_files_name() {
-    let folder = sequence();
-    let rendered = run(
-        folder.path(),
-        &["render", "shot.0003.exr", "--preset", "lens.toml", "-o", "out.exr", "--report", "r.json"],
-    );
-    assert_eq!(rendered.status.code(), Some(0), "{}", stderr(&rendered));
-    assert!(stderr(&rendered).contains("frame 3, from the file's name"), "{}", stderr(&rendered));
-    let report: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.path().join("r.json")).unwrap()).unwrap();
-    assert!((report["lens"]["focus_distance"].as_f64().unwrap() - 2.4).abs() < 1e-6);
-    assert_eq!(report["lens"]["focus"]["value"]["keys"][1]["focus"]["object"], "sphere");
-    let findings = report["findings"].as_array().unwrap();
-    assert!(findings.iter().any(|finding| finding["about"] == "focus"), "{findings:?}");
-    for command in [&["plan", "--uncalibrated"][..], &["inspect"], &["compare", "--methods", "shear:4"]] {
-        let files = ["shot.0003.exr", "--preset", "lens.toml", "--frame", "5"];
-        let output = run(folder.path(), &[command, &files].concat());
+    fn stdout(folder: &Path, arguments: &[&str]) -> String {
+        let output = run(folder, arguments);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let said = format!("{}{}", stderr(&output), String::from_utf8_lossy(&output.stdout));
-        assert!(said.contains("frame 5, from --frame; at the key of frame 5: 3"), "{command:?}: {said}");
+        String::from_utf8(output.stdout).unwrap()
     }
-}
 
-#[test]
-fn a_flag_outranks_focus_keys() {
-    let folder = sequence();
-    for (flag, value, distance) in
-        [("--focus", "7", 7.0), ("--focus-at", "1,0", 2.0), ("--focus-on", "cube", 1.0)]
-    {
-        let text = stdout(
+    #[test]
+    fn every_subcommand_takes_the_frame_number_from_the_file_name() {
+        let folder = sequence();
+        let rendered = run(
             folder.path(),
-            &["inspect", "shot.0003.exr", "--preset", "lens.toml", flag, value, "--json"],
+            &["render", "shot.0003.exr", "--preset", "lens.toml", "-o", "out.exr", "--report", "r.json"],
         );
-        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-        assert_eq!(json["lens"]["focus_distance"], distance, "{flag}");
+        assert_eq!(rendered.status.code(), Some(0), "{}", stderr(&rendered));
+        assert!(stderr(&rendered).contains("frame 3, from the file's name"), "{}", stderr(&rendered));
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.path().join("r.json")).unwrap()).unwrap();
+        assert!((report["lens"]["focus_distance"].as_f64().unwrap() - 2.4).abs() < 1e-6);
+        assert_eq!(report["lens"]["focus"]["value"]["keys"][1]["focus"]["object"], "sphere");
+        let findings = report["findings"].as_array().unwrap();
+        assert!(findings.iter().any(|finding| finding["about"] == "focus"), "{findings:?}");
+        for command in [&["plan", "--uncalibrated"][..], &["inspect"], &["compare", "--methods", "shear:4"]] {
+            let files = ["shot.0003.exr", "--preset", "lens.toml", "--frame", "5"];
+            let output = run(folder.path(), &[command, &files].concat());
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            let said = format!("{}{}", stderr(&output), String::from_utf8_lossy(&output.stdout));
+            assert!(said.contains("frame 5, from --frame; at the key of frame 5: 3"), "{command:?}: {said}");
+        }
     }
-}
 
-#[test]
-fn inspect_lists_the_objects_and_says_which_is_in_focus() {
-    let folder = sequence();
-    let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "sphere"]);
-    assert!(text.contains("objects                 CryptoObject, 2: cube, sphere"), "{text}");
-    assert!(
-        text.contains("focus                   object 'sphere' of CryptoObject: 3, the median of 2 pixels"),
-        "{text}"
-    );
-    assert!(text.contains("focus                   3 depth units, 'sphere'"), "{text}");
-    let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--json"]);
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(json["objects"][0]["names"], serde_json::json!(["cube", "sphere"]));
-}
+    #[test]
+    fn a_flag_overrides_focus_keys() {
+        let folder = sequence();
+        for (flag, value, distance) in
+            [("--focus", "7", 7.0), ("--focus-at", "1,0", 2.0), ("--focus-on", "cube", 1.0)]
+        {
+            let text = stdout(
+                folder.path(),
+                &["inspect", "shot.0003.exr", "--preset", "lens.toml", flag, value, "--json"],
+            );
+            let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(json["lens"]["focus_distance"], distance, "{flag}");
+        }
+    }
 
-#[test]
-fn a_misspelt_object_fails_with_its_nearest_name() {
-    let folder = sequence();
-    let output = run(folder.path(), &["render", "shot.0003.exr", "--focus-on", "cub", "-o", "out.exr"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("did you mean 'cube'?"), "{}", stderr(&output));
-    let both = run(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "cube", "--focus-at", "1,1"]);
-    assert_eq!(both.status.code(), Some(2), "one of them alone");
+    #[test]
+    fn inspect_lists_the_objects_and_prints_which_is_in_focus() {
+        let folder = sequence();
+        let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "sphere"]);
+        assert!(text.contains("objects                 CryptoObject, 2: cube, sphere"), "{text}");
+        assert!(
+            text.contains(
+                "focus                   object 'sphere' of CryptoObject: 3, the median of 2 pixels"
+            ),
+            "{text}"
+        );
+        assert!(text.contains("focus                   3 depth units, 'sphere'"), "{text}");
+        let text = stdout(folder.path(), &["inspect", "shot.0003.exr", "--json"]);
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["objects"][0]["names"], serde_json::json!(["cube", "sphere"]));
+    }
+
+    #[test]
+    fn a_misspelt_object_fails_with_its_nearest_name() {
+        let folder = sequence();
+        let output = run(folder.path(), &["render", "shot.0003.exr", "--focus-on", "cub", "-o", "out.exr"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains("did you mean 'cube'?"), "{}", stderr(&output));
+        let both =
+            run(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "cube", "--focus-at", "1,1"]);
+        assert_eq!(both.status.code(), Some(2), "one of them alone");
+    }
 }

@@ -1,23 +1,21 @@
-//! Laws that every method keeps, looped over the registry. Scenes are made in CoC space, so each law is about the blur
-//! alone; expected values are derived where they are used.
+//! Laws of the blur, tested for every method of the registry. Scenes are built in CoC space, so that each law concerns the blur
+//! only; expected values are derived where they are used.
 //!
-//! A method that breaks a law by design declares so beside its registration, and is held to what it declares: see
-//! [`Trial`].
+//! A method that breaks a law by design declares a deviation, and is tested against the declared range: see [`Trial`].
 
 #![expect(clippy::unwrap_used, reason = "a law whose scene cannot be made has failed")]
 
 use std::sync::Arc;
 use thinlens::image::{Image, Plane};
 use thinlens::lens::{Aperture, LensSpec, ThinLens};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, Law, METHODS, Method};
+use thinlens::methods::{self, Law, METHODS, Method, Plan};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, SensorDistance, Settings, Values};
 use thinlens::stack::StackKind;
 
 type Pixel = [f32; 4];
 
-/// The cases of one law, for one method: each a figure, and the range that the law allows it.
+/// The cases of one law for one method: for each a figure, the range that the law allows, and a name.
 struct Trial {
     method: &'static dyn Method,
     law: Law,
@@ -33,10 +31,10 @@ impl Trial {
         self.cases.push((figure, lawful, case.into()));
     }
 
-    /// Holds every case to the law, or to the deviation that the method declares; a deviation that no case shows has to be
-    /// taken back.
+    /// Tests every case against the law, or against the deviation that the method declares. A declared deviation fails if every
+    /// case keeps the law.
     fn check(&self) {
-        let within = |figure: f32, [least, most]: [f32; 2]| (least..=most).contains(&figure);
+        let within = |figure: f32, [min, max]: [f32; 2]| (min..=max).contains(&figure);
         let info = self.method.info();
         let deviation = info.deviations.iter().find(|deviation| deviation.law == self.law);
         for (figure, lawful, case) in &self.cases {
@@ -51,7 +49,7 @@ impl Trial {
         }
         if deviation.is_some() {
             let broken = self.cases.iter().any(|(figure, lawful, _)| !within(*figure, *lawful));
-            assert!(broken, "{} keeps {:?}: its declared deviation has to go", info.name, self.law);
+            assert!(broken, "{} keeps {:?}: remove its declared deviation", info.name, self.law);
         }
     }
 }
@@ -75,7 +73,7 @@ fn grey(value: f32) -> Pixel {
     [value, value, value, 1.0]
 }
 
-/// The plan for `scene` with `views` lens samples where the method samples the lens, without the anti-aliasing that mixes
+/// The plan for `scene` with `views` lens samples if the method samples the lens, and without the resolve pass, which would mix
 /// neighbours in focus.
 fn plan(method: &dyn Method, scene: &Scene, views: usize, blades: u32) -> Plan {
     plan_through(method, scene, views, Values { blades: Some(blades), ..Values::default() })
@@ -93,12 +91,12 @@ fn plan_for(method: &dyn Method, scene: &Scene, views: usize, lens: &Lens) -> Pl
         effort: samples_the_lens(method).then_some(Effort::Views(views)),
         ..lens.values.clone()
     };
-    let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-    let settings = Settings { mask: lens.mask.clone(), ..settings };
+    let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+    settings.mask = lens.mask.clone();
     methods::Registry::default().plan(&scene.analyze(), &settings).unwrap().forced(EffectKind::Resolve, false)
 }
 
-/// What is set about a lens, and the picture of its aperture.
+/// Settings of a lens, and the image of its aperture.
 struct Lens {
     values: Values,
     mask: Option<Arc<Mask>>,
@@ -116,7 +114,7 @@ fn blur(method: &dyn Method, scene: &Scene, views: usize) -> Image {
     blur_with(method, scene, views, 0)
 }
 
-/// A number from 0 to 1 that depends on its arguments alone.
+/// A pseudo-random number from 0 to 1 that depends only on the arguments.
 fn noise(x: usize, y: usize, seed: usize) -> f32 {
     let mut bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
     bits = (bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) ^ (bits >> 15);
@@ -142,7 +140,7 @@ fn psnr_db(a: &Image, b: &Image) -> f64 {
     -10.0 * (sum / count).max(1e-20).log10()
 }
 
-/// A small world with every difficulty: a slanted floor through focus, a near bar, a far wall behind both, holes.
+/// A small scene with the difficult cases: a slanted floor through focus, near bars, a far wall behind both, and holes.
 fn world(width: usize, height: usize) -> Scene {
     let texture = |x: usize, y: usize, seed| {
         let fine = noise(x / 3, y / 3, seed);
@@ -193,8 +191,8 @@ fn a_constant_picture_stays_constant_at_every_size_blur_and_aperture() {
 }
 
 #[test]
-fn thousands_of_views_do_not_drift() {
-    // In one running sum of 10 000 floats each step would lose up to 2⁻²⁴ · 10 000 of a view's share: 6e-4.
+fn the_rounding_error_does_not_grow_with_thousands_of_views() {
+    // In one running f32 sum of 10 000 views each addition would lose up to 2⁻²⁴ · 10 000 of a view's share: 6e-4.
     for method in METHODS.into_iter().filter(|&method| samples_the_lens(method)) {
         let scene = scene(vec![layer(5, 3, |x, _| (grey(0.6), 3.0 + x as f32 * 0.2))]);
         let off = difference(&blur(method, &scene, 10_000), &Image::from_fn(5, 3, |_, _| grey(0.6)));
@@ -224,7 +222,7 @@ fn an_infinite_f_number_is_a_pinhole() {
     };
     let lens = ThinLens::new(&spec, 1920.0).unwrap();
     for z in [1e-3, 0.5, 2.0, 1e6, f32::INFINITY] {
-        assert_eq!(lens.coc_radius_px(z), 0.0, "nothing blurs at depth {z}");
+        assert_eq!(lens.coc_radius_px(z), 0.0, "CoC radius at depth {z}");
     }
 }
 
@@ -243,7 +241,7 @@ fn moments(image: &Image, centre: f64) -> [f64; 3] {
 }
 
 #[test]
-fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
+fn an_emitter_keeps_its_energy_and_centroid_and_has_the_variance_of_its_disc() {
     for method in METHODS {
         let [mut energy, mut centroid, mut spread] =
             [Law::Energy, Law::Place, Law::Spread].map(|law| Trial::new(method, law));
@@ -252,12 +250,12 @@ fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
                 let emitter = |x, y| (if (x, y) == (24, 24) { grey(brightness) } else { grey(0.0) }, coc);
                 let scene = scene(vec![layer(49, 49, emitter)]);
                 let image = blur_with(method, &scene, 4096, blades);
-                let [sum, place, variance] = moments(&image, 24.0);
+                let [sum, centre, variance] = moments(&image, 24.0);
                 let case = format!("c = {coc}, brightness {brightness}, {blades} blades");
                 energy.add((sum / f64::from(brightness)) as f32, [0.998, 1.002], case.clone());
-                centroid.add(place.abs() as f32, [0.0, 0.01], case.clone());
-                // A uniform aperture has variance c²·m, and the pixel adds up to 1/3; a method may round the radius to a
-                // bin of a 32nd of it, by a 64th, which is a 32nd of the variance.
+                centroid.add(centre.abs() as f32, [0.0, 0.01], case.clone());
+                // A uniform aperture has variance c²·m, and the pixel adds up to 1/3. A method may round the radius to a bin
+                // whose width is a 32nd of it, so by a 64th, which changes the variance by a 32nd.
                 let moment = if blades == 0 { 0.25 } else { (2.0 + 0.5) / 12.0 };
                 let disc = coc.powi(2) * moment;
                 spread.add(
@@ -271,7 +269,7 @@ fn an_emitter_keeps_its_energy_its_place_and_spreads_as_its_disc_does() {
     }
 }
 
-/// Methods that have `effect`, which must be some.
+/// Methods that have `effect`; at least two.
 fn methods_with(effect: EffectKind) -> Vec<&'static dyn Method> {
     let found: Vec<_> =
         METHODS.into_iter().filter(|method| method.info().effects.contains(&effect)).collect();
@@ -279,7 +277,7 @@ fn methods_with(effect: EffectKind) -> Vec<&'static dyn Method> {
     found
 }
 
-/// Bulging blades, squeezed: nothing about it is the same in x and y, or when turned by 180°.
+/// Curved blades, squeezed: an aperture that differs between x and y, and when rotated by 180°.
 fn oval() -> Values {
     Values {
         blades: Some(5),
@@ -291,7 +289,7 @@ fn oval() -> Values {
 }
 
 #[test]
-fn a_point_seen_through_curved_and_squeezed_blades_spreads_as_they_do() {
+fn an_emitter_has_the_variance_of_curved_and_squeezed_blades_along_each_axis() {
     let aperture = Aperture::new(5, 20.0).unwrap().curved(0.5).unwrap().squeezed(2.0).unwrap();
     for method in methods_with(EffectKind::Squeeze) {
         let [mut energy, mut centroid, mut spread] =
@@ -302,13 +300,13 @@ fn a_point_seen_through_curved_and_squeezed_blades_spreads_as_they_do() {
             let plan = plan_through(method, &scene, 4096, oval());
             assert_eq!(plan.optics.aperture, aperture, "{}", method.info().name);
             let image = methods::render(scene, &plan, &|_| {}).unwrap();
-            let turned = Image::from_fn(49, 49, |x, y| image.pixel(y, x));
+            let transposed = Image::from_fn(49, 49, |x, y| image.pixel(y, x));
             let second = aperture.second_moments();
-            for (axis, image, moment) in [("x", &image, second.x), ("y", &turned, second.y)] {
-                let [sum, place, variance] = moments(image, 24.0);
+            for (axis, image, moment) in [("x", &image, second.x), ("y", &transposed, second.y)] {
+                let [sum, centre, variance] = moments(image, 24.0);
                 let case = format!("along {axis}, c = {coc}, brightness {brightness}");
                 energy.add((sum / f64::from(brightness)) as f32, [0.995, 1.005], case.clone());
-                centroid.add(place.abs() as f32, [0.0, 0.05], case.clone());
+                centroid.add(centre.abs() as f32, [0.0, 0.05], case.clone());
                 let disc = coc.powi(2) * moment;
                 let pixel = 1.0 / 3.0 / disc;
                 spread.add(variance as f32 / disc, [1.0 - 1.0 / 32.0, 1.0 + 1.0 / 32.0 + pixel], case);
@@ -318,7 +316,7 @@ fn a_point_seen_through_curved_and_squeezed_blades_spreads_as_they_do() {
     }
 }
 
-/// An opening to one side of the aperture, with a bar across it.
+/// An aperture image whose opening lies to one side, with a bar across it.
 fn mask() -> Mask {
     let side = 128;
     let light = |i: usize| {
@@ -333,8 +331,9 @@ fn mask() -> Mask {
     }
 }
 
-/// Lenses with a fault each, and with all of them; of so short a focal length that micrometres are many pixels of a small picture.
-fn faulty_lenses() -> Vec<(Vec<EffectKind>, Lens)> {
+/// Lenses with one aberration each, and one with all of them. The focal length is so short that aberrations of micrometres are
+/// many pixels of a small picture.
+fn aberrated_lenses() -> Vec<(Vec<EffectKind>, Lens)> {
     let short = || Values { focal_length_mm: Some(5.0), f_number: Some(1.0), ..Values::default() };
     let lens = |values| Lens { values, mask: None };
     let image = || Some(Arc::new(mask()));
@@ -363,18 +362,18 @@ fn faulty_lenses() -> Vec<(Vec<EffectKind>, Lens)> {
 }
 
 #[test]
-fn a_faulty_lens_looks_to_every_method_that_has_its_faults_as_to_rays() {
+fn every_method_with_an_aberration_renders_it_as_the_reference_does() {
     let world = world(56, 40);
-    let rays = methods::Registry::default().by_name("accumulate").unwrap();
+    let reference = methods::Registry::default().by_name("accumulate").unwrap();
     let picture = |method: &dyn Method, views, lens: &Lens| {
         let plan = plan_for(method, &world, views, lens).forced(EffectKind::Prefilter, false);
         methods::render(world.clone(), &plan, &|_| {}).unwrap()
     };
-    let plain = picture(rays, 4096, &Lens { values: Values::default(), mask: None });
-    for (effects, lens) in faulty_lenses() {
-        let truth = picture(rays, 4096, &lens);
-        let shows = psnr_db(&plain, &truth);
-        assert!(shows < 40.0, "{effects:?} show: {shows} dB");
+    let plain = picture(reference, 4096, &Lens { values: Values::default(), mask: None });
+    for (effects, lens) in aberrated_lenses() {
+        let truth = picture(reference, 4096, &lens);
+        let plain_db = psnr_db(&plain, &truth);
+        assert!(plain_db < 40.0, "the picture without {effects:?} must differ: {plain_db} dB");
         let able = |method: &&dyn Method| effects.iter().all(|effect| method.info().effects.contains(effect));
         let able: Vec<_> = METHODS.into_iter().filter(able).collect();
         assert!(able.len() >= 2, "{effects:?}");
@@ -388,15 +387,15 @@ fn a_faulty_lens_looks_to_every_method_that_has_its_faults_as_to_rays() {
 }
 
 #[test]
-fn a_blurred_front_lets_the_focused_back_through_at_full_sharpness() {
+fn a_focused_background_is_sharp_behind_a_blurred_foreground() {
     let front =
         || layer(48, 24, |x, _| if (20..26).contains(&x) { (grey(0.5), -8.0) } else { ([0.0; 4], 0.0) });
     let back = |value: &dyn Fn(usize, usize) -> f32| layer(48, 24, |x, y| (grey(value(x, y)), 0.0));
     let checker = |x: usize, y: usize| ((x + y) % 2) as f32;
     for method in METHODS {
-        let shown =
+        let rendered =
             |value: &dyn Fn(usize, usize) -> f32| blur(method, &scene(vec![front(), back(value)]), 256);
-        let (black, white, checkered) = (shown(&|_, _| 0.0), shown(&|_, _| 1.0), shown(&checker));
+        let (black, white, checkered) = (rendered(&|_, _| 0.0), rendered(&|_, _| 1.0), rendered(&checker));
         let expected =
             Image::from_fn(
                 48,
@@ -408,7 +407,7 @@ fn a_blurred_front_lets_the_focused_back_through_at_full_sharpness() {
         let mut sharpness = Trial::new(method, Law::Sharpness);
         sharpness.add(difference(&checkered, &expected), [0.0, 1e-5], "checkers behind a bar");
         sharpness.check();
-        // Six columns of front spread over 16: the back shows through even at their middle.
+        // Six columns of foreground are spread over 16: the background is visible even at their centre.
         let mut see_through = Trial::new(method, Law::SeeThrough);
         let share = white.pixel(23, 12)[0] - black.pixel(23, 12)[0];
         see_through.add(share, [0.3, 0.7], "the middle of the bar");
@@ -417,32 +416,33 @@ fn a_blurred_front_lets_the_focused_back_through_at_full_sharpness() {
 }
 
 #[test]
-fn an_opaque_focused_front_hides_a_blurred_back() {
+fn an_opaque_focused_foreground_occludes_a_blurred_background() {
     for method in METHODS {
         let front = layer(32, 16, |x, y| (grey(noise(x, y, 4)), 0.0));
         let back = layer(32, 16, |_, _| (grey(500.0), 12.0));
         let image = blur(method, &scene(vec![front, back]), 64);
         let expected = Image::from_fn(32, 16, |x, y| grey(noise(x, y, 4)));
         let mut trial = Trial::new(method, Law::Occlusion);
-        trial.add(difference(&image, &expected), [0.0, 1e-5], "noise before a bright wall");
+        trial.add(difference(&image, &expected), [0.0, 1e-5], "noise in front of a bright wall");
         trial.check();
     }
 }
 
-/// How much of a bright wall shows through an opaque surface before it that slants by `across` and `down` pixels of CoC a
-/// sample: the mean and the largest share, away from the border, past which a slanted surface goes on level.
+/// Share of a bright wall that is visible through an opaque surface in front of it, whose CoC radius changes by `across` and
+/// `down` pixels per sample. Returns the mean and the largest share away from the border, past which a slanted surface
+/// continues level.
 fn leak(method: &'static dyn Method, (across, down): (f32, f32)) -> (f32, f32) {
     let slanted = layer(48, 48, |x, y| (grey(0.5), across * (x as f32 - 24.0) + down * (y as f32 - 24.0)));
     let wall = layer(48, 48, |_, _| (grey(0.9), 60.0));
     let image = blur(method, &scene(vec![slanted, wall]), 256);
     let inner = (14..34).flat_map(|y| (14..34).map(move |x| (x, y)));
     let shares: Vec<f32> = inner.map(|(x, y)| (image.pixel(x, y)[0] - 0.5) / 0.4).collect();
-    (shares.iter().sum::<f32>() / shares.len() as f32, shares.iter().fold(0.0, |most, share| share.max(most)))
+    (shares.iter().sum::<f32>() / shares.len() as f32, shares.iter().fold(0.0, |max, share| share.max(max)))
 }
 
 #[test]
 fn a_slanted_surface_has_no_cracks() {
-    // Neighbours, even across a corner, less than half a pixel of CoC apart.
+    // All neighbours, also across a corner, differ by less than half a pixel of CoC radius.
     for method in METHODS {
         let mut trial = Trial::new(method, Law::NoCracks);
         for slant in [(0.0, 0.3), (0.24, 0.1), (-0.45, 0.0), (0.2, -0.28)] {
@@ -453,8 +453,8 @@ fn a_slanted_surface_has_no_cracks() {
 }
 
 #[test]
-fn a_surface_steep_across_the_corners_of_its_samples_has_no_cracks_either() {
-    // Half a pixel of CoC between neighbours, more across a corner.
+fn a_surface_that_is_steep_across_the_corners_of_its_samples_has_no_cracks() {
+    // Neighbours differ by less than half a pixel of CoC radius, and by more across a corner.
     for method in METHODS {
         let mut trial = Trial::new(method, Law::NoCracksAcrossCorners);
         for slant in [(0.3, -0.37), (0.45, 0.45)] {
@@ -465,18 +465,18 @@ fn a_surface_steep_across_the_corners_of_its_samples_has_no_cracks_either() {
 }
 
 #[test]
-fn samples_further_apart_than_the_rule_are_separate_and_let_some_of_the_wall_through() {
-    // What the model of the default and of the reference says, not what an artist wants: 0.6 px of CoC from sample to
-    // sample is past half a pixel.
+fn samples_that_differ_by_more_than_the_join_limit_are_separate_surfaces_with_gaps() {
+    // By the model of the default and of the reference, not by what an artist expects: 0.6 px of CoC radius from sample to sample
+    // is more than half a pixel.
     for name in ["shear", "accumulate"] {
         let (mean, _) = leak(methods::Registry::default().by_name(name).unwrap(), (0.6, 0.0));
-        assert!((0.05..0.15).contains(&mean), "{name}: {mean} shows through");
+        assert!((0.05..0.15).contains(&mean), "{name}: {mean} is visible through it");
     }
 }
 
 #[test]
-fn a_surface_that_something_nearer_pushes_one_peel_back_has_no_cracks_either() {
-    // A floor through focus, a near bar before its middle rows: there the floor is the second peel.
+fn a_surface_that_continues_one_peel_farther_behind_a_nearer_one_has_no_cracks() {
+    // A floor through focus, and a near bar in front of its middle rows, where the floor is the second peel.
     let floor = |y: usize| 0.3 * (y as f32 - 24.0);
     let barred = |y: usize| (20..28).contains(&y);
     let first = layer(48, 48, |_, y| (grey(0.5), if barred(y) { -12.0 } else { floor(y) }));
@@ -486,25 +486,25 @@ fn a_surface_that_something_nearer_pushes_one_peel_back_has_no_cracks_either() {
     let image = blur(shear, &scene(vec![first, second, third]), 256);
     for y in 14..34 {
         let leak = image.pixel(24, y)[0] - 0.5;
-        assert!(leak.abs() < 1e-5, "{leak} shows through in row {y}");
+        assert!(leak.abs() < 1e-5, "{leak} is visible through it in row {y}");
     }
 }
 
 #[test]
-fn light_through_half_a_veil_is_halved() {
+fn a_layer_of_half_coverage_halves_the_light_behind_it() {
     for method in METHODS {
-        let veil = layer(32, 16, |_, _| ([0.1, 0.1, 0.1, 0.5], -6.0));
+        let translucent = layer(32, 16, |_, _| ([0.1, 0.1, 0.1, 0.5], -6.0));
         let wall = layer(32, 16, |_, _| (grey(0.8), 5.0));
-        let image = blur(method, &Scene { kind: StackKind::Coverage, ..scene(vec![veil, wall]) }, 64);
+        let image = blur(method, &Scene { kind: StackKind::Coverage, ..scene(vec![translucent, wall]) }, 64);
         let mut trial = Trial::new(method, Law::Veil);
         let off = difference(&image, &Image::from_fn(32, 16, |_, _| grey(0.1 + 0.5 * 0.8)));
-        trial.add(off, [0.0, 1e-5], "grey veil, grey wall");
+        trial.add(off, [0.0, 1e-5], "grey translucent layer, grey wall");
         trial.check();
     }
 }
 
 #[test]
-fn an_object_before_nothing_keeps_a_transparent_picture() {
+fn an_object_on_a_transparent_background_keeps_its_coverage() {
     for method in METHODS {
         let mut trial = Trial::new(method, Law::Transparency);
         for coc in [-5.0, 5.0] {
@@ -530,36 +530,36 @@ fn an_object_before_nothing_keeps_a_transparent_picture() {
 }
 
 #[test]
-fn a_mirrored_or_turned_scene_gives_the_mirrored_or_turned_picture() {
-    type Place = fn(usize, usize) -> (usize, usize);
-    let places: [Place; 3] = [|x, y| (39 - x, y), |x, y| (x, 39 - y), |x, y| (y, x)];
+fn a_mirrored_or_transposed_scene_gives_the_mirrored_or_transposed_picture() {
+    type Mapping = fn(usize, usize) -> (usize, usize);
+    let mappings: [Mapping; 3] = [|x, y| (39 - x, y), |x, y| (x, 39 - y), |x, y| (y, x)];
     let world = world(40, 40);
-    let moved = |plane: &Plane, place: Place| {
+    let mapped = |plane: &Plane, mapping: Mapping| {
         Plane::from_fn(40, 40, |x, y| {
-            let (x, y) = place(x, y);
+            let (x, y) = mapping(x, y);
             plane.get(x, y)
         })
     };
     for method in METHODS {
         let mut trial = Trial::new(method, Law::Symmetry);
         let image = blur(method, &world, 1024);
-        for (place, case) in places.into_iter().zip(["left to right", "top to bottom", "turned"]) {
+        for (mapping, case) in mappings.into_iter().zip(["left to right", "top to bottom", "transposed"]) {
             let layers = world.layers.iter().map(|layer| Layer {
-                color: layer.color.each_ref().map(|plane| moved(plane, place)),
-                alpha: moved(&layer.alpha, place),
-                coc_px: moved(&layer.coc_px, place),
+                color: layer.color.each_ref().map(|plane| mapped(plane, mapping)),
+                alpha: mapped(&layer.alpha, mapping),
+                coc_px: mapped(&layer.coc_px, mapping),
             });
-            let mirrored = blur(method, &scene(layers.collect()), 1024);
-            let expected = Image { planes: image.planes.each_ref().map(|plane| moved(plane, place)) };
-            // The views are not symmetric, so the two differ by their sampling error.
-            trial.add(psnr_db(&mirrored, &expected) as f32, [48.0, f32::INFINITY], case);
+            let of_mapped_scene = blur(method, &scene(layers.collect()), 1024);
+            let expected = Image { planes: image.planes.each_ref().map(|plane| mapped(plane, mapping)) };
+            // The lens samples are not symmetric, so the two differ by their sampling error.
+            trial.add(psnr_db(&of_mapped_scene, &expected) as f32, [48.0, f32::INFINITY], case);
         }
         trial.check();
     }
 }
 
 #[test]
-fn finite_in_finite_out_however_hostile() {
+fn finite_input_gives_finite_output_however_extreme() {
     let wild = [0.0, -5.0, 65_504.0, 1e-30, 1e4, f32::MIN_POSITIVE];
     let alphas = [0.0, 1e-7, 0.3, 0.9995, 1.0];
     let cocs = [-2000.0, -50.0, -0.5, 0.0, 1e-20, 0.499, 30.0, 900.0];
@@ -595,7 +595,7 @@ fn a_scene_without_fragments_is_a_transparent_picture() {
 }
 
 #[test]
-fn the_result_depends_neither_on_the_number_of_threads_nor_on_the_run() {
+fn the_picture_depends_neither_on_the_number_of_threads_nor_on_repetition() {
     let world = world(61, 37);
     for method in METHODS {
         let with_threads = |threads| {
@@ -603,8 +603,8 @@ fn the_result_depends_neither_on_the_number_of_threads_nor_on_the_run() {
             pool.install(|| blur(method, &world, 32))
         };
         let one = with_threads(1);
-        assert_eq!(one, with_threads(3), "{}: one thread, three threads", method.info().name);
-        assert_eq!(one, with_threads(1), "{}: once, again", method.info().name);
+        assert_eq!(one, with_threads(3), "{}: one and three threads", method.info().name);
+        assert_eq!(one, with_threads(1), "{}: first and second time", method.info().name);
     }
 }
 
@@ -644,7 +644,7 @@ fn every_method_converges_to_the_reference() {
 }
 
 #[test]
-fn single_pixels_are_those_of_the_picture_whatever_was_asked_for_before() {
+fn single_pixels_equal_those_of_the_picture_whatever_was_requested_before() {
     let (width, height) = (45, 31);
     let mut scene = world(width, height);
     // A highlight, and pixels at every border.
@@ -652,9 +652,9 @@ fn single_pixels_are_those_of_the_picture_whatever_was_asked_for_before() {
     let corners = [0, width - 1, (height - 1) * width, height * width - 1];
     let pixels: Vec<usize> = (0..width * height).step_by(7).chain(corners).collect();
     let hexagon = Lens { values: Values { blades: Some(6), ..Values::default() }, mask: None };
-    let (_, faulty) = faulty_lenses().pop().unwrap();
+    let (_, aberrated) = aberrated_lenses().pop().unwrap();
     let mut sampling = 0;
-    for (method, lens) in METHODS.into_iter().flat_map(|method| [(method, &hexagon), (method, &faulty)]) {
+    for (method, lens) in METHODS.into_iter().flat_map(|method| [(method, &hexagon), (method, &aberrated)]) {
         let Some(samples) = method.lens_sampling() else { continue };
         let plan = plan_for(method, &scene, 8, lens).forced(EffectKind::Resolve, true);
         let mut sampler = samples.begin(scene.clone(), &plan);
@@ -662,21 +662,30 @@ fn single_pixels_are_those_of_the_picture_whatever_was_asked_for_before() {
             let values = sampler.pixels(views, &pixels);
             let picture = samples.begin(scene.clone(), &plan).picture(views, &|_| {});
             for (value, &pixel) in values.iter().zip(&pixels) {
-                let wanted = picture.planes.each_ref().map(|plane| plane.values()[pixel]);
-                let near = value.iter().zip(wanted).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));
-                assert!(near, "{}: {value:?} of {wanted:?} at {pixel}, {views} views", method.info().name);
+                let expected = picture.planes.each_ref().map(|plane| plane.values()[pixel]);
+                let near = value.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));
+                assert!(
+                    near,
+                    "{}: {value:?}, expected {expected:?} at {pixel}, {views} views",
+                    method.info().name
+                );
             }
         }
-        let kept = sampler.picture(8, &|_| {});
-        assert_eq!(kept, samples.begin(scene.clone(), &plan).picture(8, &|_| {}), "{}", method.info().name);
+        let after_pixels = sampler.picture(8, &|_| {});
+        assert_eq!(
+            after_pixels,
+            samples.begin(scene.clone(), &plan).picture(8, &|_| {}),
+            "{}",
+            method.info().name
+        );
         sampling += 1;
     }
     assert!(sampling >= 8, "{sampling} times: four methods sample the lens");
 }
 
 #[test]
-fn supersampled_layers_blur_as_the_coverage_they_stand_for() {
-    // A slanted edge, far behind focus, at twice the resolution; everything is constant along it.
+fn supersampled_layers_blur_as_the_coverage_that_their_samples_represent() {
+    // A slanted edge at twice the resolution, in front of focus and behind it; colours are constant along it.
     let edge = |x: usize, y: usize| x + y / 2 < 48;
     let front = layer(96, 64, |x, y| if edge(x, y) { (grey(0.9), -5.0) } else { (grey(0.2), 6.0) });
     let back = layer(96, 64, |x, y| if edge(x, y) { (grey(0.2), 6.0) } else { ([0.0; 4], 0.0) });

@@ -1,6 +1,6 @@
-//! What is written reads back: through the EXR and PNG libraries' own readers, not through ours.
+//! Written files are read back with the readers of the EXR and PNG libraries, not with those of thinlens.
 
-#![expect(clippy::unwrap_used, reason = "a fixture that fails, fails its test")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 use exr::image::{AnyChannel, FlatSamples};
 use exr::meta::attribute::{AttributeValue, Text};
@@ -36,7 +36,7 @@ fn carried_channel(name: &str, samples: FlatSamples) -> CarriedChannel {
     CarriedChannel { name: name.to_owned(), samples, quantize_linearly: true }
 }
 
-/// One channel of each type; the ids use all their bits, the floats are no halves.
+/// One channel of each type; the ids use all bits, the floats cannot be represented as halves.
 fn carried() -> Carried {
     let count = FRAME.data.width * FRAME.data.height;
     let ids = (0..count as u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
@@ -97,7 +97,7 @@ fn floats_and_carried_channels_read_back_bit_for_bit_through_every_lossless_code
 }
 
 #[test]
-fn halves_are_rounded_to_the_nearest_by_every_codec_that_keeps_halves() {
+fn halves_are_rounded_to_nearest_by_every_codec_that_is_lossless_for_halves() {
     let (folder, image) = (TempDir::new().unwrap(), gradient());
     for codec in LOSSLESS.into_iter().chain([Codec::Pxr24]) {
         let picture = read_back(&write(&folder, &image, &Carried::default(), Precision::Half, codec));
@@ -139,7 +139,7 @@ fn windows_and_pixel_aspect_are_those_of_the_frame() {
 }
 
 #[test]
-fn channels_stand_in_the_order_of_their_names() {
+fn channels_are_sorted_by_name() {
     let folder = TempDir::new().unwrap();
     let picture = read_back(&write(&folder, &gradient(), &carried(), Precision::Half, Codec::Zip));
     let names: Vec<String> =
@@ -148,7 +148,7 @@ fn channels_stand_in_the_order_of_their_names() {
 }
 
 #[test]
-fn a_value_beyond_half_becomes_the_largest_half_not_infinity() {
+fn a_value_beyond_half_is_clamped_to_the_largest_half() {
     let folder = TempDir::new().unwrap();
     let values_in = [1e6, -1e6, f32::INFINITY, 65_504.0];
     let image = Image::from_fn(FRAME.data.width, FRAME.data.height, |_, _| values_in);
@@ -158,7 +158,7 @@ fn a_value_beyond_half_becomes_the_largest_half_not_infinity() {
 }
 
 #[test]
-fn attributes_known_and_unknown_survive_and_those_of_the_storage_do_not() {
+fn attributes_known_and_unknown_are_copied_except_those_of_the_storage() {
     let folder = TempDir::new().unwrap();
     let text = |value: &str| AttributeValue::Text(Text::from(value));
     let custom = AttributeValue::Custom { kind: Text::from("myType"), bytes: [1_u8, 2, 3].as_slice().into() };
@@ -204,7 +204,7 @@ fn equal_pictures_give_equal_files_with_any_number_of_threads() {
 }
 
 #[test]
-fn the_picture_takes_its_names_and_what_cannot_be_carried_is_said() {
+fn channels_that_cannot_be_carried_are_reported() {
     let folder = TempDir::new().unwrap();
     let count = FRAME.data.width * FRAME.data.height;
     let mut carried = carried();
@@ -220,8 +220,8 @@ fn the_picture_takes_its_names_and_what_cannot_be_carried_is_said() {
     assert_eq!(
         texts,
         [
-            "channel \"R\" of the input is left out: the picture takes its name",
-            "channel \"objectId\" of the input is left out: another channel has its name",
+            "channel \"R\" of the input is left out: the picture has a channel of this name",
+            "channel \"objectId\" of the input is left out: another channel has the same name",
             "channel \"small\" of the input is left out: it has 3 samples, the picture 53×41",
         ]
     );
@@ -232,7 +232,7 @@ fn the_picture_takes_its_names_and_what_cannot_be_carried_is_said() {
 }
 
 #[test]
-fn a_picture_that_its_frame_does_not_fit_is_refused_and_leaves_no_file() {
+fn a_picture_of_another_size_than_its_frame_is_refused_and_leaves_no_file() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a.exr");
     let options = ExrOptions { precision: Precision::Half, codec: Codec::Zip };
@@ -286,10 +286,12 @@ fn pictures_side_by_side_keep_their_size_and_order() {
 }
 
 #[test]
-fn json_is_written_whole_with_a_newline_at_its_end() {
+fn json_is_written_with_a_newline_at_its_end() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a.json");
-    report::write_json(&path, &usage::Seconds { read: 0.5, ..usage::Seconds::default() }).unwrap();
+    let mut seconds = usage::Seconds::default();
+    seconds.read = 0.5;
+    report::write_json(&path, &seconds).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.ends_with("}\n"));
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -326,7 +328,7 @@ mod the_report {
             device: report::Device {
                 kind: "cpu",
                 name: "a processor".to_owned(),
-                reason: "asked for".to_owned(),
+                reason: "requested".to_owned(),
                 gpu: None,
             },
             lens: report::LensReport::new(
@@ -384,14 +386,14 @@ mod the_report {
         }
         assert_eq!(
             json["device"],
-            serde_json::json!({"kind": "cpu", "name": "a processor", "reason": "asked for"})
+            serde_json::json!({"kind": "cpu", "name": "a processor", "reason": "requested"})
         );
         assert!(json["probe"].is_null());
         assert_eq!(json["stack"]["kind"], "point-sampled");
     }
 
     #[test]
-    fn gives_each_lens_value_with_its_origin_and_what_follows() {
+    fn has_each_lens_value_with_its_origin_and_derived_values() {
         let lens = &serde_json::to_value(example()).unwrap()["lens"];
         assert_eq!(lens["f_number"], serde_json::json!({"value": 1.5, "origin": {"from": "flag"}}));
         assert_eq!(lens["focal_length_mm"]["origin"]["from"], "default");
@@ -399,7 +401,7 @@ mod the_report {
     }
 
     #[test]
-    fn gives_every_effect_with_its_reason_and_warnings_apart() {
+    fn has_every_effect_with_its_reason_and_a_list_of_warnings() {
         let json = serde_json::to_value(example()).unwrap();
         let effect = serde_json::json!({
             "name": "fill", "on": false, "reason": "nothing is missing", "change": "with it, no effect", "forced": false

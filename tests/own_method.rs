@@ -1,5 +1,6 @@
-//! A method of a library's user: one type, and every command knows it.
+//! A method added by a user of the library: one type, available in every command.
 
+#![cfg(feature = "cli")]
 #![expect(
     clippy::unwrap_used,
     clippy::exit,
@@ -10,23 +11,23 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Output};
 use thinlens::error::Error;
 use thinlens::image::Image;
-use thinlens::methods::{Method, MethodInfo, Plan, Progress, Registry, Role};
+use thinlens::methods::{Method, MethodInfo, Plan, Progress, Registry};
 use thinlens::scene::Scene;
 use thinlens::settings::ParameterTable;
 
-/// The environment variable whose arguments the test's own binary runs the program with, one a line.
+/// Environment variable with the program's arguments, one per line: the test's own binary then runs as the program.
 const ARGUMENTS: &str = "THINLENS_TEST_ARGUMENTS";
 
 const STACK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/stack.exr");
 
-/// The picture without a lens, dimmed: no blur at all.
+/// The pinhole picture, darkened; no blur.
 #[derive(Debug)]
 struct Dim;
 
 thinlens::declare_parameters! {
     /// Parameters of `dim`.
     DimParameters {
-        /// Share of the light that is kept.
+        /// Fraction of the light that is kept.
         kept: f32 = 0.5, Number(0.0, 1.0);
     }
 }
@@ -34,14 +35,9 @@ thinlens::declare_parameters! {
 impl Method for Dim {
     fn info(&self) -> MethodInfo {
         MethodInfo {
-            name: "dim",
             source: "this test",
-            role: Role::Custom,
-            summary: "the picture without a lens, dimmed",
-            effects: &[],
-            lens_samples: None,
             steps: &["kept=0.25", "kept=0.5", "kept=1"],
-            deviations: &[],
+            ..MethodInfo::new("dim", "the pinhole picture, darkened")
         }
     }
 
@@ -58,7 +54,7 @@ impl Method for Dim {
     }
 }
 
-/// Not a test by itself: where [`ARGUMENTS`] is set, this binary is the program with one method more.
+/// Not a test by itself: where [`ARGUMENTS`] is set, this binary runs the program with one additional method.
 #[test]
 fn program() {
     let Ok(arguments) = std::env::var(ARGUMENTS) else { return };
@@ -78,7 +74,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What a run that went well printed on standard output.
+/// Standard output of a run, which has to succeed.
 fn stdout(folder: &Path, arguments: &[&str]) -> String {
     let output = run(folder, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -86,7 +82,7 @@ fn stdout(folder: &Path, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn every_command_knows_it() {
+fn every_command_has_the_added_method() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let dim = ["--method", "dim", "--device", "cpu"];
@@ -100,7 +96,7 @@ fn every_command_knows_it() {
     let report: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(folder.join("report.json")).unwrap()).unwrap();
     assert_eq!((&report["method"], &report["plan"]["parameters"]["kept"]), (&"dim".into(), &0.5.into()));
-    assert!(stdout(folder, &with(&["inspect", STACK])).contains("dim"), "what a render would do");
+    assert!(stdout(folder, &with(&["inspect", STACK])).contains("dim"), "the plan of a render");
     let plan = stdout(folder, &with(&["plan", STACK, "--uncalibrated", "--all-methods"]));
     let row = plan.lines().find(|line| line.contains("dim:kept=0.25")).unwrap();
     assert!(row.contains('?'), "its cost is unknown: {row}");
@@ -112,7 +108,7 @@ fn every_command_knows_it() {
 }
 
 #[test]
-fn its_parameters_are_set_by_flags_and_presets_and_checked() {
+fn parameters_of_the_added_method_are_set_by_flags_and_presets_and_checked() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("lens.toml"), "[method]\nname = 'dim'\n[method.dim]\nkept = 1\n").unwrap();

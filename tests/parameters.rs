@@ -1,4 +1,4 @@
-//! Every parameter of every method does something.
+//! Every parameter of every method changes the picture.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
@@ -9,8 +9,8 @@ use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Origin, ParameterKind, ParameterValues, Settings, Values};
 use thinlens::stack::StackKind;
 
-/// Another value for each parameter for which not every value matters in [`scene`], with what else has to be set. Of all other parameters
-/// [`another`] value must change the picture.
+/// Values for the parameters of which not every value changes the picture of [`scene`]: method, key, value, and other
+/// parameters that have to be set. For all other parameters [`another`] value is tested.
 fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
     let none = json!({});
     let with = |method, key, value: Value| (method, key, value, none.clone());
@@ -50,7 +50,7 @@ fn other_values() -> Vec<(&'static str, &'static str, Value, Value)> {
     ]
 }
 
-/// Another value of a parameter than its default.
+/// A value of a parameter that differs from its default.
 fn another(kind: &ParameterKind, default: &Value) -> Value {
     let differs = |value: &Value| value.as_f64() != default.as_f64();
     match *kind {
@@ -60,10 +60,11 @@ fn another(kind: &ParameterKind, default: &Value) -> Value {
         }
         ParameterKind::Number(from, to) => [json!(from), json!(to)].into_iter().find(differs).unwrap(),
         ParameterKind::Numbers(_, to) => json!([to, to / 2.0]),
+        ref other => panic!("there is no other value for {other:?}"),
     }
 }
 
-/// Two peels with every difficulty that a parameter speaks of: near bars, a floor through focus, a far wall, highlights.
+/// Two peels with content for every parameter: near bars, a floor through focus, a far wall, highlights.
 fn scene() -> Scene {
     let (width, height) = (64, 48);
     let noise = |x: usize, y: usize, k: usize| {
@@ -71,10 +72,11 @@ fn scene() -> Scene {
         ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
     };
     let bar = |x: usize| x % 24 < 8;
-    let behind = |x: usize, y: usize| if (x / 8).is_multiple_of(2) { 14.0 - 0.5 * y as f32 } else { 11.0 };
+    let background_px =
+        |x: usize, y: usize| if (x / 8).is_multiple_of(2) { 14.0 - 0.5 * y as f32 } else { 11.0 };
     let coc = |x, y, peel| match (bar(x), peel) {
         (true, 0) => -10.0,
-        (true, _) | (false, 0) => behind(x, y),
+        (true, _) | (false, 0) => background_px(x, y),
         (false, _) => 14.5,
     };
     let value = |x: usize, y: usize, k: usize| {
@@ -108,7 +110,7 @@ fn every_parameter_changes_the_picture() {
         let table = method.parameters();
         let method = method.info().name;
         for parameter in table.declarations() {
-            let declared = others.iter().find(|(of, key, ..)| (*of, *key) == (method, parameter.name));
+            let declared = others.iter().find(|(owner, key, ..)| (*owner, *key) == (method, parameter.name));
             let default = &table.defaults().table()[parameter.name];
             let (key, value, with) = match declared {
                 Some((_, key, value, with)) => (*key, value.clone(), with.clone()),
@@ -121,7 +123,7 @@ fn every_parameter_changes_the_picture() {
 }
 
 #[test]
-fn every_parameter_is_declared_with_its_range_and_its_meaning() {
+fn every_parameter_has_a_default_within_its_range_and_a_description() {
     for method in METHODS {
         let (table, method) = (method.parameters(), method.info().name);
         let defaults = table.defaults().table();
@@ -130,7 +132,7 @@ fn every_parameter_is_declared_with_its_range_and_its_meaning() {
         for parameter in declared {
             assert!(
                 parameter.kind.allows(&defaults[parameter.name]),
-                "{method}: the default of {} is out of its range",
+                "{method}: the default of {} is outside of its range",
                 parameter.name
             );
             assert!(parameter.description.ends_with('.'), "{method}: {} is not described", parameter.name);

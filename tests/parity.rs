@@ -1,7 +1,7 @@
-//! What a method makes on a GPU is what it makes on the CPU, looped over every method that has a twin.
+//! Every method with a GPU backend renders the same picture on a GPU as on the CPU.
 //!
-//! The twins run on whatever adapter there is, be it a program on the processor. Where there is none these tests have nothing to do,
-//! unless `THINLENS_REQUIRE_GPU` is set: then they fail.
+//! The tests run on any adapter, including software drivers. Without an adapter they pass without checking anything, unless
+//! `THINLENS_REQUIRE_GPU` is set: then they fail.
 
 #![cfg(feature = "gpu")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
@@ -10,99 +10,99 @@ use std::path::Path;
 use std::sync::OnceLock;
 use thinlens::gpu::{DeviceChoice, DeviceKind, Gpu};
 use thinlens::image::{Image, Plane};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, METHODS, Method};
+use thinlens::methods::{self, METHODS, Method, Plan};
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
 use thinlens::stack::{Source, StackKind};
 
-/// How far a method's two pictures may be apart.
+/// Maximum difference between a method's two pictures.
 #[derive(Clone, Copy)]
 struct Tolerance {
     method: &'static str,
-    /// Difference of a value, as a share of one plus that value.
-    apart: f32,
-    /// Share of all values that may be farther apart.
+    /// Maximum difference of a value, relative to one plus that value.
+    max_difference: f32,
+    /// Fraction of all values that may differ more.
     outliers: f64,
-    /// Why.
+    /// Reason for the tolerance.
     reason: &'static str,
 }
 
 const TOLERANCES: &[Tolerance] = &[
     Tolerance {
         method: "shear",
-        apart: 3e-6,
+        max_difference: 3e-6,
         outliers: 0.0,
-        reason: "which fragment a view shows is decided in whole numbers, made by the CPU; sums alone are rounded in another order",
+        reason: "the fragment that a view hits is decided by integers that the CPU computes; only the order of summation differs",
     },
     Tolerance {
         method: "accumulate",
-        apart: 2e-6,
+        max_difference: 2e-6,
         outliers: 0.0,
-        reason: "rays take the same steps by the same table; a ray on the very edge of a sample may find its neighbour, which no case does",
+        reason: "rays take the same steps by the same table; a ray exactly on the edge of a sample may hit its neighbour, which happens in no case",
     },
     Tolerance {
         method: "layer-rays",
-        apart: 2e-5,
+        max_difference: 2e-5,
         outliers: 2e-5,
-        reason: "the level of a cone is a logarithm; false position that ends on the very edge of a sample may find its neighbour",
+        reason: "the level of a cone is a logarithm; a root search that ends exactly on the edge of a sample may hit its neighbour",
     },
     Tolerance {
         method: "peel-rays",
-        apart: 2e-6,
+        max_difference: 2e-6,
         outliers: 0.0,
-        reason: "rays take the same steps through the same tables; only where division or a fused product rounds otherwise may a ray at the very edge of a sample find its neighbour, which no case does",
+        reason: "rays take the same steps through the same tables; where a division or fused multiply-add rounds differently, a ray on the edge of a sample may hit its neighbour, which happens in no case",
     },
     Tolerance {
         method: "recursive-gaussian",
-        apart: 4e-6,
+        max_difference: 4e-6,
         outliers: 0.0,
-        reason: "sums along lines are whole numbers, and rounded to single precision in each pass, as the CPU's are",
+        reason: "sums along lines are integers, rounded to single precision in each pass, as on the CPU",
     },
     Tolerance {
         method: "b-buffer",
-        apart: 2e-6,
+        max_difference: 2e-6,
         outliers: 0.0,
-        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+        reason: "pyramids are sums; only their order and the rounding of divisions differ",
     },
     Tolerance {
         method: "opaque-blur",
-        apart: 2e-6,
+        max_difference: 2e-6,
         outliers: 0.0,
-        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+        reason: "pyramids are sums; only their order and the rounding of divisions differ",
     },
     Tolerance {
         method: "pyramid-disocclusion",
-        apart: 2e-6,
+        max_difference: 2e-6,
         outliers: 0.0,
-        reason: "pyramids are sums; their order alone differs, and how a division is rounded",
+        reason: "pyramids are sums; only their order and the rounding of divisions differ",
     },
     Tolerance {
         method: "point-splat",
-        apart: 1e-5,
+        max_difference: 1e-5,
         outliers: 0.0,
-        reason: "points, weights and the bounds of layers are the CPU's; sums alone are rounded in another order",
+        reason: "points, weights and the bounds of layers are computed on the CPU; only the order of summation differs",
     },
 ];
 
 fn tolerance(method: &dyn Method) -> Tolerance {
     let name = method.info().name;
     let found = TOLERANCES.iter().find(|tolerance| tolerance.method == name);
-    *found.unwrap_or_else(|| panic!("{name} has a twin and no tolerance"))
+    *found.unwrap_or_else(|| panic!("{name} has a GPU backend and no tolerance"))
 }
 
 impl Tolerance {
-    /// Share of the values of `found` that are farther than `apart` from those of `expected`, and the farthest.
+    /// Fraction of the values of `found` that differ from those of `expected` by more than `max_difference`, and the largest
+    /// difference.
     fn outside(&self, found: &Image, expected: &Image) -> (f64, f32) {
         assert_eq!((found.width(), found.height()), (expected.width(), expected.height()));
         let (mut outside, mut count, mut worst) = (0usize, 0usize, 0.0f32);
         for (found, expected) in found.planes.iter().zip(&expected.planes) {
             for (&found, &expected) in found.values().iter().zip(expected.values()) {
-                let apart = (found - expected).abs() / (1.0 + expected.abs());
-                // What is not a number is outside of everything.
-                outside += usize::from(apart.is_nan() || apart > self.apart);
-                worst = if apart.is_nan() { f32::INFINITY } else { worst.max(apart) };
+                let difference = (found - expected).abs() / (1.0 + expected.abs());
+                // NaN counts as outside.
+                outside += usize::from(difference.is_nan() || difference > self.max_difference);
+                worst = if difference.is_nan() { f32::INFINITY } else { worst.max(difference) };
                 count += 1;
             }
         }
@@ -113,20 +113,20 @@ impl Tolerance {
         self.outside(found, expected).0 <= self.outliers
     }
 
-    fn demand(&self, found: &Image, expected: &Image, case: &str) {
+    fn check(&self, found: &Image, expected: &Image, case: &str) {
         let (outside, worst) = self.outside(found, expected);
         assert!(
             outside <= self.outliers,
-            "{}: {case}: {outside:.5} of all values are more than {} apart, {} may be ({}); the farthest {worst}",
+            "{}: {case}: {outside:.5} of all values differ by more than {}, expected at most {} ({}); largest difference {worst}",
             self.method,
-            self.apart,
+            self.max_difference,
             self.outliers,
             self.reason
         );
     }
 }
 
-/// The adapter of all tests, if there is one.
+/// The adapter for all tests, if there is one.
 fn gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
     GPU.get_or_init(|| {
@@ -138,11 +138,11 @@ fn gpu() -> Option<&'static Gpu> {
     .as_ref()
 }
 
-fn methods_with_twin() -> impl Iterator<Item = &'static dyn Method> {
+fn methods_with_gpu_backend() -> impl Iterator<Item = &'static dyn Method> {
     METHODS.into_iter().filter(|method| method.gpu().is_some())
 }
 
-/// A number from 0 to 1 that depends on its arguments alone.
+/// Hash of the arguments, as a number from 0 to 1.
 fn noise(x: usize, y: usize, seed: usize) -> f32 {
     let mut bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
     bits = (bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) ^ (bits >> 15);
@@ -158,7 +158,7 @@ fn layer(width: usize, height: usize, sample: impl Fn(usize, usize) -> ([f32; 4]
     }
 }
 
-/// A near bar, a translucent pane, a slanted floor through focus, and a far wall with a hole in it.
+/// Four layers: near bars, translucent panes, a slanted floor through focus, and a far wall with holes.
 fn layers(width: usize, height: usize, blur: f32) -> Vec<Layer> {
     let texture = |x: usize, y: usize, seed: usize, alpha: f32| {
         let fine =
@@ -180,7 +180,7 @@ fn layers(width: usize, height: usize, blur: f32) -> Vec<Layer> {
     (0..4).map(|k| layer(width, height, |x, y| at(x, y, k))).collect()
 }
 
-/// A case: what it is called, a scene, and what is set.
+/// A test case: name, scene and settings.
 struct Case {
     name: &'static str,
     scene: Scene,
@@ -189,7 +189,7 @@ struct Case {
 
 fn cases() -> Vec<Case> {
     let scene = |layers, kind| Scene::new(layers, kind, 1, 60.0);
-    let world = |blur| scene(layers(67, 41, blur), StackKind::PointSampled);
+    let textured = |blur| scene(layers(67, 41, blur), StackKind::PointSampled);
     let case = |name, scene| Case { name, scene, values: Values::default() };
     let supersampled = Scene::new(layers(62, 34, 1.0), StackKind::Supersampled, 2, 60.0);
     let lights = || {
@@ -225,16 +225,16 @@ fn cases() -> Vec<Case> {
         squeeze: Some(1.6),
         ..Values::default()
     };
-    let faults = Values {
+    let aberrations = Values {
         cats_eye: Some(0.8),
         spherical_um: Some(-400.0),
         axial_color_um: Some([120.0, -60.0]),
         ..Values::default()
     };
     vec![
-        case("a world", world(1.0)),
-        case("little blur", world(0.2)),
-        case("much blur", world(6.0)),
+        case("textured layers", textured(1.0)),
+        case("little blur", textured(0.2)),
+        case("much blur", textured(6.0)),
         case("samples averaged over pixels", scene(layers(67, 41, 1.0), StackKind::Coverage)),
         case("a supersampled stack", supersampled),
         case("one layer", scene(layers(67, 41, 1.0)[..1].to_vec(), StackKind::BeautyDepth)),
@@ -245,13 +245,13 @@ fn cases() -> Vec<Case> {
         case("one row", opaque(19, 1)),
         case("one column", opaque(1, 23)),
         case("an odd size", opaque(33, 17)),
-        Case { name: "blades", scene: world(1.0), values: blades },
-        Case { name: "a faulty lens", scene: lights(), values: faults },
+        Case { name: "blades", scene: textured(1.0), values: blades },
+        Case { name: "an aberrated lens", scene: lights(), values: aberrations },
     ]
 }
 
-/// The plan of `method` for `scene`, and the scene as it is to be blurred.
-fn settle(method: &dyn Method, scene: Scene, values: &Values, views: usize) -> (Scene, Plan) {
+/// The plan of `method` for `scene`, and the scene prepared for the blur.
+fn prepared(method: &dyn Method, scene: Scene, values: &Values, views: usize) -> (Scene, Plan) {
     let samples = method.samples_lens();
     let values = Values {
         method: Some(method.info().name.to_owned()),
@@ -267,40 +267,40 @@ fn on_cpu(scene: &Scene, plan: &Plan) -> Image {
     methods::render(scene.clone(), plan, &|_| {}).unwrap()
 }
 
-/// The picture that `gpu` makes; it must have been at work, and nothing must have been left to the CPU.
+/// The picture that `gpu` renders; checks that the GPU was used and the CPU was not.
 fn on_gpu(gpu: &Gpu, scene: &Scene, plan: &Plan) -> Image {
     let before = gpu.usage().unwrap().passes;
     let (image, fault) = methods::render_on(gpu, scene.clone(), plan, &|_| {}).unwrap();
     assert!(fault.is_none(), "{}: {}", plan.method, fault.unwrap());
-    assert!(gpu.usage().unwrap().passes > before, "{}: the GPU had nothing to do", plan.method);
+    assert!(gpu.usage().unwrap().passes > before, "{}: the GPU was not used", plan.method);
     image
 }
 
 #[test]
-fn every_case_is_the_same_picture() {
+fn every_case_gives_the_same_picture() {
     let Some(gpu) = gpu() else { return };
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         for Case { name, scene, values } in cases() {
             for views in [5, 48] {
-                let (scene, plan) = settle(method, scene.clone(), &values, views);
+                let (scene, plan) = prepared(method, scene.clone(), &values, views);
                 let case = format!("{name}, {views} views");
-                tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
+                tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
             }
         }
     }
 }
 
 #[test]
-fn every_effect_on_and_off_is_the_same_picture() {
+fn every_effect_on_and_off_gives_the_same_picture() {
     let Some(gpu) = gpu() else { return };
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         for Case { name, scene, values } in cases().into_iter().filter(|case| case.name != "much blur") {
-            let (scene, plan) = settle(method, scene, &values, 24);
+            let (scene, plan) = prepared(method, scene, &values, 24);
             for kind in method.info().effects {
                 for on in [false, true] {
                     let plan = plan.clone().forced(*kind, on);
                     let case = format!("{name}, {kind:?} {on}");
-                    tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
+                    tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
                 }
             }
         }
@@ -308,13 +308,13 @@ fn every_effect_on_and_off_is_the_same_picture() {
 }
 
 #[test]
-fn many_views_are_the_same_picture() {
+fn many_views_give_the_same_picture() {
     let Some(gpu) = gpu() else { return };
-    for method in methods_with_twin().filter(|method| method.lens_sampling().is_some()) {
+    for method in methods_with_gpu_backend().filter(|method| method.lens_sampling().is_some()) {
         let scene = Scene::new(layers(31, 21, 0.6), StackKind::PointSampled, 1, 60.0);
         for views in [1, 130, 700] {
-            let (scene, plan) = settle(method, scene.clone(), &Values::default(), views);
-            tolerance(method).demand(
+            let (scene, plan) = prepared(method, scene.clone(), &Values::default(), views);
+            tolerance(method).check(
                 &on_gpu(gpu, &scene, &plan),
                 &on_cpu(&scene, &plan),
                 &format!("{views} views"),
@@ -323,7 +323,7 @@ fn many_views_are_the_same_picture() {
     }
 }
 
-/// Real stacks, as far as they fit into a test.
+/// Rendered stacks that are small enough for a test.
 fn samples() -> Vec<(Scene, Settings)> {
     let sample = |name: &str, input: &str| {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name);
@@ -339,15 +339,15 @@ fn samples() -> Vec<(Scene, Settings)> {
 }
 
 #[test]
-fn real_stacks_are_the_same_picture() {
+fn the_samples_give_the_same_picture() {
     let Some(gpu) = gpu() else { return };
     for (scene, settings) in samples() {
-        for method in methods_with_twin() {
+        for method in methods_with_gpu_backend() {
             let mut settings = settings.clone();
             settings.method.value = method.info().name.to_owned();
             settings.effort.value = method.samples_lens().then_some(Effort::Views(16));
             let (scene, _, plan) = methods::Registry::default().prepare(scene.clone(), &settings).unwrap();
-            tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a sample");
+            tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a sample");
         }
     }
 }
@@ -357,17 +357,17 @@ fn bands_leave_no_seams() {
     if gpu().is_none() {
         return;
     }
-    // One of its own, as passes are counted.
+    // An adapter of this test's own, since passes are counted.
     let whole = Gpu::open(true).unwrap().unwrap();
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let name = method.info().name;
         for blur in [0.3, 1.0] {
             let scene = Scene::new(layers(61, 157, blur), StackKind::PointSampled, 1, 60.0);
-            let (scene, plan) = settle(method, scene, &Values::default(), 24);
+            let (scene, plan) = prepared(method, scene, &Values::default(), 24);
             let before = whole.usage().unwrap().passes;
             let expected = on_gpu(&whole, &scene, &plan);
             let passes = whole.usage().unwrap().passes - before;
-            // Ever smaller bands, until not one row fits.
+            // Smaller and smaller bands, until not even one row fits.
             let mut small = Gpu::open(true).unwrap().unwrap();
             let (mut bytes, mut banded) = (1_000_000, 0);
             loop {
@@ -379,45 +379,48 @@ fn bands_leave_no_seams() {
                     assert!(fault.to_string().contains("too large for the GPU"), "{name}: {fault}");
                     break;
                 }
-                tolerance(method).demand(&image, &expected, &format!("blur {blur}, bands of {bytes} bytes"));
+                tolerance(method).check(&image, &expected, &format!("blur {blur}, bands of {bytes} bytes"));
                 banded += usize::from(small.usage().unwrap().passes - before >= passes + passes / 2);
             }
-            assert!(banded > 0, "{name}: nothing was done in bands");
+            assert!(banded > 0, "{name}: nothing was rendered in bands");
         }
     }
 }
 
 #[test]
-fn a_frame_higher_than_a_texture_is_the_same_picture() {
+fn a_frame_higher_than_the_largest_texture_gives_the_same_picture() {
     let Some(gpu) = gpu() else { return };
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let scene = Scene::new(layers(3, gpu.max_texels() + 90, 1.0), StackKind::PointSampled, 1, 60.0);
-        let (scene, plan) = settle(method, scene, &Values::default(), 4);
-        tolerance(method).demand(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a strip");
+        let (scene, plan) = prepared(method, scene, &Values::default(), 4);
+        tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "a strip");
     }
 }
 
-/// The same picture, `columns` to the right.
-fn moved(image: &Image, columns: usize) -> Image {
+/// `image` shifted `columns` to the right.
+fn shifted(image: &Image, columns: usize) -> Image {
     Image::from_fn(image.width(), image.height(), |x, y| image.pixel(x.saturating_sub(columns), y))
 }
 
 #[test]
-fn the_comparison_sees_a_shift_a_difference_and_peels_in_another_order() {
+fn the_comparison_detects_a_shift_a_difference_and_swapped_peels() {
     let Some(gpu) = gpu() else { return };
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let tolerance = tolerance(method);
         let scene = Scene::new(layers(67, 41, 1.0), StackKind::PointSampled, 1, 60.0);
-        let (scene, plan) = settle(method, scene, &Values::default(), 24);
+        let (scene, plan) = prepared(method, scene, &Values::default(), 24);
         let expected = on_cpu(&scene, &plan);
         let name = method.info().name;
-        assert!(!tolerance.holds(&moved(&on_gpu(gpu, &scene, &plan), 1), &expected), "{name}: a pixel aside");
-        let off = |value: f32| value + 2.0 * tolerance.apart * (1.0 + value.abs());
+        assert!(
+            !tolerance.holds(&shifted(&on_gpu(gpu, &scene, &plan), 1), &expected),
+            "{name}: shifted by a pixel"
+        );
+        let off = |value: f32| value + 2.0 * tolerance.max_difference * (1.0 + value.abs());
         let brighter = Image::from_fn(67, 41, |x, y| expected.pixel(x, y).map(off));
         assert!(!tolerance.holds(&brighter, &expected), "{name}: twice the tolerance");
         let mut swapped = scene.clone();
         swapped.layers.reverse();
-        // A method that sorts by depth sees no difference in the order alone.
+        // The order alone makes no difference to a method that sorts by depth, so depths are negated too.
         swapped.layers.iter_mut().for_each(|layer| {
             layer.coc_px.values_mut().iter_mut().for_each(|coc| *coc = -*coc);
         });
@@ -426,15 +429,15 @@ fn the_comparison_sees_a_shift_a_difference_and_peels_in_another_order() {
 }
 
 #[test]
-fn a_frame_that_the_gpu_loses_is_done_on_the_cpu_and_says_so() {
+fn a_frame_that_fails_on_the_gpu_is_rendered_on_the_cpu_and_the_error_returned() {
     if gpu().is_none() {
         return;
     }
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let lost = Gpu::open(true).unwrap().unwrap();
         lost.lose();
         let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
-        let (scene, plan) = settle(method, scene, &Values::default(), 8);
+        let (scene, plan) = prepared(method, scene, &Values::default(), 8);
         let (image, fault) = methods::render_on(&lost, scene.clone(), &plan, &|_| {}).unwrap();
         assert!(fault.unwrap().to_string().contains("the GPU failed"), "{}", method.info().name);
         assert_eq!(image, on_cpu(&scene, &plan), "{}: bit for bit", method.info().name);
@@ -442,14 +445,14 @@ fn a_frame_that_the_gpu_loses_is_done_on_the_cpu_and_says_so() {
 }
 
 #[test]
-fn a_frame_that_the_gpu_loses_half_way_is_done_again_on_the_cpu() {
+fn a_frame_that_fails_half_way_on_the_gpu_is_rendered_again_on_the_cpu() {
     if gpu().is_none() {
         return;
     }
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let gpu = Gpu::open(true).unwrap().unwrap();
         let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
-        let (scene, plan) = settle(method, scene, &Values::default(), 700);
+        let (scene, plan) = prepared(method, scene, &Values::default(), 700);
         let (image, fault) = methods::render_on(&gpu, scene.clone(), &plan, &|_| gpu.lose()).unwrap();
         let name = method.info().name;
         assert!(fault.unwrap().to_string().contains("the GPU failed"), "{name}");
@@ -458,14 +461,14 @@ fn a_frame_that_the_gpu_loses_half_way_is_done_again_on_the_cpu() {
 }
 
 #[test]
-fn a_frame_that_does_not_fit_is_done_on_the_cpu_with_a_warning() {
+fn a_frame_too_large_for_the_gpu_is_rendered_on_the_cpu_and_the_error_returned() {
     if gpu().is_none() {
         return;
     }
     let small = Gpu::open(true).unwrap().unwrap().limited_to(256);
-    for method in methods_with_twin() {
+    for method in methods_with_gpu_backend() {
         let scene = Scene::new(layers(31, 21, 1.0), StackKind::PointSampled, 1, 60.0);
-        let (scene, plan) = settle(method, scene, &Values::default(), 8);
+        let (scene, plan) = prepared(method, scene, &Values::default(), 8);
         let (image, fault) = methods::render_on(&small, scene.clone(), &plan, &|_| {}).unwrap();
         assert!(fault.unwrap().to_string().contains("too large for the GPU"), "{}", method.info().name);
         assert_eq!(image, on_cpu(&scene, &plan), "{}: bit for bit", method.info().name);
@@ -479,7 +482,7 @@ fn job(device: DeviceChoice) -> Job {
 }
 
 #[test]
-fn a_job_whose_gpu_is_lost_warns_and_says_that_it_was_done_on_the_cpu() {
+fn a_job_whose_gpu_is_lost_runs_on_the_cpu_with_a_warning() {
     if gpu().is_none() {
         return;
     }
@@ -495,7 +498,7 @@ fn a_job_whose_gpu_is_lost_warns_and_says_that_it_was_done_on_the_cpu() {
 }
 
 #[test]
-fn a_job_for_the_gpu_runs_there_and_reports_it() {
+fn a_job_for_the_gpu_runs_on_it_and_reports_its_usage() {
     if gpu().is_none() {
         return;
     }
@@ -504,7 +507,7 @@ fn a_job_for_the_gpu_runs_there_and_reports_it() {
     assert!(rendered.gpu_usage.unwrap().passes > 0);
     let on_cpu = render(&job(DeviceChoice::Cpu), &|_| {}).unwrap();
     assert_eq!(on_cpu.device.kind, DeviceKind::Cpu);
-    tolerance(methods::Registry::default().by_name("auto").unwrap()).demand(
+    tolerance(methods::Registry::default().by_name("auto").unwrap()).check(
         &rendered.image,
         &on_cpu.image,
         "a job",
@@ -512,7 +515,7 @@ fn a_job_for_the_gpu_runs_there_and_reports_it() {
 }
 
 #[test]
-fn what_cannot_run_on_a_gpu_is_refused_there_and_left_to_the_cpu_by_auto() {
+fn a_method_without_a_gpu_backend_is_refused_for_the_gpu_and_runs_on_the_cpu_by_auto() {
     if gpu().is_none() {
         return;
     }
@@ -525,16 +528,16 @@ fn what_cannot_run_on_a_gpu_is_refused_there_and_left_to_the_cpu_by_auto() {
     };
     let refused = |method, effort| prepare(&job(DeviceChoice::Gpu, method, effort)).unwrap_err().to_string();
     let error = refused("scatter", None);
-    assert!(error.contains("scatter runs on the CPU alone") && error.contains("shear"), "{error}");
+    assert!(error.contains("scatter runs on the CPU only") && error.contains("shear"), "{error}");
     let error = refused("shear", Some(Effort::TimeBudget(1.0)));
-    assert!(error.contains("how long views take"), "{error}");
+    assert!(error.contains("the time per view"), "{error}");
     let prepared = prepare(&job(DeviceChoice::Auto, "scatter", None)).unwrap();
     assert_eq!(prepared.device.kind, DeviceKind::Cpu);
-    assert_eq!(prepared.device.reason, "scatter runs on the CPU alone");
+    assert_eq!(prepared.device.reason, "scatter runs on the CPU only");
 }
 
 #[test]
-fn a_goal_is_looked_for_on_the_cpu_and_painted_on_the_gpu() {
+fn a_target_is_searched_for_on_the_cpu_and_rendered_on_the_gpu() {
     if gpu().is_none() {
         return;
     }
@@ -550,10 +553,14 @@ fn a_goal_is_looked_for_on_the_cpu_and_painted_on_the_gpu() {
     assert_eq!(on_gpu.device.kind, DeviceKind::Gpu);
     let [found, expected] = [&on_gpu, &on_cpu].map(|rendered| rendered.outcome.as_ref().unwrap());
     assert_eq!((found.views, found.met), (expected.views, expected.met), "the same search");
-    assert_eq!(on_gpu.plan.views, Some(found.views), "and what it found is what was painted");
-    tolerance(methods::Registry::default().by_name("auto").unwrap()).demand(
+    assert_eq!(
+        on_gpu.plan.views,
+        Some(found.views),
+        "the picture has the number of views that the search found"
+    );
+    tolerance(methods::Registry::default().by_name("auto").unwrap()).check(
         &on_gpu.image,
         &on_cpu.image,
-        "a goal",
+        "a target",
     );
 }

@@ -1,15 +1,16 @@
-//! What a plan leaves out does not show: pictures as planned against pictures with effects forced on, over stacks drawn by chance.
+//! An effect that a plan switches off is not visible: pictures as planned are compared with pictures with effects forced on, over
+//! random stacks.
 //!
-//! Forced on, some effects change a picture by design. [`Case::by_design`] says which, from the scene alone, and why:
+//! Some effects change a picture by design when they are forced on. [`Case::by_design`] lists them, from the scene alone:
 //!
-//! * `blur`, where everything lies within half a pixel: held to the share of rays that the plan names instead;
-//! * `fill`, where three layers or more do not know all the same what is behind the last of them: a guess takes the place of nothing;
-//! * `open-background`, where every pixel shows something and yet rays may find nothing: they count as transparent, not as unknown;
-//! * `resolve`, where anti-aliased fragments are in focus: they are softened again;
-//! * `highlights`, where bright areas would be more discs than the plan allows: discs and lens samples are two estimates; of a
-//!   source that ends at white, extrapolation makes such areas;
-//! * `highlight-extrapolation`, where the source is scene-linear: what was never clipped is made brighter;
-//! * `merge` and `translucency` are stats of the stack and cannot be switched.
+//! * `blur`, if all CoC radii are within half a pixel: the change is compared with the share of rays that the plan states;
+//! * `fill`, if there are three layers or more and yet surfaces are missing behind the last one: estimated surfaces are added;
+//! * `open-background`, if every pixel has a fragment and yet rays may miss: they count as transparent, not as unknown;
+//! * `resolve`, if anti-aliased fragments are in focus: they are softened again;
+//! * `highlights`, if bright areas need more discs than the plan allows: discs and lens samples are two different estimates;
+//!   extrapolation makes such areas from a source that is clipped at white;
+//! * `highlight-extrapolation`, if the source is scene-linear: colours that were not clipped become brighter;
+//! * `merge` and `translucency` are facts of the stack and cannot be switched.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
@@ -17,8 +18,7 @@ use fastrand::Rng;
 use std::sync::Arc;
 use thinlens::finish;
 use thinlens::image::{Image, Plane};
-use thinlens::methods::Plan;
-use thinlens::methods::{self, METHODS};
+use thinlens::methods::{self, METHODS, Plan};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, Settings, Switches, Values};
 use thinlens::stack::{ColorRange, StackKind};
@@ -31,18 +31,18 @@ const KINDS: [StackKind; 5] = [
     StackKind::RendererAntialiased,
 ];
 
-/// Stacks of each kind.
+/// Number of stacks of each kind.
 const CASES: u64 = 10;
 
-/// Two pictures that agree this well are the same to the eye and to every later step.
+/// Two pictures of at least this PSNR are visually equal, in dB.
 const SAME_DB: f64 = 55.0;
 
-/// Ranges of CoC radii, in pixels: in focus, slightly blurred, blurred on both sides, behind focus, before it.
+/// Ranges of CoC radii, in pixels: in focus, slightly blurred, blurred on both sides of focus, behind focus, in front of it.
 const RANGES_PX: [[f32; 2]; 5] = [[-0.45, 0.4], [-0.3, 2.5], [-12.0, 7.0], [2.0, 9.0], [-9.0, -1.6]];
 
-/// One surface: a disc in front of everything behind it, or all of the picture.
+/// One surface: a disc, or a plane that covers the picture.
 struct Surface {
-    /// Centre and radius in pixels; none for all of the picture.
+    /// Centre and radius in pixels; `None` for a plane that covers the picture.
     disc: Option<[f32; 3]>,
     coc_px: f32,
     alpha: f32,
@@ -50,31 +50,32 @@ struct Surface {
     seed: u64,
 }
 
-/// A stack drawn by chance.
+/// A random stack.
 struct Case {
     seed: u64,
     scene: Scene,
-    /// Whether every ray meets something known: a backdrop behind everything, and no fragment left out.
+    /// Whether every ray hits a known surface: there is a backdrop behind everything, and no fragment is missing.
     complete: bool,
-    /// Whether something large is brighter than white.
+    /// Whether a large surface is brighter than white.
     bright_area: bool,
 }
 
 impl Surface {
-    /// Of CoC radius `coc_px` in a picture of `width × height` pixels.
+    /// A random disc of CoC radius `coc_px` in a picture of `width × height` pixels.
     fn disc(rng: &mut Rng, [width, height]: [usize; 2], coc_px: f32, seed: u64) -> Self {
-        let place = |rng: &mut Rng, length: usize| rng.f32() * length as f32;
-        let disc = [place(rng, width), place(rng, height), 3.0 + rng.f32() * 0.3 * height as f32];
+        let position = |rng: &mut Rng, length: usize| rng.f32() * length as f32;
+        let disc = [position(rng, width), position(rng, height), 3.0 + rng.f32() * 0.3 * height as f32];
         let alpha = if rng.u8(0..4) == 0 { 0.2 + 0.6 * rng.f32() } else { 1.0 };
         Self { disc: Some(disc), coc_px, alpha, color: std::array::from_fn(|_| rng.f32()), seed }
     }
 
-    /// Its colour, alpha and CoC radius at `x, y` in pixels, if it is there; its edge is soft over a pixel where `soft` says so.
+    /// Its colour and alpha, and its CoC radius, at `x, y` in pixels; `None` outside of it. With `soft` its edge is one pixel
+    /// wide.
     fn at(&self, x: f32, y: f32, soft: bool) -> Option<([f32; 4], f32)> {
         let inside = self.disc.map_or(f32::INFINITY, |[cx, cy, r]| r - (x - cx).hypot(y - cy));
         let cover = if soft { (inside + 0.5).clamp(0.0, 1.0) } else { f32::from(u8::from(inside > 0.0)) };
         let alpha = cover * self.alpha;
-        // Texture four pixels wide, the same for every sample of a pixel.
+        // Texels four pixels wide, so that all samples of a pixel have the same one.
         let (tile_x, tile_y) = ((x / 4.0) as u64, (y / 4.0) as u64);
         let texture = Rng::with_seed(self.seed ^ (tile_x << 20) ^ (tile_y << 40)).f32();
         let [r, g, b] = self.color.map(|value| value * (0.4 + 0.6 * texture) * alpha);
@@ -109,7 +110,7 @@ impl Case {
         let supersample = if kind == StackKind::Supersampled { 2 } else { 1 };
         let (layers, cut) = layers_of(&surfaces, size, (layers, kind, supersample));
         let mut scene = Scene::new(layers, kind, supersample, 1000.0);
-        // One in three is of a picture made for a display.
+        // One in three is clipped at white, as a picture made for a display.
         if seed.is_multiple_of(3) {
             scene.color_range = ColorRange::UpToWhite;
         }
@@ -119,7 +120,7 @@ impl Case {
         case
     }
 
-    /// Makes one fragment of the nearest layer a light.
+    /// Turns one random fragment of the nearest layer into a light.
     fn light(&mut self, rng: &mut Rng) {
         let Layer { color, alpha, .. } = &mut self.scene.layers[0];
         let (x, y) = (rng.usize(0..alpha.width()), rng.usize(0..alpha.height()));
@@ -129,7 +130,7 @@ impl Case {
         }
     }
 
-    /// Clips what is brighter than white, where the source could not hold it.
+    /// Clips colours at white if the source is limited to white.
     fn clip(&mut self) {
         if self.scene.color_range == ColorRange::UpToWhite {
             for Layer { color, alpha, .. } in &mut self.scene.layers {
@@ -149,7 +150,7 @@ impl Case {
             rotation_deg: Some(7.0 * self.seed as f32),
             blade_curvature: Some([0.5, 0.0, 0.02, 1.0, 0.004][self.seed as usize / 3 % 5]),
             squeeze: Some([1.0, 1.002, 1.33, 1.02, 2.0][self.seed as usize / 4 % 5]),
-            // Every third of these is too little to show.
+            // One in three of these is too small to be visible.
             cats_eye: Some([0.0, 0.6, 1e-4, 0.0, 1.1][self.seed as usize % 5]),
             vignetting: Some([0.0, 0.0, 1e-4, 0.5, 1.0][self.seed as usize / 2 % 5]),
             spherical_um: Some([0.0, 0.0, 40.0, 0.0, 3000.0, -4000.0, 0.0][self.seed as usize % 7]),
@@ -159,12 +160,13 @@ impl Case {
             lateral_color_um: Some([[0.0; 2], [0.0; 2], [900.0, -400.0]][self.seed as usize / 5 % 3]),
             ..Values::default()
         };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-        let mask = (self.seed % 6 == 5).then(|| Arc::new(half_open()));
-        Settings { switches, mask, ..settings }
+        let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        settings.switches = switches;
+        settings.mask = (self.seed % 6 == 5).then(|| Arc::new(half_open()));
+        settings
     }
 
-    /// What lenses do to the picture as a whole, done to that of `plan`.
+    /// The picture of `plan` after lateral colour and falloff.
     fn finished(&self, plan: &Plan) -> Image {
         finish::finish(self.picture(plan), plan, self.scene.field)
     }
@@ -180,31 +182,31 @@ impl Case {
         methods::render(self.extrapolated(plan), plan, &|_| {}).unwrap()
     }
 
-    /// Smallest and largest CoC radius of its fragments, sign aside.
-    fn sizes_px(&self) -> [f32; 2] {
+    /// Smallest and largest absolute CoC radius of its fragments.
+    fn coc_sizes_px(&self) -> [f32; 2] {
         let of_layer = |layer: &Layer| -> Vec<f32> {
             let pairs = layer.coc_px.values().iter().zip(layer.alpha.values());
             pairs.filter(|(_, alpha)| **alpha > 0.0).map(|(coc, _)| coc.abs()).collect()
         };
         let sizes = self.scene.layers.iter().flat_map(of_layer);
-        sizes.fold([f32::INFINITY, 0.0], |[least, most], size| [least.min(size), most.max(size)])
+        sizes.fold([f32::INFINITY, 0.0], |[min, max], size| [min.min(size), max.max(size)])
     }
 
-    /// Whether anything leaves its pixel, by its CoC radius or by what aberrations add to it.
+    /// Whether any fragment is blurred past its pixel, by its CoC radius and aberrations.
     fn is_blurred(&self) -> bool {
         let aberrations = self.plan(&[]).optics_requested.longest_shift_px();
-        self.sizes_px()[1] + aberrations > 0.5
+        self.coc_sizes_px()[1] + aberrations > 0.5
     }
 
-    /// Whether some sample has no fragment at all.
-    /// The scene as methods see it by `plan`.
+    /// The scene that methods blur by `plan`, with highlights extrapolated if the plan does so.
     fn extrapolated(&self, plan: &Plan) -> Scene {
         let scene = self.scene.clone();
         let extrapolates = plan.does(EffectKind::HighlightExtrapolation);
         if extrapolates { scene.extrapolated(&plan.extrapolation) } else { scene }
     }
 
-    fn shows_nothing_somewhere(&self) -> bool {
+    /// Whether some sample has no fragment in any layer.
+    fn has_empty_samples(&self) -> bool {
         let layers = &self.scene.layers;
         let samples = layers[0].alpha.values().len();
         (0..samples).any(|i| layers.iter().all(|layer| layer.alpha.values()[i] <= 0.0))
@@ -212,12 +214,12 @@ impl Case {
 
     /// Whether forcing `kind` changes the picture by design; see the head of this file.
     fn by_design(&self, kind: EffectKind) -> bool {
-        let [least, _] = self.sizes_px();
+        let [min_size_px, _] = self.coc_sizes_px();
         match kind {
             EffectKind::Blur => !self.is_blurred(),
             EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
-            EffectKind::TransparentBackground => !self.complete && !self.shows_nothing_somewhere(),
-            EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && least < 1.5,
+            EffectKind::TransparentBackground => !self.complete && !self.has_empty_samples(),
+            EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && min_size_px < 1.5,
             EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
             EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
             EffectKind::Merge | EffectKind::Translucency => true,
@@ -230,11 +232,11 @@ impl Case {
             | EffectKind::AxialColor
             | EffectKind::LateralColor
             | EffectKind::Vignetting => false,
-            other => panic!("say whether {other:?} changes the picture by design"),
+            other => panic!("state here whether {other:?} changes the picture by design"),
         }
     }
 
-    /// How the case is named when it fails.
+    /// A description of the case for messages.
     fn name(&self) -> String {
         let Scene { layers, kind, color_range, .. } = &self.scene;
         format!(
@@ -243,20 +245,20 @@ impl Case {
             layers.len(),
             layers[0].width(),
             layers[0].height(),
-            self.sizes_px(),
+            self.coc_sizes_px(),
             self.complete,
             self.bright_area
         )
     }
 }
 
-/// An aperture whose lower half lets half of the light through.
+/// An aperture image whose lower half has a transmittance of a half.
 fn half_open() -> Mask {
     let values = (0..64 * 64).map(|i| if i < 32 * 64 { 1.0 } else { 0.5 }).collect();
     Mask { name: "half open".to_owned(), width: 64, height: 64, values }
 }
 
-/// The first `count` fragments at each sample of a picture of `size` pixels, and whether there were more.
+/// The nearest `count` fragments at each sample of a picture of `size` pixels, and whether any sample has more.
 fn layers_of(
     surfaces: &[Surface],
     [width, height]: [usize; 2],
@@ -284,7 +286,7 @@ fn layers_of(
     (layers, cut)
 }
 
-/// PSNR in dB of what a display shows of two pictures, alpha included.
+/// PSNR in dB of two pictures clipped to 0 … 1, including alpha.
 fn psnr_db(a: &Image, b: &Image) -> f64 {
     let values = |image: &Image| -> Vec<f32> {
         image
@@ -302,7 +304,7 @@ fn cases() -> impl Iterator<Item = Case> {
 }
 
 #[test]
-fn the_cases_hold_what_plans_decide_about() {
+fn the_cases_include_plans_with_and_without_each_effect() {
     let plans: Vec<Plan> = cases().map(|case| case.plan(&[])).collect();
     for kind in EffectKind::ALL {
         let on = plans.iter().filter(|plan| plan.does(kind)).count();
@@ -310,11 +312,11 @@ fn the_cases_hold_what_plans_decide_about() {
     }
     let exempt = cases().flat_map(|case| EffectKind::ALL.map(|kind| case.by_design(kind))).filter(|by| *by);
     let free = 50 * EffectKind::ALL.len() - exempt.count();
-    assert!(free > 150, "{free} of 400 pairs of case and effect are held to the law");
+    assert!(free > 150, "only {free} pairs of case and effect are tested");
 }
 
 #[test]
-fn what_a_plan_leaves_out_would_not_show() {
+fn effects_that_a_plan_switches_off_would_not_be_visible() {
     let mut wrong = Vec::new();
     for case in cases() {
         let plan = case.plan(&[]);
@@ -333,9 +335,9 @@ fn what_a_plan_leaves_out_would_not_show() {
 }
 
 #[test]
-fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than_the_plan_says() {
+fn a_scene_within_half_a_pixel_is_the_input_and_forced_blur_changes_no_more_than_the_plan_states() {
     let focused: Vec<Case> = cases().filter(|case| case.by_design(EffectKind::Blur)).collect();
-    assert!(focused.len() >= 5, "{} of them", focused.len());
+    assert!(focused.len() >= 5, "only {} cases are in focus", focused.len());
     for case in focused {
         let pinhole = case.scene.pinhole();
         let plan = case.plan(&[]);
@@ -353,15 +355,15 @@ fn a_scene_within_half_a_pixel_is_the_input_and_blurring_it_changes_no_more_than
                 .plan(&case.scene.analyze(), &settings)
                 .unwrap()
                 .forced(EffectKind::Blur, true);
-            // A thousandth for the choice of rays.
-            let most = excess(&case.picture(&plan), &pinhole, share + 0.001);
-            assert!(most <= 0.0, "{most} over the share of {share}: {}", case.name());
+            // 0.001 for the sampling error of the rays.
+            let max_excess = excess(&case.picture(&plan), &pinhole, share + 0.001);
+            assert!(max_excess <= 0.0, "{max_excess} over the share of {share}: {}", case.name());
         }
     }
 }
 
 #[test]
-fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
+fn rows_out_of_reach_of_any_blur_are_the_input_bit_for_bit() {
     let texture = |x: usize, y: usize, k: usize| Rng::with_seed((x + 100 * y + 10_000 * k) as u64).f32();
     let (width, height, focused) = (50, 60, 30);
     let layer = Layer {
@@ -373,12 +375,12 @@ fn rows_that_no_blur_can_reach_are_the_input_bit_for_bit() {
     let kind = StackKind::Coverage;
     let scene = Scene::new(layers, kind, 1, 1000.0);
     let case = Case { seed: 2, scene, complete: true, bright_area: false };
-    // A guess behind the edge would reach farther.
+    // The disocclusion fill behind the edge would reach farther.
     let plan = case.plan(&[]).forced(EffectKind::Fill, false);
     let (image, pinhole) = (case.picture(&plan), case.scene.pinhole());
     let same = |y: &usize| (0..width).all(|x| image.pixel(x, *y) == pinhole.pixel(x, *y));
     let untouched = (0..height).take_while(same).count();
-    // The widest bin in reach is 7.5 px wide and at most half a bin more; a view may look one row farther.
+    // The largest bin radius is 7.5 px and at most half a bin more; a view may read one row farther.
     assert!((focused - 9..focused).contains(&untouched), "{untouched} rows from the top");
 }
 
@@ -387,24 +389,25 @@ fn number_before(text: &str, words: &str) -> f32 {
     text.split(words).next().and_then(|text| text.rsplit(' ').next()).unwrap().parse().unwrap()
 }
 
-/// By how much a pixel of `image` is farther from that of `pinhole` than `share` of what its eight neighbours differ by, at most.
+/// The largest excess of a pixel's difference between `image` and `pinhole` over `share` times its contrast to its eight
+/// neighbours.
 fn excess(image: &Image, pinhole: &Image, share: f32) -> f32 {
     let (width, height) = (image.width(), image.height());
-    let mut most = f32::NEG_INFINITY;
+    let mut max = f32::NEG_INFINITY;
     for (image, pinhole) in image.planes.iter().zip(&pinhole.planes) {
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let own = pinhole.get(x, y);
             let around = (y.saturating_sub(1)..(y + 2).min(height))
                 .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| (x, y)));
             let contrast = around.map(|(x, y)| (pinhole.get(x, y) - own).abs()).fold(0.0, f32::max);
-            most = most.max((image.get(x, y) - own).abs() - share * contrast - 1e-5 * (1.0 + own));
+            max = max.max((image.get(x, y) - own).abs() - share * contrast - 1e-5 * (1.0 + own));
         }
     }
-    most
+    max
 }
 
 #[test]
-fn every_method_carries_out_what_it_can_be_asked_for() {
+fn every_method_does_as_the_switches_request() {
     let world = Case::new(10);
     let stats = world.scene.analyze();
     for method in METHODS {
@@ -418,10 +421,13 @@ fn every_method_carries_out_what_it_can_be_asked_for() {
                     Switches { without: names, ..Switches::default() }
                 };
                 let values = Values { method: Some(info.name.to_owned()), ..Values::default() };
-                let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
-                let plan = match methods::Registry::default().plan(&stats, &Settings { switches, ..settings })
-                {
-                    Ok(plan) => Plan { views: plan.views.map(|_| 8), ..plan },
+                let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+                settings.switches = switches;
+                let plan = match methods::Registry::default().plan(&stats, &settings) {
+                    Ok(mut plan) => {
+                        plan.views = plan.views.map(|_| 8);
+                        plan
+                    }
                     Err(error) => {
                         let text = error.to_string();
                         assert!(text.contains(kind.name()) && text.contains("cannot be"), "{text}");
@@ -437,22 +443,21 @@ fn every_method_carries_out_what_it_can_be_asked_for() {
     }
 }
 
-mod what_is_asked_for {
+mod a_requested_effect {
     use super::*;
 
     fn plan(method: &str, force: &[&str], without: &[&str]) -> Result<Plan, String> {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let switches = Switches { force: owned(force), without: owned(without) };
         let values = Values { method: Some(method.to_owned()), ..Values::default() };
-        let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        let mut settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
+        settings.switches = switches;
         let stats = Case::new(10).scene.analyze();
-        methods::Registry::default()
-            .plan(&stats, &Settings { switches, ..settings })
-            .map_err(|error| error.to_string())
+        methods::Registry::default().plan(&stats, &settings).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn is_done_and_said() {
+    fn is_switched_and_reported_as_forced() {
         let own = plan("shear", &[], &[]).unwrap();
         assert!(own.does(EffectKind::Blur) && own.effects.iter().all(|effect| !effect.forced));
         let plan = plan("shear", &["open-background"], &["blur", "prefilter"]).unwrap();
@@ -468,41 +473,41 @@ mod what_is_asked_for {
     }
 
     #[test]
-    fn of_a_picture_that_is_the_input_is_not_said_to_be_done() {
+    fn is_reported_as_off_if_nothing_is_blurred() {
         let plan = plan("shear", &["fill"], &["blur"]).unwrap();
-        let done = plan.effects.iter().filter(|effect| effect.on && effect.name != EffectKind::Translucency);
-        assert_eq!(done.count(), 0, "but for a fact of the stack: {:?}", plan.effects);
+        let on = plan.effects.iter().filter(|effect| effect.on && effect.name != EffectKind::Translucency);
+        assert_eq!(on.count(), 0, "except for a fact of the stack: {:?}", plan.effects);
         let fill = plan.effects.iter().find(|effect| effect.name == EffectKind::Fill).unwrap();
         assert!(fill.forced && fill.reason.contains("force blur too"), "{fill:?}");
     }
 
     #[test]
-    fn by_a_wrong_name_is_refused_with_the_nearest_and_with_all() {
+    fn of_an_unknown_name_is_an_error_that_suggests_the_nearest_name_and_lists_all() {
         let error = plan("shear", &["hilights"], &[]).unwrap_err();
         assert!(error.contains("did you mean 'highlights'?") && error.contains("blur, merge, "), "{error}");
     }
 
     #[test]
-    fn and_left_out_too_is_refused() {
+    fn that_is_also_left_out_is_an_error() {
         let error = plan("shear", &["fill"], &["blur", "fill"]).unwrap_err();
         assert!(error.contains("'fill' is both forced and left out"), "{error}");
     }
 
     #[test]
-    fn of_a_method_without_the_step_is_refused() {
+    fn that_the_method_lacks_is_an_error() {
         let error = plan("gather", &["fill"], &[]).unwrap_err();
         assert!(error.contains("'fill' cannot be forced: gather has no such pass"), "{error}");
-        assert!(plan("gather", &[], &["fill"]).is_ok(), "it is left out already");
+        assert!(plan("gather", &[], &["fill"]).is_ok(), "it is off already");
     }
 
     #[test]
-    fn against_the_stats_of_the_stack_is_refused() {
+    fn that_contradicts_the_stack_is_an_error() {
         let error = plan("shear", &["merge"], &[]).unwrap_err();
         assert!(error.contains("nothing to merge"), "{error}");
     }
 
     #[test]
-    fn of_a_step_that_parameters_switched_off_gets_the_strength_that_it_has_by_itself() {
+    fn that_parameters_switch_off_gets_its_default_strength() {
         let mut settings = Settings::resolve(&[], ParameterValues::default());
         for key in ["prefilter", "resolve", "highlight_threshold"] {
             settings.parameters.set("shear", key, 0.0);

@@ -1,6 +1,6 @@
-//! The sampling error that probes report is the one there is.
+//! The sampling error estimated by probes is the actual sampling error.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 use std::path::PathBuf;
 use thinlens::image::{Image, Plane};
@@ -44,10 +44,10 @@ fn picture(scene: &Scene, method: &str, views: Option<usize>) -> (Image, Plan) {
 }
 
 #[test]
-fn the_interval_holds_the_truth_as_often_as_it_says() {
-    // Truth: the same estimate at every single pixel, which has no error of choice left. 3 scenes × 4 methods × 20 seeds at
+fn the_95_percent_interval_contains_the_error_of_all_pixels_in_95_percent_of_cases() {
+    // Expected value: the same estimate at every pixel, which has no sampling error. 3 scenes × 4 methods × 20 seeds at
     // 95 %: 228 of 240 expected, with a standard deviation of 3.4; five of these below is 211.
-    let (mut held, mut all) = (0, 0);
+    let (mut contained, mut all) = (0, 0);
     for (sample, corner) in [("fence", [40, 90]), ("fence", [200, 100]), ("table", [120, 60])] {
         let scene = part(sample, corner);
         for (method, views) in [
@@ -57,28 +57,29 @@ fn the_interval_holds_the_truth_as_often_as_it_says() {
             ("accumulate", Some(24)),
         ] {
             let (image, plan) = picture(&scene, method, views);
-            let truth = verify(&image, &scene, &plan, WIDTH * HEIGHT, 7).psnr_db.unwrap();
+            let expected_db = verify(&image, &scene, &plan, WIDTH * HEIGHT, 7).psnr_db.unwrap();
             for seed in 100..120 {
-                let (least, most) = verify(&image, &scene, &plan, 150, seed).interval_db;
-                held += usize::from(least <= truth && most.is_none_or(|most| truth <= most));
+                let (min_db, max_db) = verify(&image, &scene, &plan, 150, seed).interval_db;
+                contained +=
+                    usize::from(min_db <= expected_db && max_db.is_none_or(|max_db| expected_db <= max_db));
                 all += 1;
             }
         }
     }
-    assert!(held >= 211, "{held} of {all} intervals hold the truth");
+    assert!(contained >= 211, "{contained} of {all} intervals contain the error of all pixels");
 }
 
 #[test]
-fn a_picture_as_good_as_its_truth_has_no_error_to_speak_of() {
+fn a_picture_by_many_rays_has_almost_no_sampling_error() {
     let scene = part("table", [120, 60]);
     let (image, plan) = picture(&scene, "accumulate", Some(16_384));
-    let ErrorEstimate { interval_db: (least, _), pixels, rays_per_pixel, .. } =
+    let ErrorEstimate { interval_db: (min_db, _), pixels, rays_per_pixel, .. } =
         verify(&image, &scene, &plan, 400, 1);
-    assert!(least > 48.0, "{least} dB with {rays_per_pixel} rays at {pixels} pixels");
+    assert!(min_db > 48.0, "{min_db} dB with {rays_per_pixel} rays at {pixels} pixels");
 }
 
 #[test]
-fn the_same_seed_says_the_same_whatever_the_number_of_threads() {
+fn the_same_seed_gives_the_same_estimate_with_any_number_of_threads() {
     let scene = part("fence", [40, 90]);
     let (image, plan) = picture(&scene, "scatter", None);
     let with_threads = |threads, seed| {

@@ -1,4 +1,4 @@
-//! Reading: every naming scheme, every convention, and everything a file can do wrong.
+//! Reading: naming schemes, depth conventions, and invalid files.
 
 mod fixtures;
 
@@ -32,10 +32,10 @@ fn warnings(stack: &Stack) -> Vec<&str> {
     stack.findings.iter().filter(|finding| finding.warning).map(|finding| finding.text.as_str()).collect()
 }
 
-// The naming table, one test a row.
+// The naming table: one test per row.
 
 #[test]
-fn a_blender_view_layer_a_peel_is_ordered_by_number() {
+fn blender_view_layers_are_peels_ordered_by_number() {
     let peel = |n: usize, z: usize| {
         format!(
             "Peel{n}.Combined.R=0.{n}1 Peel{n}.Combined.G=0 Peel{n}.Combined.B=0 Peel{n}.Combined.A=1 Peel{n}.Depth.Z={z}"
@@ -48,7 +48,7 @@ fn a_blender_view_layer_a_peel_is_ordered_by_number() {
 }
 
 #[test]
-fn the_compositors_result_beside_the_view_layers_is_no_peel() {
+fn the_compositors_result_is_not_a_peel() {
     let channels = "Composite.Combined.R=9 Composite.Combined.G=9 Composite.Combined.B=9 Composite.Combined.A=1 \
                     ViewLayer.Combined.R=1 ViewLayer.Combined.G=1 ViewLayer.Combined.B=1 ViewLayer.Combined.A=1 \
                     ViewLayer.Depth.Z=3";
@@ -83,7 +83,7 @@ fn depth_v_and_depth_z_read_the_same() {
 }
 
 #[test]
-fn mitsuba_peels_are_read_under_all_their_depth_names() {
+fn mitsuba_peels_are_read_with_all_their_depth_names() {
     for ending in ["depth", "depth.T", "Z", "T"] {
         let peel = |n: usize, z: usize| {
             format!("peel{n}.R=1 peel{n}.G=1 peel{n}.B=1 peel{n}.A=1 peel{n}.{ending}={z}")
@@ -94,7 +94,7 @@ fn mitsuba_peels_are_read_under_all_their_depth_names() {
 }
 
 #[test]
-fn a_single_picture_is_read_under_all_depth_names() {
+fn a_single_picture_is_read_with_all_depth_names() {
     for depth in ["depth.T", "Depth.Z", "depth.Y", "depth", "Depth", "Z", "DEPTH.Z", "z"] {
         let stack = stack_of(vec![Part::flat((1, 1), &format!("R=0.5 G=0 B=0 A=0.75 {depth}=3"))]);
         assert_eq!(first_pixels(&stack), [[0.5, 0.0, 0.0, 0.75, 3.0]], "{depth}");
@@ -102,14 +102,14 @@ fn a_single_picture_is_read_under_all_depth_names() {
 }
 
 #[test]
-fn a_part_a_peel_is_ordered_by_the_parts_names() {
+fn parts_are_peels_ordered_by_name() {
     let part = |z: usize| Part::flat((1, 1), &format!("R=1 G=1 B=1 A=1 Z={z}"));
     let stack = stack_of(vec![part(8).named("peel1"), part(3).named("peel0")]);
     assert_eq!(first_pixels(&stack).map_depth(), [3.0, 8.0]);
 }
 
 #[test]
-fn a_part_a_pass_is_one_picture_with_the_only_depth() {
+fn parts_per_pass_are_one_picture_with_the_only_depth() {
     let stack = stack_of(vec![
         Part::flat((1, 1), "R=1 G=0 B=0 A=1").named("rgba"),
         Part::flat((1, 1), "Z=6").named("depth"),
@@ -134,7 +134,7 @@ fn luminance_is_grey_and_colour_without_alpha_is_opaque() {
 }
 
 #[test]
-fn what_is_not_the_picture_is_carried() {
+fn channels_that_are_not_the_picture_are_carried() {
     let channels = "R=1 G=1 B=1 A=1 depth.T=2 img.R=1 img.G=1 img.B=1 P.X=1 P.Y=1 P.Z=1 Noisy~Image.R=1 Noisy~Image.G=1 \
                     Noisy~Image.B=1 CryptoObject00.r=1 CryptoObject00.g=1 CryptoObject00.b=1 CryptoObject00.a=1 id=7";
     let part = Part::flat((1, 1), channels).with("id", FlatSamples::U32(vec![4_000_000_007]));
@@ -145,10 +145,10 @@ fn what_is_not_the_picture_is_carried() {
     assert_eq!(id.samples, FlatSamples::U32(vec![4_000_000_007]));
 }
 
-// Names by flag, and errors that say what was found.
+// Names by option, and errors with the channels found.
 
 #[test]
-fn colour_and_depth_may_be_named_by_flag() {
+fn colour_and_depth_can_be_named_by_option() {
     let bytes = exr_bytes(vec![Part::flat(
         (1, 1),
         "one.R=1 one.G=1 one.B=1 two.R=2 two.G=2 two.B=2 far.away=5 near.by=4",
@@ -167,7 +167,7 @@ fn colour_and_depth_may_be_named_by_flag() {
 }
 
 #[test]
-fn a_peel_without_depth_is_named_with_what_was_found() {
+fn a_peel_without_depth_is_an_error_with_its_channels() {
     let peel = |n: usize| format!("Peel{n}.Combined.R=1 Peel{n}.Combined.G=1 Peel{n}.Combined.B=1");
     let error =
         failure(exr_bytes(vec![Part::flat((1, 1), &format!("{} {} Peel0.Depth.Z=1", peel(0), peel(1)))]));
@@ -175,12 +175,12 @@ fn a_peel_without_depth_is_named_with_what_was_found() {
         error.to_string(),
         "peel 1 has no depth channel\n  found: Peel1.Combined.B Peel1.Combined.G Peel1.Combined.R\n  \
          looked for: Depth.Z, Depth.V, depth.T, depth, Z\n  in: fixture.exr\n  \
-         help: enable the Z pass, name it with --depth-channel, or give it as --depth-file"
+         help: enable the Z pass, name it with `depth_channel`, or give it as `depth_file`"
     );
 }
 
 #[test]
-fn a_file_without_colour_shows_its_channels() {
+fn a_file_without_colour_is_an_error_with_its_channels() {
     let error = failure(exr_bytes(vec![Part::flat((1, 1), "Z=1 N.X=0 N.Y=0 N.Z=1")]));
     assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("found: N.X N.Y N.Z Z"), "{error}");
@@ -223,7 +223,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 }
 
 #[test]
-fn half_colour_is_told_from_float_colour() {
+fn half_and_float_colour_are_distinguished() {
     let half = |value: f32| FlatSamples::F16(vec![f16::from_f32(value)]);
     let float = Part::flat((1, 1), "R=1 G=1 B=1 Z=1");
     assert_eq!(stack_of(vec![Part::flat((1, 1), "R=1 G=1 B=1 Z=1")]).precision, Precision::Float);
@@ -233,7 +233,7 @@ fn half_colour_is_told_from_float_colour() {
 }
 
 #[test]
-fn a_nan_pixel_does_not_refuse_the_frame() {
+fn a_nan_pixel_does_not_make_the_frame_fail() {
     let part = Part::flat((3, 1), "R=1 G=1 B=1 A=1 Z=2")
         .with("R", FlatSamples::F32(vec![f32::NAN, f32::INFINITY, -0.5]))
         .with("A", FlatSamples::F32(vec![f32::NAN, 7.0, 0.5]));
@@ -245,7 +245,7 @@ fn a_nan_pixel_does_not_refuse_the_frame() {
 }
 
 #[test]
-fn depth_that_is_nan_everywhere_is_no_depth() {
+fn depth_that_is_nan_everywhere_is_an_error() {
     let error = failure(exr_bytes(vec![Part::flat((2, 1), "R=1 G=1 B=1 Z=nan")]));
     assert_eq!(error.kind(), ErrorKind::Input);
     let some = Part::flat((2, 1), "R=1 G=1 B=1 Z=1").with("Z", FlatSamples::F32(vec![f32::NAN, 1.0]));
@@ -279,7 +279,7 @@ fn a_cropped_deeper_peel_is_placed_in_the_first_ones_window() {
 // Several files.
 
 #[test]
-fn files_given_far_first_are_kept_in_order_with_a_warning() {
+fn files_ordered_far_to_near_are_kept_in_order_with_a_warning() {
     let peel = |z: usize| source(exr_bytes(vec![Part::flat((2, 2), &format!("R=1 G=1 B=1 A=1 Z={z}"))]));
     let stack = read(&[peel(9), peel(2)], &ReadOptions::default()).expect("it is read");
     assert_eq!(first_pixels(&stack).map_depth(), [9.0, 2.0]);
@@ -313,17 +313,17 @@ fn an_srgb_png_with_a_16_bit_depth_png_becomes_linear_and_premultiplied() {
     assert_eq!([r, b, a], [alpha, 0.0, alpha]);
     // Code 188 is 0.7373 in sRGB: ((0.7373 + 0.055) / 1.055)^2.4 = 0.5029 linear.
     assert!((g / alpha - 0.5029).abs() < 1e-3, "{g}");
-    // 13107 / 65535 = 0.2: values as they are, with a word about their range.
+    // 13107 / 65535 = 0.2: values are not converted, with a warning about their range.
     assert!((z - 0.2).abs() < 1e-6);
     assert!(warnings(&stack)[0].contains("`convention`"));
     assert!(stack.findings.iter().any(|finding| finding.text.contains("sRGB")));
-    assert_eq!(stack.color_range, ColorRange::UpToWhite, "integers end at white");
+    assert_eq!(stack.color_range, ColorRange::UpToWhite, "integers are clipped at white");
 }
 
-// What is concluded.
+// Conclusions.
 
 #[test]
-fn the_header_says_the_convention_and_the_flag_overrules_it() {
+fn the_header_sets_the_convention_and_the_option_overrides_it() {
     let part = || {
         let inverse = AttributeValue::Text(Text::from("inverse"));
         Part::flat((1, 1), "R=1 G=1 B=1 depth.T=1").attribute("thinlens.depth_convention", inverse)
@@ -347,7 +347,7 @@ fn camera_data_in_the_header_becomes_settings() {
 }
 
 #[test]
-fn a_supersampled_stack_is_known_by_its_header_and_carries_no_channels() {
+fn a_supersampled_stack_is_detected_from_its_header_and_carries_no_channels() {
     let part = |s| {
         Part::flat((4, 2), "R=1 G=1 B=1 A=1 Z=2 id=3")
             .attribute("thinlens.supersample", AttributeValue::I32(s))
@@ -359,13 +359,13 @@ fn a_supersampled_stack_is_known_by_its_header_and_carries_no_channels() {
     assert_eq!(warnings(&stack).len(), 1);
     let error = failure(exr_bytes(vec![part(3)]));
     assert_eq!(error.kind(), ErrorKind::Settings);
-    assert!(error.to_string().starts_with("3 samples a pixel do not divide a size of 4"), "{error}");
+    assert!(error.to_string().starts_with("3 samples per pixel do not divide a size of 4"), "{error}");
 }
 
-// What travels on.
+// Channels and attributes copied to the output.
 
 #[test]
-fn carry_says_which_channels_travel() {
+fn carry_selects_the_copied_channels() {
     let bytes = exr_bytes(vec![Part::flat((1, 1), "R=1 G=1 B=1 A=1 Z=1 normal.X=0 normal.Y=0 normal.Z=1")]);
     let carried = |carry| {
         let stack = read(&[source(bytes.clone())], &ReadOptions { carry, ..ReadOptions::default() });
@@ -377,7 +377,7 @@ fn carry_says_which_channels_travel() {
 }
 
 #[test]
-fn channels_of_parts_carry_the_parts_name() {
+fn channels_of_parts_have_the_parts_name_as_a_prefix() {
     let parts = vec![
         Part::flat((1, 1), "R=1 G=1 B=1 Z=1").named("peel0"),
         Part::flat((1, 1), "X=1 Y=1").named("motion"),
@@ -386,7 +386,7 @@ fn channels_of_parts_carry_the_parts_name() {
 }
 
 #[test]
-fn attributes_travel_except_those_of_the_layout() {
+fn attributes_are_copied_except_those_of_the_storage() {
     let part = Part::flat((1, 1), "R=1 G=1 B=1 Z=1")
         .attribute("shot", AttributeValue::Text(Text::from("room.0042")))
         .attribute("owner", AttributeValue::Text(Text::from("us")))
@@ -399,10 +399,10 @@ fn attributes_travel_except_those_of_the_layout() {
     assert_eq!(names, ["framesPerSecond", "isoSpeed", "owner", "shot", "timeCode"]);
 }
 
-// The picture to compare.
+// The main picture.
 
 #[test]
-fn the_main_picture_is_the_root_before_the_peels() {
+fn the_main_picture_is_the_root_even_if_there_are_peels() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("out.exr");
     let both =
@@ -413,9 +413,9 @@ fn the_main_picture_is_the_root_before_the_peels() {
     assert_eq!(read_picture(&path).expect("it is read").pixel(0, 0), [2.0, 1.0, 0.0, 1.0]);
 }
 
-// Hostile input.
+// Invalid and malicious input.
 
-/// Overwrites the value of the first attribute called `name`, of a type name as long as `kind`.
+/// Overwrites the value of the first attribute called `name` of type `kind`.
 fn patched(mut bytes: Vec<u8>, name: &str, kind: &str, value: &[u8]) -> Vec<u8> {
     let key = format!("{name}\0{kind}\0");
     let at =
@@ -430,7 +430,7 @@ fn small() -> Vec<u8> {
 }
 
 #[test]
-fn a_small_header_that_claims_a_huge_picture_is_refused_at_once() {
+fn a_small_file_with_a_huge_data_window_is_refused() {
     let corner = |x: i32, y: i32| [0i32, 0, x, y].map(i32::to_le_bytes).concat();
     for (x, y) in [(99_999, 99_999), (i32::MAX, i32::MAX), (-5, 3), (1_000_000_000, 0)] {
         let error = failure(patched(small(), "dataWindow", "box2i", &corner(x, y)));
@@ -439,7 +439,7 @@ fn a_small_header_that_claims_a_huge_picture_is_refused_at_once() {
 }
 
 #[test]
-fn a_display_window_that_is_damaged_is_refused() {
+fn an_invalid_display_window_is_refused() {
     for x in [1 << 28, -1] {
         let display = [0i32, 0, x, x].map(i32::to_le_bytes).concat();
         assert_eq!(failure(patched(small(), "displayWindow", "box2i", &display)).kind(), ErrorKind::Limits);
@@ -447,7 +447,7 @@ fn a_display_window_that_is_damaged_is_refused() {
 }
 
 #[test]
-fn a_picture_over_the_budget_is_refused_with_both_numbers() {
+fn a_picture_above_the_memory_limit_is_refused_with_both_sizes() {
     let bytes = exr_bytes(vec![Part::flat((1024, 512), "R=1 G=1 B=1 A=1 Z=1")]);
     let options = ReadOptions { max_bytes: Some(8 << 20), ..ReadOptions::default() };
     let error = failure_with(bytes, &options);
@@ -457,7 +457,7 @@ fn a_picture_over_the_budget_is_refused_with_both_numbers() {
 }
 
 #[test]
-fn deep_data_and_new_codecs_are_named_with_a_cure() {
+fn deep_data_and_unsupported_codecs_are_errors_with_a_help() {
     let mut deep = small();
     deep[5] |= 8;
     assert_eq!(failure(deep.clone()).kind(), ErrorKind::Unsupported);
@@ -468,23 +468,23 @@ fn deep_data_and_new_codecs_are_named_with_a_cure() {
 }
 
 #[test]
-fn subsampled_channels_are_named() {
+fn subsampled_channels_are_an_error_with_the_channel() {
     // In the channel list: name, type, linear flag and padding, then the two sampling rates.
     let mut bytes = small();
     let at = bytes.windows(2).position(|window| window == b"B\0").expect("a channel called B") + 2 + 4 + 4;
     bytes[at..at + 8].copy_from_slice(&[2, 0, 0, 0, 2, 0, 0, 0]);
     let error = failure(bytes);
     assert_eq!(error.kind(), ErrorKind::Unsupported);
-    assert!(error.to_string().contains("channel B at one sample every 2×2 pixels"), "{error}");
+    assert!(error.to_string().contains("channel B with one sample per 2×2 pixels"), "{error}");
 }
 
 #[test]
-fn what_is_no_picture_is_told_so() {
+fn paths_that_are_not_pictures_are_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let fails = |path: &Path| {
         read(&[Source::File(path.to_owned())], &ReadOptions::default()).expect_err("no picture").to_string()
     };
-    assert!(fails(folder.path()).starts_with("this is a directory"));
+    assert!(fails(folder.path()).starts_with("this is a folder"));
     assert!(fails(&folder.path().join("absent.exr")).starts_with("no such file"));
     let path = folder.path().join("notes.exr");
     std::fs::write(&path, "").expect("written");
@@ -495,7 +495,7 @@ fn what_is_no_picture_is_told_so() {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_an_error() {
+fn a_file_truncated_anywhere_is_an_error() {
     let bytes = small();
     for len in 1..bytes.len() {
         failure(bytes[..len].to_vec());
@@ -503,7 +503,7 @@ fn a_file_cut_anywhere_is_an_error() {
 }
 
 #[test]
-fn mutated_files_are_read_or_refused_but_never_panic() {
+fn mutated_files_are_read_or_refused_without_a_panic() {
     let peels =
         "Peel0.Combined.R=1 Peel0.Combined.G=1 Peel0.Combined.B=1 Peel0.Combined.A=1 Peel0.Depth.Z=1 id=3";
     let codecs =

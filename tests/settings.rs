@@ -1,5 +1,7 @@
 //! The table of settings is whole, and what it declares holds wherever a value enters.
 
+#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+
 #[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
 

@@ -1,4 +1,4 @@
-//! Every shader is valid, can be had in each language that a driver speaks, and has the structures of the program; no GPU is needed.
+//! Every shader is valid, translates to the language of every driver, and has the structures of the program; no GPU is needed.
 
 #![cfg(feature = "gpu")]
 
@@ -9,11 +9,11 @@ use naga::{Module, ScalarKind as NagaKind, TypeInner};
 use thinlens::gpu::{Layout, ScalarKind, Shader};
 use thinlens::methods::METHODS;
 
-/// The shaders of all methods, which must be some.
+/// The shaders of all methods; fails if there is none.
 fn shaders() -> Vec<&'static Shader> {
     let shaders: Vec<_> =
         METHODS.iter().filter_map(|method| method.gpu()).map(|backend| backend.shader()).collect();
-    assert!(!shaders.is_empty(), "no method has a twin");
+    assert!(!shaders.is_empty(), "no method has a GPU backend");
     shaders
 }
 
@@ -29,11 +29,11 @@ fn module(shader: &Shader) -> (Module, ModuleInfo) {
 }
 
 #[test]
-fn every_shader_can_be_had_for_vulkan_metal_and_dx12() {
+fn every_shader_translates_to_vulkan_metal_and_dx12() {
     for shader in shaders() {
         let (module, info) = module(shader);
         assert!(!module.entry_points.is_empty(), "{} has entry points", shader.name);
-        // Languages have no constants of pipelines: they are put in first.
+        // The target languages lack WGSL's overridable constants, so these are resolved first.
         let (module, info) = process_overrides(&module, &info, None, &PipelineConstants::default()).unwrap();
         let spirv = spv::write_vec(&module, &info, &spv::Options::default(), None).unwrap();
         assert_eq!(spirv.first(), Some(&0x0723_0203), "{}: SPIR-V's magic number", shader.name);
@@ -60,7 +60,7 @@ fn every_shader_can_be_had_for_vulkan_metal_and_dx12() {
     }
 }
 
-/// What `layout` has that `module` does not.
+/// The difference between `layout` and the struct of its name in `module`, if any.
 fn mismatch(module: &Module, layout: &Layout) -> Option<String> {
     let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(layout.name));
     let Some((_, ty)) = found else { return Some(format!("there is no struct {}", layout.name)) };
@@ -93,13 +93,13 @@ fn mismatch(module: &Module, layout: &Layout) -> Option<String> {
 }
 
 #[test]
-fn structures_are_laid_out_alike_in_shaders_and_in_the_program() {
+fn structures_have_the_same_layout_in_shaders_and_in_the_program() {
     for shader in shaders() {
         let (module, _) = module(shader);
         for layout in shader.structs {
             assert_eq!(mismatch(&module, layout), None, "{}", shader.name);
         }
-        // (Arrays of vectors have one layout everywhere.)
+        // Arrays of vectors need no check: their layout is the same everywhere.
         let uniforms = module
             .global_variables
             .iter()
@@ -108,7 +108,7 @@ fn structures_are_laid_out_alike_in_shaders_and_in_the_program() {
         for (_, variable) in uniforms {
             let name = module.types[variable.ty].name.clone().unwrap_or_default();
             let known = shader.structs.iter().any(|layout| layout.name == name);
-            assert!(known, "{}: nothing holds {name} to the program's", shader.name);
+            assert!(known, "{}: {name} is not among the structures that the program declares", shader.name);
         }
     }
 }

@@ -1,6 +1,6 @@
-//! The scene that benchmarks measure with where they are given none.
+//! The scene of benchmarks: synthetic, or from a file.
 
-#![allow(dead_code, reason = "each of the programs that include this uses a part of it")]
+#![allow(dead_code, reason = "each benchmark uses a part of this module")]
 
 use std::path::PathBuf;
 use thinlens::image::Plane;
@@ -9,10 +9,10 @@ use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{ParameterValues, Preset, Settings};
 use thinlens::stack::{Source, StackKind};
 
-/// The scene to measure with, its settings, and the wall seconds of reading it if it was read.
-pub(crate) fn wanted() -> (Scene, Settings, Option<f64>) {
+/// The scene to measure with, its settings, and the wall seconds of reading it if it is from a file.
+pub(crate) fn bench_scene() -> (Scene, Settings, Option<f64>) {
     let Ok(stack) = std::env::var("THINLENS_STACK") else {
-        return (made(1920, 1080), Settings::resolve(&[], ParameterValues::default()), None);
+        return (synthetic(1920, 1080), Settings::resolve(&[], ParameterValues::default()), None);
     };
     let preset = std::env::var("THINLENS_PRESET").ok().map(|path| NamedPreset {
         preset: Preset::parse(&std::fs::read_to_string(&path).expect("the preset's file"), &path)
@@ -25,20 +25,20 @@ pub(crate) fn wanted() -> (Scene, Settings, Option<f64>) {
     (prepared.scene, prepared.settings, Some(read_seconds))
 }
 
-/// The middle one of `values`.
+/// Median of `values`.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
 
-/// Four layers: rows of upright bars before and behind focus over a slanted floor and a far wall.
-pub(crate) fn made(width: usize, height: usize) -> Scene {
+/// Four layers: rows of vertical bars in front of and behind focus over a slanted floor and a far wall.
+pub(crate) fn synthetic(width: usize, height: usize) -> Scene {
     let hash = |x: usize, y: usize, seed: usize| {
         let bits = (x * 73_856_093) ^ (y * 19_349_663) ^ (seed * 83_492_791);
         ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
     };
     let floor = |y: usize| 14.0 - 50.0 * y as f32 / height as f32;
-    // Surfaces from near to far, each present where its pattern says so; a pixel's layers are the first four.
+    // Surfaces from near to far, each present where its pattern is; a pixel's layers are the first four.
     let surface = |x: usize, y: usize, k: usize| match k {
         0..=5 => {
             let bar = (x + 97 * k) % (160 + 30 * k) < 40 + 8 * k && y > height / 5;

@@ -1,44 +1,45 @@
-// Lens rays against the stack, one by one: twin of src/methods/accumulate/, whose module heads have the reasons.
+// Traces lens rays through the stack. CPU version: src/methods/accumulate/, whose module heads explain the method.
 //
-// look     extents of all fragments, and for each tile of samples the CoC depths that have a fragment
-// follow   the rays of a go of views, added to the sums
+// look     computes the extents of all fragments, and for each tile of samples the CoC depths that have a fragment
+// follow   traces the rays of a batch of views and adds them to the sums
 //
-// A ray (p + j + c·u, c) walks tiles, and in those that are not empty samples, c rising. Coordinates are those of the whole stack,
-// whichever rows of it are at hand.
+// A ray (p + j + c·u, c) traverses tiles in order of rising c, and the samples of those that are not empty. Coordinates are those
+// of the whole stack, independent of the rows that are uploaded.
 
-// The rows of the stack at hand, and the lens before them.
+// The rows of the stack that the band reads, and the lens.
 struct Frame {
-    // Columns of the picture; its first row that is made, and how many are.
+    // Width of the picture; first row that the band makes, and number of rows.
     width: u32,
     row: u32,
     rows: u32,
     layers: u32,
-    // Samples of a pixel along each axis.
+    // Samples per pixel along each axis.
     supersample: f32,
-    // Columns of the stack in samples; the first of its rows at hand, and the last.
+    // Width of the stack in samples; first and last row of samples that is uploaded.
     columns: i32,
     top: i32,
     bottom: i32,
-    // CoC depths between which all fragments lie.
+    // Minimum and maximum CoC depth of all fragments.
     nearest: f32,
     farthest: f32,
     slabs_per_px: f32,
-    // Where the lens's axis meets the picture, how far its corners are from there, and how far aside of the aperture the barrel stands.
+    // Where the optical axis meets the picture, distance from there to the corners, and offset of the barrel from the aperture as
+    // seen from the corners, in aperture radii.
     axis_x: f32,
     axis_y: f32,
     half_diagonal_px: f32,
     cats_eye: f32,
 }
 
-// A lens sample, as rays need it.
+// A lens sample, prepared for rays.
 struct View {
-    // Samples that a ray moves by for each pixel of CoC depth.
+    // Samples that a ray moves per pixel of CoC depth.
     step_x: f32,
     step_y: f32,
-    // One over that; 0 along an axis that it does not move on.
+    // Reciprocal of the step; 0 along an axis that the ray is perpendicular to.
     inverse_x: f32,
     inverse_y: f32,
-    // Place in the pixel, and how far aberrations move the ray, in pixels.
+    // Position in the pixel, and shift of the ray by aberrations, in pixels.
     jitter_x: f32,
     jitter_y: f32,
     shift_x: f32,
@@ -56,41 +57,42 @@ struct View {
 @group(0) @binding(7) var<storage, read> blue: array<f32>;
 @group(0) @binding(8) var<storage, read> alpha: array<f32>;
 @group(0) @binding(9) var<storage, read> coc_px: array<f32>;
-// From where to where each fragment reaches in CoC depth; both ABSENT where there is none.
+// Interval of CoC depth of each fragment; both ends ABSENT where there is none.
 @group(0) @binding(10) var<storage, read> extents: array<vec2f>;
-// [row][column] of tiles: a bit for each slab that has a fragment.
+// [row][column] of tiles: one bit per slab, set where the slab has a fragment.
 @group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
-// The two, as they are made.
+// The same two buffers, writable, for `look`.
 @group(0) @binding(12) var<storage, read_write> extents_made: array<vec2f>;
 @group(0) @binding(13) var<storage, read_write> tiles_made: array<vec2u>;
 
-// The program's are OPAQUE_ALPHA; JOIN_PX, below which neighbours are one surface; TILE, the side of a tile in samples, and its
-// logarithm TILE_BITS; SLABS, into so many the CoC depths are cut.
+// Constants from the program: OPAQUE_ALPHA; JOIN_PX, the CoC difference below which neighbours are one surface; TILE, the side of
+// a tile in samples, and its binary logarithm TILE_BITS; SLABS, the number of slabs that the CoC depths are divided into.
+
 // The bits of the slabs in the second word of a tile.
 const SECOND_WORD: u32 = 0x3fffffff;
-// Set in the second word of a tile that has all fragments nearest first.
+// Set in the second word of a tile where the fragments of every sample are sorted nearest first.
 const NEAREST_FIRST: u32 = 0x40000000;
-// Farther than any fragment, and than any ray goes.
+// Larger than any CoC depth of a fragment or a ray.
 const ABSENT: f32 = 3e38;
 
-fn rows_at_hand() -> i32 {
+fn uploaded_rows() -> i32 {
     return frame.bottom - frame.top + 1;
 }
 
-// Index of a sample at hand in the first layer.
-fn sample_index(place: vec2i) -> u32 {
-    return u32((place.y - frame.top) * frame.columns + place.x);
+// Index in the first layer of an uploaded sample.
+fn sample_index(position: vec2i) -> u32 {
+    return u32((position.y - frame.top) * frame.columns + position.x);
 }
 
 fn layer_stride() -> u32 {
-    return u32(rows_at_hand() * frame.columns);
+    return u32(uploaded_rows() * frame.columns);
 }
 
 fn tile_columns() -> i32 {
     return (frame.columns + TILE - 1) >> TILE_BITS;
 }
 
-// Index of a tile; those past the border have what those at the border have.
+// Index of a tile; tiles past the border repeat those at the border.
 fn tile_index(tile: vec2i) -> u32 {
     let first = frame.top >> TILE_BITS;
     let x = clamp(tile.x, 0, tile_columns() - 1);
@@ -98,58 +100,59 @@ fn tile_index(tile: vec2i) -> u32 {
     return u32((y - first) * tile_columns() + x);
 }
 
-// The slab of CoC depth `coc`; beyond the ends, the last one.
+// The slab of CoC depth `coc`; beyond either end, the slab at that end.
 fn slab(coc: f32) -> u32 {
     return u32(round(clamp((coc - frame.nearest) * frame.slabs_per_px - 0.5, 0.0, f32(SLABS - 1u))));
 }
 
-// Bit `index` of the two words of a tile.
+// Bit `index` of a tile's two words.
 fn bit(index: u32) -> vec2u {
     return select(vec2u(0u, 1u << (index & 31u)), vec2u(1u << (index & 31u), 0u), index < 32u);
 }
 
-// `reach` as far as halfway to the fragment at `index`, if it is one surface with that of CoC radius `coc`.
-fn reach_to(index: u32, coc: f32, reach: vec2f) -> vec2f {
+// `interval` extended halfway to the fragment at `index`, if that belongs to the same surface as the one of CoC radius `coc`.
+fn extended_to(index: u32, coc: f32, interval: vec2f) -> vec2f {
     let other = coc_px[index];
     let middle = 0.5 * (coc + other);
     let joined = alpha[index] > 0.0 && abs(other - coc) < JOIN_PX;
-    return select(reach, vec2f(min(reach.x, middle), max(reach.y, middle)), joined);
+    return select(interval, vec2f(min(interval.x, middle), max(interval.y, middle)), joined);
 }
 
-// From where to where the fragment at `index` reaches, which is at `place` in its layer.
-fn extent(index: u32, place: vec2i) -> vec2f {
+// Interval of CoC depth of the fragment at `index`, which is at `position` in its layer.
+fn extent(index: u32, position: vec2i) -> vec2f {
     let own = alpha[index];
     let coc = coc_px[index];
-    var reach = select(vec2f(ABSENT), vec2f(coc), own > 0.0);
+    var interval = select(vec2f(ABSENT), vec2f(coc), own > 0.0);
     if own < OPAQUE_ALPHA {
-        // Translucent fragments stay thin: reaching into one another they would count twice.
-        return reach;
+        // Translucent fragments have no thickness: overlapping ones would attenuate a ray twice.
+        return interval;
     }
-    if place.x > 0 {
-        reach = reach_to(index - 1u, coc, reach);
+    if position.x > 0 {
+        interval = extended_to(index - 1u, coc, interval);
     }
-    if place.x + 1 < frame.columns {
-        reach = reach_to(index + 1u, coc, reach);
+    if position.x + 1 < frame.columns {
+        interval = extended_to(index + 1u, coc, interval);
     }
-    if place.y > frame.top {
-        reach = reach_to(index - u32(frame.columns), coc, reach);
+    if position.y > frame.top {
+        interval = extended_to(index - u32(frame.columns), coc, interval);
     }
-    if place.y < frame.bottom {
-        reach = reach_to(index + u32(frame.columns), coc, reach);
+    if position.y < frame.bottom {
+        interval = extended_to(index + u32(frame.columns), coc, interval);
     }
-    return reach;
+    return interval;
 }
 
 var<workgroup> occupied: array<atomic<u32>, 2>;
 var<workgroup> disordered: atomic<u32>;
 
-// Looks at all fragments of a sample; returns the slabs that have one, and whether they are not nearest first.
-fn look_at(place: vec2i) -> vec3u {
+// Computes the extents of all fragments of a sample; returns the bits of the slabs that have one, and whether they are not sorted
+// nearest first.
+fn analyze_sample(position: vec2i) -> vec3u {
     var found = vec3u(0u);
     var nearest = -ABSENT;
     for (var layer = 0u; layer < frame.layers; layer++) {
-        let index = layer * layer_stride() + sample_index(place);
-        extents_made[index] = extent(index, place);
+        let index = layer * layer_stride() + sample_index(position);
+        extents_made[index] = extent(index, position);
         if alpha[index] > 0.0 {
             let coc = coc_px[index];
             found |= vec3u(bit(slab(coc)), u32(coc < nearest));
@@ -168,9 +171,9 @@ fn look(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     }
     workgroupBarrier();
     let tile = vec2i(group.xy) + vec2i(0, frame.top >> TILE_BITS);
-    let place = tile * TILE + vec2i(local.xy);
-    if place.x < frame.columns && place.y >= frame.top && place.y <= frame.bottom {
-        let found = look_at(place);
+    let position = tile * TILE + vec2i(local.xy);
+    if position.x < frame.columns && position.y >= frame.top && position.y <= frame.bottom {
+        let found = analyze_sample(position);
         atomicOr(&occupied[0], found.x);
         atomicOr(&occupied[1], found.y);
         atomicOr(&disordered, found.z);
@@ -178,7 +181,7 @@ fn look(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     workgroupBarrier();
     if index == 0u {
         let words = vec2u(atomicLoad(&occupied[0]), atomicLoad(&occupied[1]));
-        // A fragment may reach into the slabs beside its own.
+        // A fragment may extend into the slabs next to its own.
         let nearer = vec2u((words.x >> 1u) | (words.y << 31u), words.y >> 1u);
         let farther = vec2u(words.x << 1u, (words.y << 1u) | (words.x >> 31u));
         let spread = (words | nearer | farther) & vec2u(0xffffffffu, SECOND_WORD);
@@ -187,47 +190,47 @@ fn look(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     }
 }
 
-// The samples `start + c·step` that a ray passes, c its CoC depth.
+// A ray: at CoC depth c it is at sample position `start + c·step`.
 struct Ray {
     start: vec2f,
     step: vec2f,
     inverse: vec2f,
-    // CoC depth at which it leaves a sample along an axis that it does not move on.
-    never: vec2f,
-    // Where it heads: -1 or 1 on each axis.
+    // ABSENT along an axis that the ray is perpendicular to, so that it never leaves a sample there; 0 on other axes.
+    perpendicular_exit: vec2f,
+    // Direction on each axis: -1 or 1.
     heading: vec2i,
 }
 
-// What a ray has seen, and what of it goes on.
-struct Seen {
+// Colour that a ray has collected, and its remaining transmittance.
+struct RayResult {
     color: vec3f,
-    transmitted: f32,
+    transmittance: f32,
 }
 
-// Where a ray leaves a square of samples: at which CoC depth, and on which side.
+// Where a ray leaves a square of samples: CoC depth and direction.
 struct Exit {
-    at: f32,
+    coc: f32,
     side: vec2i,
 }
 
-// The part of a ray's way over a tile in which there may be fragments.
+// The part of a ray's path over a tile that may hit fragments.
 struct Passage {
     begin: f32,
     end: f32,
-    // None, if this is not set.
-    open: bool,
-    // Whether each sample has its fragments nearest first: past one behind a ray's stay there is then none before it.
+    // Whether the tile has fragments there.
+    occupied: bool,
+    // Whether the fragments of each sample are sorted nearest first: once one is behind the ray's interval, all that follow are.
     nearest_first: bool,
 }
 
-// The ray of `view` through the pixel whose centre is at `centre`, a place in the picture.
+// The ray of `view` through the pixel with its centre at `centre`, in picture pixels.
 fn ray_of(view: View, centre: vec2f) -> Ray {
     let point = centre + vec2f(view.jitter_x, view.jitter_y) + vec2f(view.shift_x, view.shift_y);
     let step = vec2f(view.step_x, view.step_y);
     let inverse = vec2f(view.inverse_x, view.inverse_y);
-    let never = select(vec2f(0.0), vec2f(ABSENT), inverse == vec2f(0.0));
+    let perpendicular_exit = select(vec2f(0.0), vec2f(ABSENT), inverse == vec2f(0.0));
     let heading = select(vec2i(-1), vec2i(1), step > vec2f(0.0));
-    return Ray(point * frame.supersample, step, inverse, never, heading);
+    return Ray(point * frame.supersample, step, inverse, perpendicular_exit, heading);
 }
 
 // The sample at CoC depth `coc`.
@@ -238,14 +241,14 @@ fn cell_at(ray: Ray, coc: f32) -> vec2i {
 // Where `ray` leaves the square of `side` samples that begins at `first`.
 fn leaves(ray: Ray, first: vec2i, side: i32) -> Exit {
     let edge = first + side * max(ray.heading, vec2i(0));
-    let leave = (vec2f(edge) - ray.start) * ray.inverse + ray.never;
+    let leave = (vec2f(edge) - ray.start) * ray.inverse + ray.perpendicular_exit;
     if leave.x <= leave.y {
         return Exit(leave.x, vec2i(ray.heading.x, 0));
     }
     return Exit(leave.y, vec2i(0, ray.heading.y));
 }
 
-// What there is over `tile` from CoC depth `begin` to `end`.
+// The part of a ray's path over `tile`, from CoC depth `begin` to `end`, that may hit fragments.
 fn passage_over(tile: vec2i, begin: f32, end: f32) -> Passage {
     let words = tiles[tile_index(tile)];
     let from_slab = slab(begin);
@@ -256,7 +259,7 @@ fn passage_over(tile: vec2i, begin: f32, end: f32) -> Passage {
     let found = words & from_mask & to_mask & vec2u(all, SECOND_WORD);
     let first = select(32u + firstTrailingBit(found.y), firstTrailingBit(found.x), found.x != 0u);
     let last = select(firstLeadingBit(found.x), 32u + firstLeadingBit(found.y), found.y != 0u);
-    // A little before where the first slab begins, and a little behind where the last one ends, for rounding.
+    // From the begin of the first slab to the end of the last one, with margins for rounding.
     let slabs_begin = frame.nearest + (f32(first) - 0.01) / frame.slabs_per_px;
     let slabs_end = frame.nearest + (f32(last) + 1.01) / frame.slabs_per_px;
     return Passage(
@@ -267,16 +270,16 @@ fn passage_over(tile: vec2i, begin: f32, end: f32) -> Passage {
     );
 }
 
-// The first layer from `first` on with a fragment at `index` of the first layer that overlaps the ray's stay there, from CoC depth
-// `begin` to `end`; past the last one if there is none.
-fn next_met(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -> u32 {
+// The first layer from `first` on whose fragment overlaps the ray's interval from CoC depth `begin` to `end`; the number of
+// layers if there is none. `index` is that of the sample in the first layer.
+fn next_hit(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -> u32 {
     var layer = first;
     while layer < frame.layers {
-        let reach = extents[index + layer * layer_stride()];
-        if reach.x <= end && reach.y >= begin {
+        let interval = extents[index + layer * layer_stride()];
+        if interval.x <= end && interval.y >= begin {
             return layer;
         }
-        if nearest_first && reach.x < ABSENT && reach.x > end + JOIN_PX {
+        if nearest_first && interval.x < ABSENT && interval.x > end + JOIN_PX {
             return frame.layers;
         }
         layer++;
@@ -284,27 +287,27 @@ fn next_met(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -
     return layer;
 }
 
-// Follows `ray` over the samples of `tile`.
-fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, seen: ptr<function, Seen>) {
+// Traces `ray` over the samples of `tile`.
+fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, RayResult>) {
     let first = tile * TILE;
-    let least = vec2i(0, frame.top);
-    let last = vec2i(frame.columns - 1, frame.bottom);
+    let min_cell = vec2i(0, frame.top);
+    let max_cell = vec2i(frame.columns - 1, frame.bottom);
     var enter = passage.begin;
     var cell = clamp(cell_at(ray, enter), first, first + TILE - 1);
     var layer = 0u;
     var index = 0u;
     loop {
-        // To the next fragment that is met, in a loop of its own: threads that differ in how far that is wait least.
+        // An inner loop advances to the next hit, so that threads wait less for others whose next hit is farther away.
         var exit: Exit;
         loop {
             exit = leaves(ray, cell, 1);
-            index = sample_index(clamp(cell, least, last));
-            layer = next_met(index, layer, enter, min(exit.at, passage.end), passage.nearest_first);
-            if layer < frame.layers || !(exit.at < passage.end) {
+            index = sample_index(clamp(cell, min_cell, max_cell));
+            layer = next_hit(index, layer, enter, min(exit.coc, passage.end), passage.nearest_first);
+            if layer < frame.layers || !(exit.coc < passage.end) {
                 break;
             }
             cell += exit.side;
-            enter = exit.at;
+            enter = exit.coc;
             layer = 0u;
         }
         if layer >= frame.layers {
@@ -312,46 +315,46 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, seen: ptr<function, Seen>
         }
         index += layer * layer_stride();
         let own = alpha[index];
-        (*seen).color += (*seen).transmitted * vec3f(red[index], green[index], blue[index]);
-        (*seen).transmitted *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
-        if (*seen).transmitted <= 0.0 {
+        (*result).color += (*result).transmittance * vec3f(red[index], green[index], blue[index]);
+        (*result).transmittance *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
+        if (*result).transmittance <= 0.0 {
             return;
         }
         layer++;
     }
 }
 
-// Follows `ray` through the stack.
-fn follow_ray(ray: Ray) -> Seen {
-    var seen = Seen(vec3f(0.0), 1.0);
+// Traces `ray` through the stack.
+fn trace_ray(ray: Ray) -> RayResult {
+    var result = RayResult(vec3f(0.0), 1.0);
     var enter = frame.nearest;
     var tile = cell_at(ray, enter) >> vec2u(TILE_BITS);
     loop {
-        // To the next tile that has anything, as above.
+        // An inner loop advances to the next occupied tile, for the same reason.
         var exit: Exit;
         var passage: Passage;
         loop {
             exit = leaves(ray, tile * TILE, TILE);
-            passage = passage_over(tile, enter, min(exit.at, frame.farthest));
-            if passage.open || !(exit.at < frame.farthest) {
+            passage = passage_over(tile, enter, min(exit.coc, frame.farthest));
+            if passage.occupied || !(exit.coc < frame.farthest) {
                 break;
             }
             tile += exit.side;
-            enter = exit.at;
+            enter = exit.coc;
         }
-        if passage.open {
-            cross_tile(ray, tile, passage, &seen);
+        if passage.occupied {
+            cross_tile(ray, tile, passage, &result);
         }
-        if seen.transmitted <= 0.0 || !(exit.at < frame.farthest) {
-            return seen;
+        if result.transmittance <= 0.0 || !(exit.coc < frame.farthest) {
+            return result;
         }
         tile += exit.side;
-        enter = exit.at;
+        enter = exit.coc;
     }
-    return seen;
+    return result;
 }
 
-// Whether the ray through `lens` passes the barrel, seen from the place `height` of the field.
+// Whether the ray through `lens` passes the barrel, as seen from field position `height`.
 fn passes_barrel(lens: vec2f, height: vec2f) -> bool {
     return frame.cats_eye == 0.0 || 1.0 - length(lens - frame.cats_eye * height) >= 0.0;
 }
@@ -364,14 +367,14 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     let centre = vec2f(f32(at.x), f32(frame.row + at.y)) + 0.5;
     let height = (centre - vec2f(frame.axis_x, frame.axis_y)) / frame.half_diagonal_px;
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
-    for (var i = go.first_view; i < go.end_view; i++) {
+    for (var i = batch.first_view; i < batch.end_view; i++) {
         let view = views[i];
         if passes_barrel(vec2f(view.lens_x, view.lens_y), height) {
-            let seen = follow_ray(ray_of(view, centre));
-            sum.color += seen.color;
-            sum.hit += 1.0 - seen.transmitted;
+            let result = trace_ray(ray_of(view, centre));
+            sum.color += result.color;
+            sum.hit += 1.0 - result.transmittance;
             sum.rays += 1.0;
         }
     }
-    add_go(at.y * frame.width + at.x, sum);
+    add_batch(at.y * frame.width + at.x, sum);
 }

@@ -1,74 +1,77 @@
-// A-buffer and B-buffers (2003): contributions splatted into two pyramids, before and behind focus, at the level of their blur.
-// CPU twin: src/methods/b_buffer/. Before it: covered.wgsl, other_sheet.wgsl, pyramid.wgsl, first_level.wgsl.
+// A-buffer and B-buffers (2003): contributions are splatted into two pyramids, in front of and behind focus, at the level of
+// their blur. CPU version: src/methods/published/b_buffer/.
+// Concatenated after coverage_planes.wgsl, other_coverage_planes.wgsl, pyramid.wgsl, first_level.wgsl.
 //
-// Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer level.
-// One pyramid serves all levels of a field, the coarsest first: what goes to level n is splatted to level 1 and reduced to n,
-// and what was united at n + 1 lies above it.
+// Channels of a pyramid: content, occupancy and, behind focus, the occupancy that the same contributions have in the next finer
+// level. One pyramid buffer serves all levels of a field, the coarsest first: the contributions of level n are splatted to level
+// 1, reduced to level n, and combined with level n + 1, which is complete by then.
 //
-// The other covered has sums. While peels are culled, its colours are the last opaque CoC radius and what is let through.
+// The other coverage planes hold sums. While peels are culled, their colours hold the CoC radius of the last opaque contribution
+// and the transmittance since then.
 //
-// cull:         takes from a peel what the A-buffer need not keep.
-// clear:        level 1 without contributions.
-// splat:        adds a peel's contributions that go to a level to level 1.
-// saturate_top: the coarsest level with occupancy of one at most.
-// unite_level:  a level and what is expanded from the coarser one.
-// clear_sums:   sums of nothing.
-// gather:       adds a peel's contributions that go to level 0 to the sums.
-// lay:          the sums and what is expanded from level 1, over the result.
-// lay_in_focus: a peel's contributions in focus over the result.
+// cull:               removes from a peel the contributions that the A-buffer does not need.
+// clear:              sets level 1 to zero.
+// splat:              adds the contributions of a peel that go to a level to level 1.
+// saturate_top:       scales the coarsest level to an occupancy of at most one.
+// combine_level:      combines a level with the expanded coarser one.
+// clear_sums:         sets the sums to zero.
+// gather:             adds the contributions of a peel that go to level 0 to the sums.
+// composite_field:    composites the sums, combined with the expanded level 1, over the result.
+// composite_in_focus: composites the contributions of a peel that are in focus over the result.
 
-struct Weighing {
+struct LevelWeights {
     sign: f32,
     in_focus_px: f32,
-    rise_start: f32,
+    rise_start_px2: f32,
     rise_slope: f32,
-    fall_end: f32,
+    fall_end_px2: f32,
     fall_slope: f32,
-    whole: f32,
-    has_levels: u32,
+    peak_px2: f32,
+    has_coarser: u32,
 }
 
-struct PeelStats {
-    shows: u32,
-    first: u32,
+struct PeelUniform {
+    has_alpha: u32,
+    is_nearest: u32,
     first_row: i32,
     same_surface_px: f32,
     in_focus_px: f32,
 }
 
-@group(0) @binding(3) var<uniform> weighing: Weighing;
-// Red, green and blue; coverage and CoC radius.
+@group(0) @binding(3) var<uniform> level_weights: LevelWeights;
+// The peel as [plane][row][column]: red, green and blue; coverage and signed CoC radius in pixels.
 @group(0) @binding(4) var<storage, read_write> peel_colors: array<f32>;
 @group(0) @binding(5) var<storage, read_write> peel_rest: array<f32>;
-@group(0) @binding(10) var<uniform> peel: PeelStats;
+@group(0) @binding(10) var<uniform> peel: PeelUniform;
 
-// OPAQUE_ALPHA and LEVEL_SHARE are the program's.
+// The program sets OPAQUE_ALPHA and LEVEL_SHARE.
 
-// Farther in front of everything than any CoC radius.
+// Signed CoC radius in pixels of no surface: nearer than every real one.
 const NO_SURFACE_PX: f32 = -3e38;
 
-// Which share of the contribution at hand is kept; negative transmission in front of focus means that a pixel is closed.
+// The kept share of the next contribution of a pixel. Negative transmittance in front of focus marks a pixel that is occluded:
+// every farther contribution is culled.
 fn keep(index: i32, alpha: f32, coc_px: f32) -> f32 {
     let plane = source_plane();
     var surface_px = NO_SURFACE_PX;
-    var through = vec2f(1.0);
-    if peel.first == 0u {
+    var transmittance = vec2f(1.0);
+    if peel.is_nearest == 0u {
         surface_px = other_colors[index];
-        through = vec2f(other_colors[plane + index], other_colors[2 * plane + index]);
+        transmittance = vec2f(other_colors[plane + index], other_colors[2 * plane + index]);
     }
     let same_px = max(peel.same_surface_px, LEVEL_SHARE * abs(surface_px));
-    let drops = alpha <= 0.0 || through.x < 0.0 || abs(coc_px - surface_px) < same_px;
+    let drops = alpha <= 0.0 || transmittance.x < 0.0 || abs(coc_px - surface_px) < same_px;
     let behind = coc_px > 0.0;
-    let share = select(through.x, through.y, behind);
+    let share = select(transmittance.x, transmittance.y, behind);
     if !drops && alpha >= OPAQUE_ALPHA {
         surface_px = coc_px;
-        through = vec2f(select(1.0, -1.0, behind), 1.0);
+        transmittance = vec2f(select(1.0, -1.0, behind), 1.0);
     } else if !drops {
-        through *= select(vec2f(1.0 - alpha, 1.0), vec2f(1.0, 1.0 - alpha), behind);
+        transmittance *= select(vec2f(1.0 - alpha, 1.0), vec2f(1.0, 1.0 - alpha), behind);
     }
     other_colors[index] = surface_px;
-    other_colors[plane + index] = through.x;
-    other_colors[2 * plane + index] = through.y;
+    other_colors[plane + index] = transmittance.x;
+    other_colors[2 * plane + index] = transmittance.y;
     return select(share, 0.0, drops);
 }
 
@@ -86,23 +89,23 @@ fn cull(@builtin(global_invocation_id) at: vec3u) {
     }
 }
 
-// Share of contributions of CoC radius `coc_px` that goes to the level at hand.
+// Share of contributions of CoC radius `coc_px` that goes to the current level.
 fn weight_of(coc_px: f32) -> f32 {
-    let squared = coc_px * coc_px;
-    let risen = clamp((squared - weighing.rise_start) * weighing.rise_slope, 0.0, 1.0);
-    let left = clamp((weighing.fall_end - squared) * weighing.fall_slope, 0.0, 1.0);
-    return select(0.0, min(risen, left), weighing.sign * coc_px > weighing.in_focus_px);
+    let squared_px2 = coc_px * coc_px;
+    let rise = clamp((squared_px2 - level_weights.rise_start_px2) * level_weights.rise_slope, 0.0, 1.0);
+    let fall = clamp((level_weights.fall_end_px2 - squared_px2) * level_weights.fall_slope, 0.0, 1.0);
+    return select(0.0, min(rise, fall), level_weights.sign * coc_px > level_weights.in_focus_px);
 }
 
-// A weighed contribution: content, and occupancy, here and in the next finer level.
+// A weighted contribution: content, and occupancy in this level and in the next finer one.
 fn contribution(index: i32) -> Sample {
     let plane = source_plane();
     let coc_px = peel_rest[plane + index];
     let coverage = peel_rest[index];
     let weight = weight_of(coc_px);
-    let in_finer = select(0.0, 1.0 - weight, weight > 0.0 && coc_px * coc_px < weighing.whole);
+    let in_finer = select(0.0, 1.0 - weight, weight > 0.0 && coc_px * coc_px < level_weights.peak_px2);
     let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
-    let content = vec4f(colors, select(0.0, coverage, peel.shows == 1u));
+    let content = vec4f(colors, select(0.0, coverage, peel.has_alpha == 1u));
     return Sample(weight * content, coverage * vec2f(weight, in_finer));
 }
 
@@ -128,7 +131,7 @@ fn clear(@builtin(global_invocation_id) at: vec3u) {
 
 fn add_coarse(channel: i32, x: i32, y: i32, value: vec4f) {
     let index = coarse_index(channel, x, y);
-    // What lies past an end is not set.
+    // Samples past the last column or row are not set.
     let right = select(0, 1, x + 1 < level.coarse_width);
     let below = select(0, level.coarse_width, y + 1 < level.to_row);
     let before = vec4f(levels[index], levels[index + right], levels[index + below], levels[index + below + right]);
@@ -156,7 +159,7 @@ fn splat(@builtin(global_invocation_id) at: vec3u) {
         add_coarse(3, x, y, block.content[3]);
     }
     add_coarse(frame.channels, x, y, block.rest[0]);
-    if weighing.sign > 0.0 {
+    if level_weights.sign > 0.0 {
         add_coarse(frame.channels + 1, x, y, block.rest[1]);
     }
 }
@@ -174,49 +177,50 @@ fn saturate_top(@builtin(global_invocation_id) at: vec3u) {
     }
 }
 
-fn share_of(value: vec4f, room: vec4f) -> vec4f {
-    let left = max(room, vec4f(0.0));
-    let over = value > left;
-    return select(vec4f(1.0), left / select(vec4f(1.0), value, over), over);
+// The share of `value` that fits into the `remaining` occupancy.
+fn share_of(value: vec4f, remaining: vec4f) -> vec4f {
+    let limit = max(remaining, vec4f(0.0));
+    let exceeds = value > limit;
+    return select(vec4f(1.0), limit / select(vec4f(1.0), value, exceeds), exceeds);
 }
 
-// How much is kept of what a level holds itself, and of what is expanded from the coarser one.
+// The kept shares of a level itself and of the expanded coarser one.
 struct Shares {
     own: vec4f,
     coarser: vec4f,
 }
 
 fn shares(own: vec4f, in_finer: vec4f, coarser: vec4f) -> Shares {
-    if weighing.sign > 0.0 {
+    if level_weights.sign > 0.0 {
         let kept = share_of(own, vec4f(1.0));
         return Shares(kept, share_of(coarser, 1.0 - own * kept - in_finer));
     }
     return Shares(share_of(own, 1.0 - coarser), vec4f(1.0));
 }
 
-// Four samples of the finer level, of which those that are not there are the first.
+// Four samples of the finer level. Indices of samples that do not exist are replaced by that of the first sample.
 fn fine_samples(channel: i32, index: vec4i) -> vec4f {
     let at = index + channel * level.fine_rows * level.fine_width;
     return vec4f(levels[at.x], levels[at.y], levels[at.z], levels[at.w]);
 }
 
 @compute @workgroup_size(16, 16)
-fn unite_level(@builtin(global_invocation_id) at: vec3u) {
+fn combine_level(@builtin(global_invocation_id) at: vec3u) {
     let corner = fine_corner(at);
     let four = fine_four(corner);
     if !any(four.makes) {
         return;
     }
-    let places = level.fine_start + (four.y - level.fine_first) * level.fine_width + four.x;
-    let index = select(vec4i(level.fine_start), places, four.makes);
+    let indices = level.fine_start + (four.y - level.fine_first) * level.fine_width + four.x;
+    let index = select(vec4i(level.fine_start), indices, four.makes);
     let around = corners(corner);
-    let finer = select(vec4f(0.0), fine_samples(frame.channels + 1, index), weighing.sign > 0.0);
-    let share = shares(fine_samples(frame.channels, index), finer, expanded(frame.channels, around));
+    let in_finer = select(vec4f(0.0), fine_samples(frame.channels + 1, index), level_weights.sign > 0.0);
+    let share = shares(fine_samples(frame.channels, index), in_finer, expanded(frame.channels, around));
     for (var channel = 0; channel <= frame.channels; channel++) {
-        let united = share.own * fine_samples(channel, index) + share.coarser * expanded(channel, around);
+        let combined = share.own * fine_samples(channel, index) + share.coarser * expanded(channel, around);
         for (var k = 0; k < 4; k++) {
             if four.makes[k] {
-                levels[index[k] + channel * level.fine_rows * level.fine_width] = united[k];
+                levels[index[k] + channel * level.fine_rows * level.fine_width] = combined[k];
             }
         }
     }
@@ -242,7 +246,7 @@ fn gather(@builtin(global_invocation_id) at: vec3u) {
 }
 
 @compute @workgroup_size(16, 16)
-fn lay(@builtin(global_invocation_id) at: vec3u) {
+fn composite_field(@builtin(global_invocation_id) at: vec3u) {
     let corner = frame_corner(at);
     let four = frame_four(corner);
     if !any(four.makes) {
@@ -251,8 +255,8 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let index = select(vec4i(0), four.y * frame.width + four.x, four.makes);
     let source = index + (frame.made_first - frame.source_first) * frame.width;
     let around = corners(corner);
-    let levels_there = weighing.has_levels == 1u;
-    let coarser = select(vec4f(0.0), expanded(frame.channels, around), levels_there);
+    let has_coarser = level_weights.has_coarser == 1u;
+    let coarser = select(vec4f(0.0), expanded(frame.channels, around), has_coarser);
     let a = other_pixel(source.x);
     let b = other_pixel(source.y);
     let c = other_pixel(source.z);
@@ -261,18 +265,18 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let own_content = mat4x4f(a.content, b.content, c.content, d.content);
     let share = shares(own, vec4f(0.0), coarser);
     let occupancy = share.own * own + share.coarser * coarser;
-    // Without levels nothing is kept of what is read there.
+    // Without coarser levels the values read here are not used.
     let content = expanded_content(around);
     for (var k = 0; k < 4; k++) {
         if four.makes[k] {
-            let below = select(vec4f(0.0), content[k], levels_there);
-            lay_over(index[k], Pixel(share.own[k] * own_content[k] + share.coarser[k] * below, occupancy[k]));
+            let coarser_content = select(vec4f(0.0), content[k], has_coarser);
+            lay_over(index[k], Pixel(share.own[k] * own_content[k] + share.coarser[k] * coarser_content, occupancy[k]));
         }
     }
 }
 
 @compute @workgroup_size(16, 16)
-fn lay_in_focus(@builtin(global_invocation_id) at: vec3u) {
+fn composite_in_focus(@builtin(global_invocation_id) at: vec3u) {
     let row = i32(at.y) + peel.first_row - frame.made_first;
     if i32(at.x) >= frame.width || row >= frame.made_rows {
         return;
@@ -285,6 +289,6 @@ fn lay_in_focus(@builtin(global_invocation_id) at: vec3u) {
     let index = row * frame.width + i32(at.x);
     let coverage = peel_rest[source];
     let colors = vec3f(peel_colors[source], peel_colors[plane + source], peel_colors[2 * plane + source]);
-    let alpha = select(0.0, coverage, peel.shows == 1u);
+    let alpha = select(0.0, coverage, peel.has_alpha == 1u);
     lay_over(index, Pixel(vec4f(colors, alpha), coverage));
 }

@@ -1,31 +1,31 @@
-// Lens rays against depth layers, by false position, thickened to cones: twin of src/methods/layer_rays/, whose module heads have
-// the reasons.
+// Lens rays intersected with depth layers by false position, and widened to cones: GPU backend of
+// src/methods/published/layer_rays/, whose module heads give the reasons.
 //
-// follow         the rays of a go of views, added to the sums, where no cone is wider than a sample
-// follow_cones   the same for any cones
-// central        the ray through the middle of each pixel and lens, where nothing is known of any other
+// |follow         adds the rays of a batch of views to the sums, where no cone is wider than a sample
+// |follow_cones   the same for any cones
+// |central        the ray through the centre of pixel and lens, where all other rays were discarded
 //
-// Fragments, layers, N-buffers and mipmaps are the CPU's tables. An N-buffer is kept for a slab of neighbouring layers.
+// Fragments, layers, N-buffers and mipmaps are the CPU's tables. One N-buffer serves a slab of neighbouring layers.
 
-// The layers, and how rays meet them.
+// Sizes of the tables, and how rays are traced.
 struct Frame {
-    // Views of a set, and sets.
+    // Views per set, and number of sets.
     views: u32,
     sets: u32,
-    // Layers; neighbouring ones share an N-buffer, a slab of them each.
+    // Number of layers, layers per slab, and number of slabs. Each slab has one N-buffer.
     layers: u32,
     layers_per_slab: u32,
     slabs: u32,
-    // Mipmap levels above the stack itself, and the diameter of a cone in samples for each pixel of CoC radius.
+    // Mipmap levels above the stack, and the cone diameter in samples per pixel of CoC radius.
     levels: u32,
     cone_per_coc_px: f32,
-    // Steps of false position.
+    // Iterations of false position.
     iterations: u32,
-    // Whether rays that leave the frame are left out.
+    // Whether rays that leave the frame are discarded.
     discard_outside: u32,
 }
 
-// What one layer has in a texel of a mipmap: colour (premultiplied) and coverage.
+// One layer in a mipmap texel: colour (premultiplied) and coverage.
 struct Texel {
     layer: u32,
     red: f32,
@@ -34,39 +34,39 @@ struct Texel {
     alpha: f32,
 }
 
-// Views are [set][view]. Beside N-buffers are, per slab, the bits of how far rays go in it, and, per layer, the bits of its near and its
-// far bound, and its slab.
+// Views are [set][view]. The N-buffer table also holds, as float bits, the reach of rays per slab, and the near and
+// far bound per layer; and the slab index per layer.
 @group(0) @binding(9) var<uniform> frame: Frame;
-// Per level of the mipmaps its columns, its first and its last row at hand, its last row in all, and where its starts begin; then
-// the starts: where each texel's list begins, and where the last one ends.
+// Per mipmap level: columns, first and last uploaded row, last row of the level, index of its starts. Then the
+// starts: the start of each texel's list, and the end of the last one.
 @group(0) @binding(10) var<storage, read> starts: array<u32>;
-// The lists, each in the order of the layers.
+// The lists, each ordered by layer.
 @group(0) @binding(11) var<storage, read> texels: array<Texel>;
 
-// The program's are MAX_SLABS; and SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the words of a slab, a layer and a level.
+// From the program: MAX_SLABS; SLAB_WORDS, LAYER_WORDS and LEVEL_WORDS, the u32 words per slab, layer and level.
 
-// A cone that is wider than a sample is of this mipmap level at least.
+// Minimum mipmap level of a cone that is wider than a sample.
 const MIN_LEVEL: f32 = 1e-7;
 
-// Where a ray meets a layer.
+// A hit of a ray in a layer.
 struct Hit {
     found: bool,
-    // CoC radius at which it does.
+    // CoC radius of the ray at the hit.
     at: f32,
-    // Which fragment it meets.
+    // Index of the fragment.
     index: u32,
-    // CoC radius of that fragment.
+    // CoC radius of the fragment.
     coc_px: f32,
 }
 
-// What a ray has seen, what of it goes on, and whether it counts.
-struct Seen {
+// Accumulated colour of a ray, its transmittance, and whether the ray counts (false: discarded).
+struct RayTrace {
     color: vec3f,
-    transmitted: f32,
+    transmittance: f32,
     counts: bool,
 }
 
-// A number that looks drawn by chance, of the pixel alone (Jarzynski & Olano 2020, pcg2d).
+// Pseudo-random number of a pixel (Jarzynski & Olano 2020, pcg2d).
 fn hash(pixel: vec2u) -> u32 {
     var v = pixel * 1664525u + 1013904223u;
     v.x += v.y * 1664525u;
@@ -76,36 +76,36 @@ fn hash(pixel: vec2u) -> u32 {
     return v.x ^ (v.x >> 16u);
 }
 
-// CoC radii between which `ray` is within the frame; it passes the plane of focus within it.
-fn stay(ray: Ray) -> vec2f {
+// CoC radii between which `ray` is inside the frame. It must be inside at the plane of focus.
+fn frame_interval(ray: Ray) -> vec2f {
     let size = vec2f(f32(stack.columns), f32(stack.height));
-    let still = ray.step == vec2f(0.0);
-    let step = select(ray.step, vec2f(1.0), still);
+    let is_still = ray.step == vec2f(0.0);
+    let step = select(ray.step, vec2f(1.0), is_still);
     let a = -ray.start / step;
     let b = (size - ray.start) / step;
-    // A ray that stands still never leaves.
-    let enters = select(min(min(a, b), vec2f(0.0)), vec2f(-ABSENT), still);
-    let leaves = select(max(max(a, b), vec2f(0.0)), vec2f(ABSENT), still);
+    // A ray with zero step never leaves.
+    let enters = select(min(min(a, b), vec2f(0.0)), vec2f(-ABSENT), is_still);
+    let leaves = select(max(max(a, b), vec2f(0.0)), vec2f(ABSENT), is_still);
     return vec2f(max(enters.x, enters.y), min(leaves.x, leaves.y));
 }
 
-// Where what is said of a layer begins.
-fn words_of(layer: u32) -> u32 {
+// Index of the first word of a layer.
+fn layer_words(layer: u32) -> u32 {
     return SLAB_WORDS * frame.slabs + LAYER_WORDS * layer;
 }
 
 // Near and far bound of a layer.
 fn interval(layer: u32) -> vec2f {
-    let word = words_of(layer);
+    let word = layer_words(layer);
     return vec2f(bitcast<f32>(nbuffers[word]), bitcast<f32>(nbuffers[word + 1u]));
 }
 
-// The slab that a layer is of.
+// Slab index of a layer.
 fn slab_of(layer: u32) -> u32 {
-    return nbuffers[words_of(layer) + 2u];
+    return nbuffers[layer_words(layer) + 2u];
 }
 
-// The slabs that rays through the pixel whose centre is at sample position `centre` can meet, a bit each.
+// Bit mask of the slabs that rays through the pixel with centre `centre` (in samples) can hit.
 fn slabs_around(centre: vec2f) -> vec2u {
     var slabs = vec2u(0u);
     for (var slab = 0u; slab < frame.slabs; slab++) {
@@ -117,68 +117,68 @@ fn slabs_around(centre: vec2f) -> vec2u {
     return slabs;
 }
 
-// Whether `ray` can meet anything in a layer of `slab` that holds the CoC radii of `bounds`.
-fn can_meet(ray: Ray, slab: u32, bounds: vec2f) -> bool {
+// Whether `ray` can hit anything in a layer of `slab` with CoC radii `bounds`.
+fn can_hit(ray: Ray, slab: u32, bounds: vec2f) -> bool {
     return least_in(slab, window_between(ray_at(ray, bounds.x), ray_at(ray, bounds.y))) <= bounds.y;
 }
 
-// The layer's nearest fragment where the ray is at `c`, as if it were met there: of the CoC radii of `bounds`, and of those behind
-// `behind`.
-fn over(ray: Ray, bounds: vec2f, behind: f32, c: f32) -> Hit {
+// The layer's fragment below the ray at `c`, as a hit at `c`: the nearest one within `bounds` whose CoC radius is
+// larger than `passed_coc_px`.
+fn fragment_at(ray: Ray, bounds: vec2f, passed_coc_px: f32, c: f32) -> Hit {
     let first = list_at(ray_at(ray, c));
     for (var k = 0u; k < stack.depth; k++) {
         let coc = coc_px[first + k];
-        if coc >= bounds.x && coc > behind {
+        if coc >= bounds.x && coc > passed_coc_px {
             return Hit(coc <= bounds.y, c, first + k, coc);
         }
     }
     return Hit(false, c, first, ABSENT);
 }
 
-// Where a ray that is `ahead` before the surface at the first of `ends` and `past` behind it at the second crosses the straight line
-// between.
+// CoC radius where the straight line between `ends` is zero, for a ray that is `ahead` before the surface at the
+// first end and `past` behind it at the second.
 fn crossing(ends: vec2f, ahead: f32, past: f32) -> f32 {
-    let whole = ahead + past;
+    let total = ahead + past;
     var share = 0.0;
-    if whole > 0.0 {
-        share = ahead / whole;
+    if total > 0.0 {
+        share = ahead / total;
     }
     return clamp(ends.x + (ends.y - ends.x) * share, ends.x, ends.y);
 }
 
-// Where the ray meets the height field of a layer, by false position.
-fn meet(ray: Ray, bounds: vec2f, behind: f32) -> Hit {
+// Intersection of the ray with the height field of a layer, by false position.
+fn intersect(ray: Ray, bounds: vec2f, passed_coc_px: f32) -> Hit {
     var ends = bounds;
-    let first = over(ray, bounds, behind, bounds.x);
-    let last = over(ray, bounds, behind, bounds.y);
-    var begun = first.found;
+    let first = fragment_at(ray, bounds, passed_coc_px, bounds.x);
+    let last = fragment_at(ray, bounds, passed_coc_px, bounds.y);
+    var surface_found = first.found;
     var ahead = select(bounds.y, first.coc_px, first.found) - ends.x;
     var past = ends.y - select(bounds.x, last.coc_px, last.found);
     var at = crossing(ends, ahead, past);
     for (var i = 0u; i < frame.iterations; i++) {
-        let found = over(ray, bounds, behind, at);
-        let height = select(select(bounds.y, bounds.x, begun), found.coc_px, found.found);
+        let guess = fragment_at(ray, bounds, passed_coc_px, at);
+        let height = select(select(bounds.y, bounds.x, surface_found), guess.coc_px, guess.found);
         if height > at {
-            begun = begun || found.found;
+            surface_found = surface_found || guess.found;
             ends.x = at;
             ahead = height - at;
         } else if height < at {
             ends.y = at;
             past = at - height;
         } else {
-            return found;
+            return guess;
         }
         at = crossing(ends, ahead, past);
     }
-    let near_it = over(ray, bounds, behind, at);
-    if !near_it.found {
-        return near_it;
+    let last_guess = fragment_at(ray, bounds, passed_coc_px, at);
+    if !last_guess.found {
+        return last_guess;
     }
-    // There the ray is over nothing, or over what it does meet.
-    return over(ray, bounds, behind, near_it.coc_px);
+    // At that depth the ray is over no fragment, or over the one that it hits.
+    return fragment_at(ray, bounds, passed_coc_px, last_guess.coc_px);
 }
 
-// What `layer` has in texel `place` of a mipmap level.
+// `layer` in texel `place` of a mipmap level.
 fn texel_at(level_words: u32, place: vec2u, layer: u32) -> vec4f {
     let index = starts[level_words + 4u] + (place.y - starts[level_words + 1u]) * starts[level_words] + place.x;
     for (var i = starts[index]; i < starts[index + 1u]; i++) {
@@ -190,30 +190,31 @@ fn texel_at(level_words: u32, place: vec2u, layer: u32) -> vec4f {
     return vec4f(0.0);
 }
 
-// What `layer` has at `position`, in samples, in mipmap level `number`: between the four nearest texels.
+// Bilinear sample of `layer` at `position`, in samples, in mipmap level `number`.
 fn bilinear(number: u32, position: vec2f, layer: u32) -> vec4f {
     let words = LEVEL_WORDS * (number - 1u);
     let last = vec2u(starts[words] - 1u, starts[words + 3u]);
-    let at_hand = vec2u(starts[words + 1u], starts[words + 2u]);
+    let uploaded_rows = vec2u(starts[words + 1u], starts[words + 2u]);
     let place = clamp(position / f32(1u << number) - 0.5, vec2f(0.0), vec2f(last));
     let share = fract(place);
     let x0 = u32(place.x);
     let x1 = min(x0 + 1u, last.x);
-    let y0 = clamp(u32(place.y), at_hand.x, at_hand.y);
-    let y1 = clamp(u32(place.y) + 1u, at_hand.x, at_hand.y);
+    let y0 = clamp(u32(place.y), uploaded_rows.x, uploaded_rows.y);
+    let y1 = clamp(u32(place.y) + 1u, uploaded_rows.x, uploaded_rows.y);
     var sum = (1.0 - share.x) * (1.0 - share.y) * texel_at(words, vec2u(x0, y0), layer);
     sum += share.x * (1.0 - share.y) * texel_at(words, vec2u(x1, y0), layer);
     sum += (1.0 - share.x) * share.y * texel_at(words, vec2u(x0, y1), layer);
     return sum + share.x * share.y * texel_at(words, vec2u(x1, y1), layer);
 }
 
-// Mipmap level of the cone of a ray at CoC radius `at`; 0 where it is no wider than a sample, whatever a logarithm makes of 1.
+// Mipmap level of a ray's cone at CoC radius `at`; exactly 0 where the cone is no wider than a sample, as log2(1) may
+// round.
 fn cone_level(at: f32) -> f32 {
     let diameter = frame.cone_per_coc_px * abs(at);
     return select(0.0, clamp(log2(diameter), MIN_LEVEL, f32(frame.levels)), diameter > 1.0 && frame.levels > 0u);
 }
 
-// What the cone of `ray`, of mipmap level `level`, sees of `layer` where it meets `hit`.
+// Colour and coverage of `layer` within the cone of `ray` at `hit`, on mipmap level `level`.
 fn cone(ray: Ray, hit: Hit, layer: u32, level: f32) -> vec4f {
     let position = ray_at(ray, hit.at);
     let finer = u32(ceil(level)) - 1u;
@@ -222,11 +223,11 @@ fn cone(ray: Ray, hit: Hit, layer: u32, level: f32) -> vec4f {
         fine = bilinear(finer, position, layer);
     }
     let mixed = fine + (level - f32(finer)) * (bilinear(finer + 1u, position, layer) - fine);
-    // A cone that is blocked but for rounding shows all of its colour.
+    // Removes the rounding error of a cone that is fully covered.
     return mixed / select(1.0, mixed.a, mixed.a >= OPAQUE_ALPHA);
 }
 
-// The first slab of `slabs` from `first` on; past the last one if there is none.
+// The first slab of `slabs` from `first` on; MAX_SLABS if there is none.
 fn next_slab(slabs: vec2u, first: u32) -> u32 {
     let from_first = 0xffffffffu << (first & 31u);
     let low = select(0u, slabs.x & from_first, first < 32u);
@@ -237,7 +238,7 @@ fn next_slab(slabs: vec2u, first: u32) -> u32 {
     return select(MAX_SLABS, 32u + firstTrailingBit(high), high != 0u);
 }
 
-// The first layer of `slabs` from `first` on in which `ray` can meet anything; past the last one if there is none.
+// The first layer of `slabs` from `first` on in which `ray` can hit anything; the number of layers if there is none.
 fn next_layer(ray: Ray, slabs: vec2u, first: u32) -> u32 {
     var layer = first;
     while layer < frame.layers {
@@ -246,7 +247,7 @@ fn next_layer(ray: Ray, slabs: vec2u, first: u32) -> u32 {
             return frame.layers;
         }
         layer = max(layer, slab * frame.layers_per_slab);
-        if can_meet(ray, slab, interval(layer)) {
+        if can_hit(ray, slab, interval(layer)) {
             return layer;
         }
         layer++;
@@ -254,53 +255,54 @@ fn next_layer(ray: Ray, slabs: vec2u, first: u32) -> u32 {
     return layer;
 }
 
-// Follows `ray` through the layers of `slabs`, front to back; `has_cones` is known when the shader is compiled.
-fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> Seen {
-    let inside = select(vec2f(-ABSENT, ABSENT), stay(ray), frame.discard_outside != 0u);
-    var seen = Seen(vec3f(0.0), 1.0, true);
-    // The CoC radius up to which fragments have been met.
-    var behind = -ABSENT;
+// Traces `ray` through the layers of `slabs`, front to back. `has_cones` is a constant at each call.
+fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> RayTrace {
+    let frame_bounds = select(vec2f(-ABSENT, ABSENT), frame_interval(ray), frame.discard_outside != 0u);
+    var trace = RayTrace(vec3f(0.0), 1.0, true);
+    // Fragments up to this CoC radius were hit before.
+    var passed_coc_px = -ABSENT;
     var layer = 0u;
-    // One loop for layers and hits, and the search for the next layer in it: threads that differ in either wait least.
+    // One loop for layers and hits, which includes the search for the next layer: this minimizes the divergence of
+    // threads.
     loop {
         layer = next_layer(ray, slabs, layer);
         if layer >= frame.layers {
-            return seen;
+            return trace;
         }
         let bounds = interval(layer);
-        let hit = meet(ray, vec2f(max(bounds.x, behind), bounds.y), behind);
-        var goes_on = !hit.found;
+        let hit = intersect(ray, vec2f(max(bounds.x, passed_coc_px), bounds.y), passed_coc_px);
+        var next_layer_due = !hit.found;
         if hit.found {
-            seen.counts = hit.at >= inside.x && hit.at <= inside.y;
-            var shown = color_of(hit.index);
+            trace.counts = hit.at >= frame_bounds.x && hit.at <= frame_bounds.y;
+            var color = color_of(hit.index);
             if has_cones {
                 let level = cone_level(hit.at);
-                goes_on = level > 0.0;
-                if goes_on {
-                    shown = cone(ray, hit, layer, level);
+                next_layer_due = level > 0.0;
+                if next_layer_due {
+                    color = cone(ray, hit, layer, level);
                 }
             }
-            seen.color += seen.transmitted * shown.rgb;
-            seen.transmitted *= let_through(shown.a);
-            behind = hit.coc_px;
+            trace.color += trace.transmittance * color.rgb;
+            trace.transmittance *= let_through(color.a);
+            passed_coc_px = hit.coc_px;
         }
-        if seen.transmitted <= 0.0 || !seen.counts {
-            return seen;
+        if trace.transmittance <= 0.0 || !trace.counts {
+            return trace;
         }
-        layer += u32(goes_on);
+        layer += u32(next_layer_due);
     }
-    return seen;
+    return trace;
 }
 
-// `seen` as part of a sum, to which rays that do not count add nothing.
-fn part_of_sum(seen: Seen) -> Sum {
-    if !seen.counts {
+// `trace` as a part of a sum; discarded rays add nothing.
+fn part_of_sum(trace: RayTrace) -> Sum {
+    if !trace.counts {
         return Sum(vec3f(0.0), 0.0, 0.0);
     }
-    return Sum(seen.color, 1.0 - seen.transmitted, 1.0);
+    return Sum(trace.color, 1.0 - trace.transmittance, 1.0);
 }
 
-// Adds the rays of a go of views through the pixel at `at` of those that are made.
+// Adds the rays of a batch of views through pixel `at` of the band.
 fn add_rays(at: vec2u, has_cones: bool) {
     if at.x >= stack.width || at.y >= stack.rows {
         return;
@@ -310,11 +312,11 @@ fn add_rays(at: vec2u, has_cones: bool) {
     let slabs = slabs_around(centre);
     let first_view = hash(pixel) % frame.sets * frame.views;
     var sum = Sum(vec3f(0.0), 0.0, 0.0);
-    for (var i = go.first_view; i < go.end_view; i++) {
+    for (var i = batch.first_view; i < batch.end_view; i++) {
         let part = part_of_sum(follow_ray(ray_of(first_view + i, centre), slabs, has_cones));
         sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
     }
-    add_go(at.y * stack.width + at.x, sum);
+    add_batch(at.y * stack.width + at.x, sum);
 }
 
 @compute @workgroup_size(8, 8)
@@ -334,8 +336,8 @@ fn central(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = at.y * stack.width + at.x;
     let sum = saved_sum(index);
-    let is_open = go.transparent_background != 0u && sum.rays > 0.0;
-    if is_open || !shows_nothing(sum) {
+    let shows_transparency = batch.transparent_background != 0u && sum.rays > 0.0;
+    if shows_transparency || !shows_nothing(sum) {
         return;
     }
     let centre = centre_of(vec2u(at.x, stack.row + at.y));

@@ -1,21 +1,22 @@
-// Opaque image blur (Kraus 2011): sub-images by depth, each blurred and laid over those behind it.
-// CPU twin: src/methods/opaque_blur/mod.rs. Before it: covered.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
+// Opaque image blur (Kraus 2011): sub-images by depth, each blurred and composited over those behind it.
+// CPU version: src/methods/published/opaque_blur/mod.rs.
+// Concatenated after coverage_planes.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
-// Channels of a pyramid: content, alpha, glow of alpha. Synthesis writes over the analysis, sample by sample.
+// Channels of a pyramid: content, alpha, glow of alpha. Synthesis overwrites the analysis, sample by sample.
 //
-// matte:     level 1 of the sub-image, matted out of the picture.
-// glow:      a level expanded from the coarser one, with eq. 9 for the glow.
-// lay:       the frame expanded from level 1, rescaled (eq. 7), over the result (eq. 6).
-// lay_sharp: the sub-image in focus over the result.
+// matte:              level 1 of the sub-image, matted out of the picture.
+// glow:               expands a level from the coarser one, with eq. 9 for the glow.
+// composite:          composites the frame, expanded from level 1 and rescaled (eq. 7), over the result (eq. 6).
+// composite_in_focus: composites the sub-image in focus over the result.
 
-// NOTHING, where there is no more to rescale, is the program's.
+// The program sets MIN_ALPHA: blurred alpha up to it is 0, and there is nothing to rescale.
 
-// The matting weight of a pixel of the source; 0 where there is none.
+// The matting weight of a pixel of the source; 0 where there is no pixel.
 fn weight_at(index: i32) -> f32 {
     return select(0.0, matting_weight(visible_coc_px(max(index, 0))), index >= 0);
 }
 
-// A pixel of the source in the sub-image: content and alpha.
+// A pixel of the source, matted for the sub-image: content and alpha.
 fn matted(index: i32) -> Sample {
     let weight = weight_at(index);
     return Sample(weight * visible_content(max(index, 0)), vec2f(weight, 0.0));
@@ -78,7 +79,7 @@ fn glow(@builtin(global_invocation_id) at: vec3u) {
 }
 
 @compute @workgroup_size(16, 16)
-fn lay(@builtin(global_invocation_id) at: vec3u) {
+fn composite(@builtin(global_invocation_id) at: vec3u) {
     let corner = frame_corner(at);
     let four = frame_four(corner);
     if !any(four.makes) {
@@ -88,11 +89,11 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
     let source = select(vec4i(-1), index + (frame.made_first - frame.source_first) * frame.width, four.makes);
     let own = vec4f(weight_at(source.x), weight_at(source.y), weight_at(source.z), weight_at(source.w));
     let around = corners(corner);
-    let blurred = expanded(frame.channels, around);
-    let something = blurred > vec4f(NOTHING);
-    let glowing = with_glow(expanded(frame.channels + 1, around), own);
-    let alpha = select(vec4f(0.0), glowing, something);
-    let scale = alpha / select(vec4f(1.0), blurred, something);
+    let blurred_alpha = expanded(frame.channels, around);
+    let has_alpha = blurred_alpha > vec4f(MIN_ALPHA);
+    let glow_alpha = with_glow(expanded(frame.channels + 1, around), own);
+    let alpha = select(vec4f(0.0), glow_alpha, has_alpha);
+    let scale = alpha / select(vec4f(1.0), blurred_alpha, has_alpha);
     let front = expanded_content(around);
     for (var k = 0; k < 4; k++) {
         if four.makes[k] {
@@ -102,7 +103,7 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
 }
 
 @compute @workgroup_size(16, 16)
-fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
+fn composite_in_focus(@builtin(global_invocation_id) at: vec3u) {
     if i32(at.x) >= frame.width || i32(at.y) >= frame.made_rows {
         return;
     }

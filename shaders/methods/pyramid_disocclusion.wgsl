@@ -1,21 +1,22 @@
-// Sub-images by depth, what nearer ones hide filled in from its surroundings (Kraus & Strengert 2007).
-// CPU twin: src/methods/pyramid_disocclusion/mod.rs. Before it: covered.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
+// Sub-images by depth, in which the parts that nearer ones hide are filled from their surroundings (Kraus & Strengert 2007).
+// CPU version: src/methods/published/pyramid_disocclusion/mod.rs.
+// Concatenated after coverage_planes.wgsl, visible.wgsl, pyramid.wgsl, first_level.wgsl, sub_images.wgsl.
 //
-// Two pyramids: one fills holes, with content, CoC radius and how much is known as its channels, the other blurs, with content
-// and alpha. Samples of level 0 of the filled picture are made where they are wanted, of the picture and of level 1.
+// Two pyramids: one fills holes, with the channels content, CoC radius and known share; the other blurs, with the channels
+// content and alpha. Samples of level 0 of the filled picture are computed where they are needed, from the picture and level 1.
 //
-// pull_first: level 1 of what is not nearer than the sub-image.
-// pull:       a coarser level of it.
-// copy:       a level that two pyramids have, from the one to the other.
-// total:      sums of the coarsest level, in parts.
-// fill:       the coarsest level with the mean of all that is known in the place of what is not.
-// push:       a level completed by what is expanded from the coarser one.
-// matte:      level 1 of the sub-image, matted out of the filled picture.
-// expand:     a level of nothing but what is expanded from the coarser one.
-// lay:        the frame expanded from level 1 over the result.
-// lay_sharp:  the sub-image in focus over the result.
+// pull_first:         level 1 of the pixels that are not nearer than the sub-image.
+// pull:               the next coarser level of them.
+// copy:               copies a level that two pyramids have from one to the other.
+// total:              sums the coarsest level, in parts.
+// fill:               fills the unknown share of the coarsest level with the mean of everything known.
+// push:               fills the unknown share of a level with the expanded coarser one.
+// matte:              level 1 of the sub-image, matted out of the filled picture.
+// expand:             expands a level from the coarser one.
+// composite:          composites the frame, expanded from level 1, over the result.
+// composite_in_focus: composites the sub-image in focus over the result.
 
-// Means of what is known.
+// Means of the known content and CoC radius.
 struct Means {
     red: f32,
     green: f32,
@@ -24,27 +25,27 @@ struct Means {
     coc_px: f32,
 }
 
-// The pyramid that is filled, or that is copied from; what is read is the coarser level of the step.
+// The pyramid that is filled, or copied from. Its coarser level is read.
 @group(0) @binding(8) var<uniform> filled: Step;
 @group(0) @binding(9) var<storage, read_write> filled_levels: array<f32>;
 @group(0) @binding(10) var<uniform> means: Means;
-// [channel][part].
+// Sums as [channel][part].
 @group(0) @binding(11) var<storage, read_write> totals: array<f32>;
 
-// BEST_QUARTER, and PART_VALUES that PART_THREADS threads sum, are the program's.
+// The program sets BEST_QUARTER, and PART_VALUES, the number of values that a workgroup of PART_THREADS threads sums.
 
-// Where in the filled pyramid a sample of the coarser level is.
+// Index of a sample of the coarser level of the filled pyramid.
 fn filled_index(channel: i32, x: i32, y: i32) -> i32 {
     let row = channel * filled.coarse_rows + y - filled.coarse_first;
     return filled.coarse_start + row * filled.coarse_width + x;
 }
 
-// What makes samples of which this share is known as well known as their best known quarter could.
+// Factor that raises the known share of samples to what their best known quarter could give.
 fn raise(known: vec4f) -> vec4f {
     return 1.0 / max(known, vec4f(BEST_QUARTER));
 }
 
-// What is known of a sample of level 0: content; CoC radius and the share that is kept.
+// The kept part of a sample of level 0: content; CoC radius and the kept share.
 fn known_sample(x: i32, y: i32) -> Sample {
     let index = source_index(x, y);
     let coc_px = visible_coc_px(index);
@@ -102,7 +103,7 @@ fn pull(@builtin(global_invocation_id) at: vec3u) {
 @compute @workgroup_size(16, 16)
 fn copy(@builtin(global_invocation_id) at: vec3u) {
     let x = i32(at.x);
-    // Of the two, one may have fewer rows.
+    // One of the two may have fewer rows.
     let y = i32(at.y) + max(level.from_row, filled.from_row);
     if x < level.coarse_width && y < min(level.to_row, filled.to_row) {
         levels[coarse_index(i32(at.z), x, y)] = filled_levels[filled_index(i32(at.z), x, y)];
@@ -168,6 +169,7 @@ fn push(@builtin(global_invocation_id) at: vec3u) {
     }
 }
 
+// Four samples around a corner, expanded from the filled pyramid.
 fn filled_four(channel: i32, at: Corners) -> vec4f {
     let index = at.index + channel * filled.coarse_rows * filled.coarse_width;
     return interpolated(
@@ -175,7 +177,8 @@ fn filled_four(channel: i32, at: Corners) -> vec4f {
     );
 }
 
-// A sample of the filled picture in the sub-image: content and alpha; `behind` and its CoC radius fill what is not kept.
+// A sample of the filled picture, matted for the sub-image: content and alpha. `behind` and its CoC radius fill the share that is
+// not kept.
 fn matted(source: i32, behind: vec4f, behind_coc_px: f32) -> Sample {
     let own_coc_px = visible_coc_px(source);
     let kept = not_nearer_weight(own_coc_px);
@@ -192,7 +195,7 @@ struct Samples {
     right_below: Sample,
 }
 
-// Those around `corner`, which are at `source` in the picture.
+// The matted samples around `corner`, whose pixels have the indices `source`.
 fn matted_four(corner: vec2i, source: vec4i) -> Samples {
     let around = corners_of(filled, corner);
     var alpha = vec4f(0.0);
@@ -218,7 +221,7 @@ fn matted_at(corner: vec2i) -> Samples {
     return matted_four(corner, vec4i(above, below));
 }
 
-// Two coarse samples' parts of two rows.
+// The contributions of two rows to two coarse samples.
 struct TwoRows {
     above: Pair,
     below: Pair,
@@ -268,7 +271,7 @@ fn expand(@builtin(global_invocation_id) at: vec3u) {
 }
 
 @compute @workgroup_size(16, 16)
-fn lay(@builtin(global_invocation_id) at: vec3u) {
+fn composite(@builtin(global_invocation_id) at: vec3u) {
     let corner = frame_corner(at);
     let four = frame_four(corner);
     if !any(four.makes) {
@@ -285,7 +288,7 @@ fn lay(@builtin(global_invocation_id) at: vec3u) {
 }
 
 @compute @workgroup_size(16, 16)
-fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
+fn composite_in_focus(@builtin(global_invocation_id) at: vec3u) {
     let corner = frame_corner(at);
     let four = frame_four(corner);
     if !any(four.makes) {
@@ -293,14 +296,14 @@ fn lay_sharp(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = select(vec4i(0), four.y * frame.width + four.x, four.makes);
     let samples = matted_four(corner, index + (frame.made_first - frame.source_first) * frame.width);
-    lay_sample(four.makes.x, index.x, samples.left_above);
-    lay_sample(four.makes.y, index.y, samples.right_above);
-    lay_sample(four.makes.z, index.z, samples.left_below);
-    lay_sample(four.makes.w, index.w, samples.right_below);
+    composite_sample(four.makes.x, index.x, samples.left_above);
+    composite_sample(four.makes.y, index.y, samples.right_above);
+    composite_sample(four.makes.z, index.z, samples.left_below);
+    composite_sample(four.makes.w, index.w, samples.right_below);
 }
 
-fn lay_sample(there: bool, index: i32, front: Sample) {
-    if there {
+fn composite_sample(exists: bool, index: i32, front: Sample) {
+    if exists {
         lay_over(index, Pixel(front.content, front.rest.x));
     }
 }

@@ -1,110 +1,115 @@
-// `shear` on a GPU; its twin is src/methods/shear/.
+// `shear` on a GPU; the CPU code is src/methods/shear/.
 //
-// A view (u, j) sees at pixel p, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋: the shifts, made by the CPU in whole
-// numbers. A group of threads has a tile of pixels, and for each view a list of what the view can show it, nearest first: groups of
-// neighbouring bins that it moves alike, most often one or two. A thread follows the rays of four pixels along that list until
-// they are stopped. Where a view shows a tile nothing but one opaque surface, a wall, the list need not be followed. No fragments are
-// sorted, and no two threads write to one place.
+// The ray of view (u, j) at pixel p passes, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋. The CPU computes
+// these shifts as whole numbers. A workgroup has a tile of pixels. For each tile and view there is a list of the groups of
+// neighbouring bins that the view moves by the same shift and that may be visible in the tile, nearest first; most lists have
+// one or two groups. A thread follows the rays of four pixels along the list until they are occluded. Where one opaque surface
+// covers the tile in a view, the list is not followed. No fragments are sorted, and no two threads write to the same address.
 //
-// With it goes shear_lists.wgsl, which makes the lists. Here is what both declare, and
+// shear_lists.wgsl is part of the same module and builds the lists. This file has the declarations of both, and
 //
-//   paint            views → sums, or the picture
-//   paint_veils      the same where fragments let light through
+//   paint              views → sums, or the picture
+//   paint_translucent  the same for scenes with translucent fragments
 //
-// Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column], rows those that the band makes.
+// Colours and keys have the rows that the band reads; sums and pictures are [plane][row][column] with the rows that the band
+// writes.
 
 struct Params {
-    // Of the picture.
+    // Size of the picture, in pixels.
     width: u32,
     height: u32,
-    // The rows that are read.
+    // The rows that the band reads.
     source_start: u32,
     source_rows: u32,
-    // The rows that are made.
+    // The rows that the band writes.
     band_start: u32,
     band_rows: u32,
     layers: u32,
     bins: u32,
-    // Words of 32 bins.
+    // Number of words with a bit for each bin, 32 bins to a word.
     words: u32,
-    // Entries that a list of groups has room for.
+    // Capacity of a list of groups, in entries.
     entries: u32,
-    // Bins in focus: from the first to before the end.
+    // The bins in focus are focused_start .. focused_end.
     focused_start: u32,
     focused_end: u32,
-    // Views of the picture, and of this go.
+    // Number of views of the picture, and of this batch.
     views: u32,
-    views_in_go: u32,
+    batch_views: u32,
     transparent_background: u32,
-    // A bit for each channel that these views make.
+    // One bit for each channel that these views render.
     channels: u32,
-    // The barrel: how far aside it stands in the frame's corners, in aperture radii; 0 for none.
+    // Offset of the barrel in the frame's corners, in aperture radii; 0 without a barrel.
     cats_eye: f32,
     axis_x_px: f32,
     axis_y_px: f32,
     half_diagonal_px: f32,
-    // Over how many aperture radii a view fades in at the barrel.
+    // Width over which a view fades in at the barrel, in aperture radii.
     softness: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-// [view][bin], four to a vector: see `shift_in`.
+// [view][bin], four to a vector; `unpacked_shift` reads one.
 @group(0) @binding(1) var<uniform> shifts: array<vec4u, 4096>;
-// For each fragment the first bin that it is in, from BIN_SHIFT on; how many more, from EXTRA_SHIFT on; OPAQUE. NO_KEY for none. Four layers
-// a texel, two to a word.
+// A key has a fragment's first bin from bit BIN_SHIFT on, the number of further bins from EXTRA_SHIFT on, and the flag OPAQUE.
+// NO_KEY for no fragment. A texel has four layers, a word two.
 @group(0) @binding(2) var keys: texture_2d_array<u32>;
-// [word][row of blocks][column]: a bit a bin.
-@group(0) @binding(3) var<storage, read_write> blocks: array<u32>;
-@group(0) @binding(4) var<storage, read_write> windows: array<u32>;
-@group(0) @binding(5) var<storage, read_write> far_windows: array<u32>;
-// [row of blocks][column]: see `Wall`.
-@group(0) @binding(6) var<storage, read_write> block_walls: array<u32>;
-@group(0) @binding(7) var<storage, read_write> walls: array<u32>;
-// [square][view][word]: a bit a bin.
-@group(0) @binding(8) var<storage, read_write> far: array<u32>;
-// [tile][view][entry]: see `Group`.
+// [word][row of blocks][column], one bit for each bin: the bins in a block, in the window that begins at it, and in the windows
+// of the square that begins at it.
+@group(0) @binding(3) var<storage, read_write> block_bins: array<u32>;
+@group(0) @binding(4) var<storage, read_write> window_bins: array<u32>;
+@group(0) @binding(5) var<storage, read_write> square_window_bins: array<u32>;
+// [row of blocks][column], packed `Occluder`: of a block, and of the window that begins at it.
+@group(0) @binding(6) var<storage, read_write> block_occluders: array<u32>;
+@group(0) @binding(7) var<storage, read_write> window_occluders: array<u32>;
+// [square][view][word], one bit for each bin.
+@group(0) @binding(8) var<storage, read_write> square_bins: array<u32>;
+// [tile][view][entry], packed `Group`.
 @group(0) @binding(9) var<storage, read_write> groups: array<vec2u>;
-// [tile][turn]: a view, and the shift of its first group. First come those that show a wall: so many.
-@group(0) @binding(10) var<storage, read_write> turns: array<vec2u>;
-@group(0) @binding(11) var<storage, read_write> turns_of_walls: array<u32>;
-// Entries of the longest list, whether or not there was room.
-@group(0) @binding(12) var<storage, read_write> longest: atomic<u32>;
-// Red, green, blue, alpha, a layer each.
+// [tile][index]: the shift of a view's first group, and the view. Views in which an occluder covers the tile come first.
+@group(0) @binding(10) var<storage, read_write> ordered_views: array<vec2u>;
+// [tile]: the number of views in which an occluder covers the tile.
+@group(0) @binding(11) var<storage, read_write> covered_views: array<u32>;
+// Number of entries of the longest list, which may exceed the capacity.
+@group(0) @binding(12) var<storage, read_write> longest_list: atomic<u32>;
+// Red, green, blue, alpha; one array layer for each layer of the stack.
 @group(0) @binding(13) var colors: texture_2d_array<f32>;
+// [view], in aperture radii.
 @group(0) @binding(14) var<storage, read> lens_points: array<vec2f>;
+// Planes: red, green, blue, rays in focus, rays that missed, rays hidden by the barrel.
 @group(0) @binding(15) var<storage, read_write> sums: array<f32>;
+// Planes: red, green, blue, alpha, share of rays in focus.
 @group(0) @binding(16) var<storage, read_write> picture: array<f32>;
 
-// OPAQUE_ALPHA, STOPPED_BELOW, MIN_HIT, what keys are made of, and the sides TILE and BLOCK in pixels and SQUARE in tiles are the
-// program's.
+// The program defines OPAQUE_ALPHA, MIN_TRANSMITTANCE, MIN_HIT_VIEWS, the layout of keys, and the sides TILE and BLOCK in
+// pixels and SQUARE in tiles.
 
-// A pipeline's own constants, what a kernel need not ask each ray: whether there are fragments in more layers than a texel of keys has,
-// and whether a barrel hides views.
+// Constants of a pipeline: whether the stack has more layers than a texel of keys, and whether a barrel hides views.
 override MANY_LAYERS = true;
-override RIM = true;
+override BARREL = true;
 
-// Whether these are the first views and the last ones of a set.
-override FIRST = true;
-override FINAL = true;
+// Whether this is the first batch, and the last one, of a set of views.
+override FIRST_BATCH = true;
+override LAST_BATCH = true;
 
-// Blocks along a window: as many as a tile can touch.
+// Side of a window in blocks: as many as a tile can touch.
 const WINDOW = TILE / BLOCK + 1u;
 
-// Rows of a tile that a thread's pixels are apart.
+// Distance in rows between the pixels of a thread.
 const ROWS_APART = 4u;
 
-// How much of the view through `lens` passes the barrel, seen from `pixel`.
-fn passing(lens: vec2f, pixel: vec2u) -> f32 {
-    let place = vec2f(pixel) + vec2f(0.5, 0.5 + f32(params.band_start));
-    let height = (place - vec2f(params.axis_x_px, params.axis_y_px)) / params.half_diagonal_px;
+// Share of the view through `lens` that the barrel lets pass to `pixel`.
+fn barrel_transmittance(lens: vec2f, pixel: vec2u) -> f32 {
+    let position = vec2f(pixel) + vec2f(0.5, 0.5 + f32(params.band_start));
+    let height = (position - vec2f(params.axis_x_px, params.axis_y_px)) / params.half_diagonal_px;
     let within = 1.0 - length(lens - params.cats_eye * height);
     return clamp(within / params.softness + 0.5, 0.0, 1.0);
 }
 
-// The bits of a key that are its first bin.
-const ALL_BINS = 0xffffu ^ ((1u << BIN_SHIFT) - 1u);
+// Mask of the bits of a key that are its first bin.
+const KEY_BIN_MASK = 0xffffu ^ ((1u << BIN_SHIFT) - 1u);
 
-// No fragment.
+// The order of no fragment.
 const NONE = 0xffffffffu;
 
 // The keys of the four layers from `4 · slice` on.
@@ -113,22 +118,23 @@ fn keys_at(source: vec2u, slice: u32) -> vec4u {
     return vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
 }
 
-// `nearest` among the four layers from `4 · slice` on: the least of bins, and below that, in place of what else a key says, of layers.
+// `nearest` among the four layers from `4 · slice` on. Fragments are compared by bin, and within a bin by layer, which takes
+// the place of the lowest bits of the key.
 fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
     let key = keys_at(source, slice);
     let begin = group.first << BIN_SHIFT;
-    let order = max(key & vec4u(ALL_BINS), vec4u(begin)) | vec4u(0u, 1u, 2u, 3u);
-    let extra = (key & vec4u(EXTRA << EXTRA_SHIFT)) << vec4u(BIN_SHIFT - EXTRA_SHIFT);
+    let order = max(key & vec4u(KEY_BIN_MASK), vec4u(begin)) | vec4u(0u, 1u, 2u, 3u);
+    let extra = (key & vec4u(EXTRA_MASK << EXTRA_SHIFT)) << vec4u(BIN_SHIFT - EXTRA_SHIFT);
     let inside = (key < vec4u(group.end << BIN_SHIFT)) & (key + extra >= vec4u(begin));
     let layers_before = min(max(start & 0xffu, 4u * slice) - 4u * slice, 4u);
-    let least = ((start >> 8u) << BIN_SHIFT) | layers_before;
-    let found = select(vec4u(NONE), order, inside & (order >= vec4u(least)));
+    let min_order = ((start >> 8u) << BIN_SHIFT) | layers_before;
+    let found = select(vec4u(NONE), order, inside & (order >= vec4u(min_order)));
     let best = min(min(found.x, found.y), min(found.z, found.w));
     return select(((best >> BIN_SHIFT) << 8u) | (4u * slice + (best & 3u)), NONE, best == NONE);
 }
 
-// The place in the order of `group` at `source` of the nearest fragment that is not before place `start`: its bin, and below that, in
-// eight bits, its layer.
+// The order of the nearest fragment of `group` at `source` whose order is at least `start`, or NONE. An order has the bin and,
+// in the eight lowest bits, the layer.
 fn nearest(group: Group, source: vec2u, start: u32) -> u32 {
     var best = nearest_of_four(group, source, 0u, start);
     if MANY_LAYERS {
@@ -144,52 +150,53 @@ fn in_focus(order: u32) -> bool {
     return bin >= params.focused_start && bin < params.focused_end;
 }
 
-// A thread's pixels: one, and three more below it.
+// Pixel `i` of the four of a thread, which lie in one column.
 fn pixel_of(tile: vec2u, at: vec2u, i: u32) -> vec2u {
     return TILE * tile + at + vec2u(0u, i * ROWS_APART);
 }
 
-// What of the rays of `view` passes the barrel, from a thread's pixels.
-fn start_of(view: u32, tile: vec2u, at: vec2u) -> vec4f {
-    if !RIM {
+// Share of the rays of `view` that the barrel lets pass to a thread's pixels.
+fn initial_transmittance(view: u32, tile: vec2u, at: vec2u) -> vec4f {
+    if !BARREL {
         return vec4f(1.0);
     }
     let lens = lens_points[view];
     return vec4f(
-        passing(lens, pixel_of(tile, at, 0u)),
-        passing(lens, pixel_of(tile, at, 1u)),
-        passing(lens, pixel_of(tile, at, 2u)),
-        passing(lens, pixel_of(tile, at, 3u)),
+        barrel_transmittance(lens, pixel_of(tile, at, 0u)),
+        barrel_transmittance(lens, pixel_of(tile, at, 1u)),
+        barrel_transmittance(lens, pixel_of(tile, at, 2u)),
+        barrel_transmittance(lens, pixel_of(tile, at, 3u)),
     );
 }
 
+// Index of the first entry of the list of `view` for `tile`.
 fn list_of(view: u32, tile: vec2u) -> u32 {
-    return ((tile.y * tiles_size().x + tile.x) * params.views_in_go + view) * params.entries;
+    return ((tile.y * tiles_size().x + tile.x) * params.batch_views + view) * params.entries;
 }
 
-// Where a ray is stopped: the sample and the place in the order there.
+// The fragment that a ray hits: the sample and the order; NONE for a ray that has not hit any.
 struct Hit {
     source: vec2u,
     order: u32,
 }
 
-// `hit`, or where the ray through `pixel` is stopped in `group` if it was not before.
-fn stopped(hit: Hit, group: Group, pixel: vec2u) -> Hit {
-    let source = source_of(pixel, shift_in(group.shift));
+// `hit`, or the hit of the ray through `pixel` in `group` if it has not hit anything before.
+fn next_hit(hit: Hit, group: Group, pixel: vec2u) -> Hit {
+    let source = source_of(pixel, unpacked_shift(group.shift));
     let order = nearest(group, source, 0u);
-    let was_before = hit.order != NONE;
-    return Hit(select(source, hit.source, was_before), select(order, hit.order, was_before));
+    let hit_before = hit.order != NONE;
+    return Hit(select(source, hit.source, hit_before), select(order, hit.order, hit_before));
 }
 
-// What a ray that is stopped at `hit` sees: colour, and whether it is in focus; of one that is not, nothing.
+// Colour at `hit`, and 1 if it is in focus; 0 for a ray that hit nothing.
 fn light_at(hit: Hit) -> vec4f {
     let color = textureLoad(colors, hit.source, hit.order & 0xffu, 0);
-    let seen = vec4f(color.rgb, select(0.0, 1.0, in_focus(hit.order)));
-    return select(vec4f(0.0), seen, hit.order != NONE);
+    let light = vec4f(color.rgb, select(0.0, 1.0, in_focus(hit.order)));
+    return select(vec4f(0.0), light, hit.order != NONE);
 }
 
-// What the rays of a thread's pixels see: light as `light_at` has it, how many met nothing, and how many the barrel hides.
-struct Seen {
+// Sums over views for a thread's pixels: light as `light_at` returns it, rays that hit nothing, and rays that the barrel hides.
+struct ThreadSums {
     first: vec4f,
     second: vec4f,
     third: vec4f,
@@ -198,51 +205,52 @@ struct Seen {
     hidden: vec4f,
 }
 
-// A bit of a turn above its view: its wall is in focus.
-const SHARP = 0x10000u;
+// Flag in an entry of `ordered_views`: the occluder is in focus. The view is in the bits below.
+const FOCUSED_FLAG = 0x10000u;
 
-// The turns of a tile: first those of views that show it a wall.
-struct Turns {
+// The entries of a tile in `ordered_views`: covered views are first .. covered_end, the others covered_end .. end.
+struct TileViews {
     first: u32,
-    end_of_walls: u32,
+    covered_end: u32,
     end: u32,
 }
 
-fn turns_of(tile: vec2u) -> Turns {
+fn views_of(tile: vec2u) -> TileViews {
     let index = tile.y * tiles_size().x + tile.x;
-    let first = index * params.views_in_go;
-    return Turns(first, first + turns_of_walls[index], first + params.views_in_go);
+    let first = index * params.batch_views;
+    return TileViews(first, first + covered_views[index], first + params.batch_views);
 }
 
-fn wall_light(pixel: vec2u, shift: vec2i, sharp: f32) -> vec4f {
-    return vec4f(textureLoad(colors, source_of(pixel, shift), 0u, 0).rgb, sharp);
+// Colour of the first layer at `pixel` moved by `shift`, and `focused`.
+fn occluder_light(pixel: vec2u, shift: vec2i, focused: f32) -> vec4f {
+    return vec4f(textureLoad(colors, source_of(pixel, shift), 0u, 0).rgb, focused);
 }
 
-// What the rays of the views see that show `tile` nothing but a wall: where they end needs no keys.
-fn seen_walls(tile: vec2u, at: vec2u, of_tile: Turns) -> Seen {
-    var seen: Seen;
-    for (var turn = of_tile.first; turn < of_tile.end_of_walls; turn++) {
-        let next = turns[turn];
-        let shift = shift_in(next.x);
-        let sharp = select(0.0, 1.0, (next.y & SHARP) != 0u);
-        let start = start_of(next.y & (SHARP - 1u), tile, at);
-        seen.first += start.x * wall_light(pixel_of(tile, at, 0u), shift, sharp);
-        seen.second += start.y * wall_light(pixel_of(tile, at, 1u), shift, sharp);
-        seen.third += start.z * wall_light(pixel_of(tile, at, 2u), shift, sharp);
-        seen.fourth += start.w * wall_light(pixel_of(tile, at, 3u), shift, sharp);
-        seen.hidden += 1.0 - start;
+// Sums over the views in which an occluder covers `tile`: their hits are known without keys.
+fn sum_covered_views(tile: vec2u, at: vec2u, of_tile: TileViews) -> ThreadSums {
+    var total: ThreadSums;
+    for (var i = of_tile.first; i < of_tile.covered_end; i++) {
+        let next = ordered_views[i];
+        let shift = unpacked_shift(next.x);
+        let focused = select(0.0, 1.0, (next.y & FOCUSED_FLAG) != 0u);
+        let passing = initial_transmittance(next.y & (FOCUSED_FLAG - 1u), tile, at);
+        total.first += passing.x * occluder_light(pixel_of(tile, at, 0u), shift, focused);
+        total.second += passing.y * occluder_light(pixel_of(tile, at, 1u), shift, focused);
+        total.third += passing.z * occluder_light(pixel_of(tile, at, 2u), shift, focused);
+        total.fourth += passing.w * occluder_light(pixel_of(tile, at, 3u), shift, focused);
+        total.hidden += 1.0 - passing;
     }
-    return seen;
+    return total;
 }
 
 @compute @workgroup_size(16, 4)
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    let of_tile = turns_of(tile);
-    var seen = seen_walls(tile, at, of_tile);
-    for (var turn = of_tile.end_of_walls; turn < of_tile.end; turn++) {
-        let view = turns[turn].y;
+    let of_tile = views_of(tile);
+    var total = sum_covered_views(tile, at, of_tile);
+    for (var i = of_tile.covered_end; i < of_tile.end; i++) {
+        let view = ordered_views[i].y;
         let list = list_of(view, tile);
         var first = Hit(vec2u(0u), NONE);
         var second = first;
@@ -252,42 +260,43 @@ fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile
         loop {
             let next = groups[list + entry];
             let group = unpacked(next);
-            first = stopped(first, group, pixel_of(tile, at, 0u));
-            second = stopped(second, group, pixel_of(tile, at, 1u));
-            third = stopped(third, group, pixel_of(tile, at, 2u));
-            fourth = stopped(fourth, group, pixel_of(tile, at, 3u));
+            first = next_hit(first, group, pixel_of(tile, at, 0u));
+            second = next_hit(second, group, pixel_of(tile, at, 1u));
+            third = next_hit(third, group, pixel_of(tile, at, 2u));
+            fourth = next_hit(fourth, group, pixel_of(tile, at, 3u));
             entry++;
-            let last = max(max(first.order, second.order), max(third.order, fourth.order));
-            if (next.y & LAST) != 0u || last != NONE {
+            let max_order = max(max(first.order, second.order), max(third.order, fourth.order));
+            if (next.y & LAST) != 0u || max_order != NONE {
                 break;
             }
         }
-        let start = start_of(view, tile, at);
-        seen.first += start.x * light_at(first);
-        seen.second += start.y * light_at(second);
-        seen.third += start.z * light_at(third);
-        seen.fourth += start.w * light_at(fourth);
+        let passing = initial_transmittance(view, tile, at);
+        total.first += passing.x * light_at(first);
+        total.second += passing.y * light_at(second);
+        total.third += passing.z * light_at(third);
+        total.fourth += passing.w * light_at(fourth);
         let orders = vec4u(first.order, second.order, third.order, fourth.order);
-        seen.missed += select(vec4f(0.0), start, orders == vec4u(NONE));
-        seen.hidden += 1.0 - start;
+        total.missed += select(vec4f(0.0), passing, orders == vec4u(NONE));
+        total.hidden += 1.0 - passing;
     }
-    add_four(tile, at, seen);
+    add_thread_sums(tile, at, total);
 }
 
-// What a ray meets: the colour, in its fourth part what of it was in focus; and what is left then, 0 of a ray that is stopped.
-struct Met {
+// Light that a ray gathers: colour, and in the fourth component the coverage in focus; and the transmittance after it, 0 for an
+// occluded ray.
+struct Composite {
     light: vec4f,
-    left: f32,
+    transmittance: f32,
 }
 
-// What a ray of which `before` is left meets in `group` at `pixel`.
-fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
+// Composites the fragments of `group` at `pixel` along a ray of transmittance `before`, front to back.
+fn composite(group: Group, pixel: vec2u, before: f32) -> Composite {
     var light = vec4f(0.0);
-    var left = before;
+    var transmittance = before;
     if before <= 0.0 {
-        return Met(light, left);
+        return Composite(light, transmittance);
     }
-    let source = source_of(pixel, shift_in(group.shift));
+    let source = source_of(pixel, unpacked_shift(group.shift));
     var start = 0u;
     loop {
         let order = nearest(group, source, start);
@@ -296,88 +305,93 @@ fn meet(group: Group, pixel: vec2u, before: f32) -> Met {
         }
         let color = textureLoad(colors, source, order & 0xffu, 0);
         let alpha = select(color.a, 1.0, color.a >= OPAQUE_ALPHA);
-        light += left * vec4f(color.rgb, select(0.0, alpha, in_focus(order)));
-        left *= 1.0 - alpha;
-        left = select(0.0, left, left >= STOPPED_BELOW);
+        light += transmittance * vec4f(color.rgb, select(0.0, alpha, in_focus(order)));
+        transmittance *= 1.0 - alpha;
+        transmittance = select(0.0, transmittance, transmittance >= MIN_TRANSMITTANCE);
         start = order + 1u;
-        if left <= 0.0 {
+        if transmittance <= 0.0 {
             break;
         }
     }
-    return Met(light, left);
+    return Composite(light, transmittance);
 }
 
 @compute @workgroup_size(16, 4)
-fn paint_veils(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
+fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    let of_tile = turns_of(tile);
-    var seen = seen_walls(tile, at, of_tile);
-    for (var turn = of_tile.end_of_walls; turn < of_tile.end; turn++) {
-        let view = turns[turn].y;
+    let of_tile = views_of(tile);
+    var total = sum_covered_views(tile, at, of_tile);
+    for (var i = of_tile.covered_end; i < of_tile.end; i++) {
+        let view = ordered_views[i].y;
         let list = list_of(view, tile);
-        var left = start_of(view, tile, at);
-        seen.hidden += 1.0 - left;
+        var transmittance = initial_transmittance(view, tile, at);
+        total.hidden += 1.0 - transmittance;
         var entry = 0u;
         loop {
             let next = groups[list + entry];
             let group = unpacked(next);
-            let first = meet(group, pixel_of(tile, at, 0u), left.x);
-            let second = meet(group, pixel_of(tile, at, 1u), left.y);
-            let third = meet(group, pixel_of(tile, at, 2u), left.z);
-            let fourth = meet(group, pixel_of(tile, at, 3u), left.w);
-            seen.first += first.light;
-            seen.second += second.light;
-            seen.third += third.light;
-            seen.fourth += fourth.light;
-            left = vec4f(first.left, second.left, third.left, fourth.left);
+            let first = composite(group, pixel_of(tile, at, 0u), transmittance.x);
+            let second = composite(group, pixel_of(tile, at, 1u), transmittance.y);
+            let third = composite(group, pixel_of(tile, at, 2u), transmittance.z);
+            let fourth = composite(group, pixel_of(tile, at, 3u), transmittance.w);
+            total.first += first.light;
+            total.second += second.light;
+            total.third += third.light;
+            total.fourth += fourth.light;
+            transmittance = vec4f(
+                first.transmittance,
+                second.transmittance,
+                third.transmittance,
+                fourth.transmittance,
+            );
             entry++;
-            if (next.y & LAST) != 0u || all(left <= vec4f(0.0)) {
+            if (next.y & LAST) != 0u || all(transmittance <= vec4f(0.0)) {
                 break;
             }
         }
-        seen.missed += left;
+        total.missed += transmittance;
     }
-    add_four(tile, at, seen);
+    add_thread_sums(tile, at, total);
 }
 
-// Writes a pixel of the picture: the mean over all views, of which `hidden` did not pass the barrel. Rays that met nothing, `missed`, are
-// transparent where the background is open, and left out of the mean where it is closed. Red, green, blue, alpha, and the share of
-// rays that met something in focus, the fourth part of `sum`.
-fn show(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
+// Writes a pixel of the picture: the mean over all views but the `hidden` ones, which the barrel blocks. Rays that hit nothing,
+// `missed`, count as transparent if the background is transparent, and are excluded from the mean otherwise. The planes are
+// red, green, blue, alpha, and the share of rays that hit something in focus, which is the fourth component of `sum`.
+fn write_pixel(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;
     let views = f32(params.views) - hidden;
     let hit = views - missed;
     let share = 1.0 / select(hit, views, params.transparent_background != 0u);
-    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > MIN_HIT);
+    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > MIN_HIT_VIEWS);
     for (var channel = 0u; channel < 4u; channel++) {
         if (params.channels & (1u << channel)) != 0u {
             picture[channel * plane + pixel] = mean[channel];
         }
     }
     if (params.channels & 8u) != 0u {
-        picture[4u * plane + pixel] = sum.a / max(views, MIN_HIT);
+        picture[4u * plane + pixel] = sum.a / max(views, MIN_HIT_VIEWS);
     }
 }
 
-// Adds a go's sums to those of the goes before it; the last one's are the picture.
-fn add(at: vec2u, go: vec4f, missed_in_go: f32, hidden_in_go: f32) {
+// Adds the sums of a batch to those of the batches before it; the last batch writes the picture.
+fn add_batch(at: vec2u, batch_sum: vec4f, batch_missed: f32, batch_hidden: f32) {
     if at.x >= params.width || at.y >= params.band_rows {
         return;
     }
-    var sum = go;
-    var missed = missed_in_go;
-    var hidden = hidden_in_go;
+    var sum = batch_sum;
+    var missed = batch_missed;
+    var hidden = batch_hidden;
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;
-    if !FIRST {
+    if !FIRST_BATCH {
         sum += vec4f(sums[pixel], sums[plane + pixel], sums[2u * plane + pixel], sums[3u * plane + pixel]);
         missed += sums[4u * plane + pixel];
         hidden += sums[5u * plane + pixel];
     }
-    if FINAL {
-        show(at, sum, missed, hidden);
+    if LAST_BATCH {
+        write_pixel(at, sum, missed, hidden);
     } else {
         sums[pixel] = sum.r;
         sums[plane + pixel] = sum.g;
@@ -388,9 +402,9 @@ fn add(at: vec2u, go: vec4f, missed_in_go: f32, hidden_in_go: f32) {
     }
 }
 
-fn add_four(tile: vec2u, at: vec2u, seen: Seen) {
-    add(pixel_of(tile, at, 0u), seen.first, seen.missed.x, seen.hidden.x);
-    add(pixel_of(tile, at, 1u), seen.second, seen.missed.y, seen.hidden.y);
-    add(pixel_of(tile, at, 2u), seen.third, seen.missed.z, seen.hidden.z);
-    add(pixel_of(tile, at, 3u), seen.fourth, seen.missed.w, seen.hidden.w);
+fn add_thread_sums(tile: vec2u, at: vec2u, total: ThreadSums) {
+    add_batch(pixel_of(tile, at, 0u), total.first, total.missed.x, total.hidden.x);
+    add_batch(pixel_of(tile, at, 1u), total.second, total.missed.y, total.hidden.y);
+    add_batch(pixel_of(tile, at, 2u), total.third, total.missed.z, total.hidden.z);
+    add_batch(pixel_of(tile, at, 3u), total.fourth, total.missed.w, total.hidden.w);
 }

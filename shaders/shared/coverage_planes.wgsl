@@ -1,10 +1,10 @@
-// A band of a picture of which some is known: content, premultiplied by coverage, and coverage.
-// CPU twin: src/methods/shared/content.rs.
+// Coverage planes of a band: content, premultiplied by coverage, and coverage.
+// CPU version: src/methods/shared/content.rs.
 //
-// Planes one after the other, as [plane][row][column]: colour in one buffer, in the other an open background's alpha, if there
-// is one, and coverage.
+// Layout [plane][row][column]: colour in one buffer; in the other coverage, after the alpha of content if the background is
+// transparent.
 //
-// normalise: content divided by coverage.
+// normalise: divides content by coverage.
 
 struct Frame {
     width: i32,
@@ -22,12 +22,12 @@ struct Frame {
 @group(0) @binding(6) var<storage, read_write> result_colors: array<f32>;
 @group(0) @binding(7) var<storage, read_write> result_rest: array<f32>;
 
-// Values of a plane of the rows that the band reads.
+// Number of values per plane, for the rows that the band reads.
 fn source_plane() -> i32 {
     return frame.source_rows * frame.width;
 }
 
-// What is known of a pixel; the fourth of its content is 0 where the background is closed.
+// A pixel of coverage planes; the fourth component of content is 0 where the background is closed.
 struct Pixel {
     content: vec4f,
     coverage: f32,
@@ -35,7 +35,7 @@ struct Pixel {
 
 fn result_pixel(index: i32) -> Pixel {
     let plane = frame.made_rows * frame.width;
-    // Where the background is closed that is coverage.
+    // Where the background is closed this value is coverage, and is not used.
     let alpha = result_rest[index];
     let colors = vec3f(result_colors[index], result_colors[plane + index], result_colors[2 * plane + index]);
     let coverage = result_rest[(frame.channels - 3) * plane + index];
@@ -54,8 +54,8 @@ fn set_result_pixel(index: i32, pixel: Pixel) {
 }
 
 fn over(front: Pixel, back: Pixel) -> Pixel {
-    let through = 1.0 - front.coverage;
-    return Pixel(front.content + through * back.content, front.coverage + through * back.coverage);
+    let transmittance = 1.0 - front.coverage;
+    return Pixel(front.content + transmittance * back.content, front.coverage + transmittance * back.coverage);
 }
 
 fn lay_over(index: i32, front: Pixel) {
@@ -66,7 +66,7 @@ fn lay_over(index: i32, front: Pixel) {
 fn normalised(pixel: Pixel) -> Pixel {
     let known = pixel.coverage > 0.0;
     let content = select(vec4f(0.0), pixel.content / select(1.0, pixel.coverage, known), known);
-    // A blur's rounding may leave an opacity a little past whole.
+    // Rounding in a blur may make alpha slightly larger than 1.
     return Pixel(vec4f(content.rgb, clamp(content.a, 0.0, 1.0)), pixel.coverage);
 }
 

@@ -1,36 +1,36 @@
-// Level 1 of a pyramid from samples of level 0, which are made where they are needed and not stored.
-// Before it: covered.wgsl, pyramid.wgsl.
+// Computes level 1 of a pyramid from samples of level 0, which are computed on the fly and not stored.
+// Comes after coverage_planes.wgsl and pyramid.wgsl.
 
-// A sample of level 0: content, and two more channels.
+// A sample of level 0: content and two more channels.
 struct Sample {
     content: vec4f,
     rest: vec2f,
 }
 
-// Two coarse samples' parts of a row of fine ones.
+// The contributions of a row of fine samples to two neighbouring coarse samples.
 struct Pair {
     left: Sample,
     right: Sample,
 }
 
-// Four samples in a row, or parts of four rows, weighed.
-fn analysed(a: Sample, b: Sample, c: Sample, d: Sample) -> Sample {
+// Analysis filter: weighted sum of four samples along one axis.
+fn analyzed(a: Sample, b: Sample, c: Sample, d: Sample) -> Sample {
     return Sample(
         level.inner * (b.content + c.content) + level.outer * (a.content + d.content),
         level.inner * (b.rest + c.rest) + level.outer * (a.rest + d.rest),
     );
 }
 
-// Of six samples in a row, the two coarse ones that lie among them.
+// The two coarse samples among six fine samples in a row.
 fn pair_of(a: Sample, b: Sample, c: Sample, d: Sample, e: Sample, f: Sample) -> Pair {
-    return Pair(analysed(a, b, c, d), analysed(c, d, e, f));
+    return Pair(analyzed(a, b, c, d), analyzed(c, d, e, f));
 }
 
 fn four_rows(a: Pair, b: Pair, c: Pair, d: Pair) -> Pair {
-    return Pair(analysed(a.left, b.left, c.left, d.left), analysed(a.right, b.right, c.right, d.right));
+    return Pair(analyzed(a.left, b.left, c.left, d.left), analyzed(a.right, b.right, c.right, d.right));
 }
 
-// Two by two coarse samples, channel by channel.
+// 2 × 2 coarse samples, one column per channel.
 struct Block {
     content: mat4x4f,
     rest: mat2x4f,
@@ -42,7 +42,7 @@ fn block_of(upper: Pair, lower: Pair) -> Block {
     return Block(transpose(content), transpose(rest));
 }
 
-// Sets the content of two by two coarse samples, as far as they are to be made.
+// Stores the content of 2 × 2 coarse samples, without those outside the pass's rows.
 fn set_content(x: i32, y: i32, content: mat4x4f) {
     for (var k = 0; k < 3; k++) {
         set_coarse(k, x, y, content[k]);

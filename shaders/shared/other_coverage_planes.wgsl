@@ -1,11 +1,12 @@
-// Another covered beside that of covered.wgsl, of the rows that a band reads: sums or a layer in the making.
+// A second set of coverage planes beside that of coverage_planes.wgsl, for the rows that a band reads: sums, or an intermediate
+// layer.
 
 @group(0) @binding(8) var<storage, read_write> other_colors: array<f32>;
 @group(0) @binding(9) var<storage, read_write> other_rest: array<f32>;
 
 fn other_pixel(index: i32) -> Pixel {
     let plane = source_plane();
-    // Where the background is closed that is coverage.
+    // Where the background is closed this value is coverage, and is not used.
     let alpha = other_rest[index];
     let colors = vec3f(other_colors[index], other_colors[plane + index], other_colors[2 * plane + index]);
     let coverage = other_rest[(frame.channels - 3) * plane + index];

@@ -1,12 +1,12 @@
 // Image pyramids: analysis and B-spline synthesis between two levels, for a band of rows.
-// CPU twin: src/methods/shared/pyramid/mod.rs. Before it: covered.wgsl.
+// CPU version: src/methods/shared/pyramid/mod.rs. Comes after coverage_planes.wgsl.
 //
-// A thread makes two by two samples, which share most of what they are made from.
+// Each thread computes 2 × 2 samples, which share most of their inputs.
 //
-// Levels 1 and up lie in one buffer, each as [channel][row][column] from `start` on, of which the rows from `first` on are kept.
+// Levels 1 and up are in one buffer, each as [channel][row][column] from `start` on; rows are stored from `first` on.
 // Level 0 is not stored: its samples are pixels of the frame, at source_index.
 //
-// reduce: a level from the finer one.
+// reduce: computes a level from the next finer one.
 
 struct Step {
     fine_width: i32,
@@ -29,7 +29,7 @@ struct Step {
 @group(0) @binding(0) var<uniform> level: Step;
 @group(0) @binding(1) var<storage, read_write> levels: array<f32>;
 
-// Where a plane of the source has the sample at a column and a row of level 0; -1 past a clear border.
+// Index in a plane of the source of the sample at a column and a row of level 0; -1 past a clear border.
 fn source_index(x: i32, y: i32) -> i32 {
     let column = x - frame.origin_x;
     let row = y - frame.origin_y;
@@ -37,7 +37,7 @@ fn source_index(x: i32, y: i32) -> i32 {
     if !inside && level.repeats == 0u {
         return -1;
     }
-    // A row that was not read is one that no sample of the band is made from.
+    // Rows that were not read contribute to no sample of the band, so any row may stand in for them.
     let kept_row = clamp(clamp(row, 0, frame.height - 1) - frame.source_first, 0, frame.source_rows - 1);
     return kept_row * frame.width + clamp(column, 0, frame.width - 1);
 }
@@ -52,8 +52,8 @@ fn fine_index(channel: i32, x: i32, y: i32) -> i32 {
     return level.fine_start + row * level.fine_width + x;
 }
 
-// Of six samples in a row, the two coarse ones that lie among them.
-fn analysed_pair(left: vec3f, right: vec3f) -> vec2f {
+// The two coarse samples among six fine samples in a row.
+fn analyzed_pair(left: vec3f, right: vec3f) -> vec2f {
     return vec2f(
         level.inner * (left.y + left.z) + level.outer * (left.x + right.x),
         level.inner * (right.x + right.y) + level.outer * (left.z + right.z),
@@ -66,30 +66,30 @@ fn fine_sample(channel: i32, x: i32, y: i32) -> f32 {
         return 0.0;
     }
     let row = clamp(y, 0, level.fine_height - 1);
-    // A row that is not kept is one that no sample of the band is made from.
+    // Rows that are not stored contribute to no sample of the band, so any row may stand in for them.
     let kept_row = clamp(row, level.fine_first, level.fine_first + level.fine_rows - 1);
     return levels[fine_index(channel, clamp(x, 0, level.fine_width - 1), kept_row)];
 }
 
 fn fine_pair(channel: i32, x: i32, y: i32) -> vec2f {
-    return analysed_pair(
+    return analyzed_pair(
         vec3f(fine_sample(channel, x, y), fine_sample(channel, x + 1, y), fine_sample(channel, x + 2, y)),
         vec3f(fine_sample(channel, x + 3, y), fine_sample(channel, x + 4, y), fine_sample(channel, x + 5, y)),
     );
 }
 
-// The coarse rows and columns of the four fine samples around a corner, and whether there is anything.
+// The coarse samples around a corner: their indices in channel 0, and whether they exist.
 struct Corners {
     index: vec4i,
-    there: vec4<bool>,
+    exists: vec4<bool>,
 }
 
-// The corner, among fine samples, around which a thread makes four of them.
+// The corner, in fine samples, around which a thread computes four of them.
 fn fine_corner(at: vec3u) -> vec2i {
     return vec2i(i32(at.x), i32(at.y) + (level.from_row + 1) / 2);
 }
 
-// The same among those of level 0, for the rows that a band makes.
+// The same in level 0, for the rows that a band makes.
 fn frame_corner(at: vec3u) -> vec2i {
     return vec2i(at.xy) + (vec2i(frame.origin_x, frame.made_first + frame.origin_y) + 1) / 2;
 }
@@ -112,7 +112,8 @@ fn corners_of(step: Step, corner: vec2i) -> Corners {
     return Corners(step.coarse_start + kept_y * width + kept_x, inside | vec4<bool>(step.repeats == 1u));
 }
 
-// Biquadratic interpolation among the coarse samples of four corners: 3/4 of the nearest one, 1/4 of the next, either way.
+// Biquadratic interpolation of the coarse samples around a corner: weights 3/4 for the nearest and 1/4 for the next, along each
+// axis.
 fn interpolated(coarse: vec4f) -> vec4f {
     let blend = 0.75 * coarse + 0.25 * coarse.zwxy;
     return 0.75 * blend + 0.25 * blend.yxwz;
@@ -122,10 +123,10 @@ fn interpolated(coarse: vec4f) -> vec4f {
 fn expanded(channel: i32, at: Corners) -> vec4f {
     let index = at.index + channel * level.coarse_rows * level.coarse_width;
     let found = vec4f(levels[index.x], levels[index.y], levels[index.z], levels[index.w]);
-    return interpolated(select(vec4f(0.0), found, at.there));
+    return interpolated(select(vec4f(0.0), found, at.exists));
 }
 
-// Four samples around a corner: where they are, and which of them are to be made.
+// Four samples around a corner: their positions, and which of them the pass makes.
 struct Four {
     x: vec4i,
     y: vec4i,
@@ -148,7 +149,7 @@ fn frame_four(corner: vec2i) -> Four {
     return Four(x, y, makes);
 }
 
-// The content of four samples of the finer level, each a column.
+// The content of four samples of the finer level, one column per sample.
 fn expanded_content(at: Corners) -> mat4x4f {
     var alpha = vec4f(0.0);
     if frame.channels > 3 {
@@ -157,7 +158,7 @@ fn expanded_content(at: Corners) -> mat4x4f {
     return transpose(mat4x4f(expanded(0, at), expanded(1, at), expanded(2, at), alpha));
 }
 
-// Two by two coarse samples, from column x of row y on.
+// 2 × 2 coarse samples, from column x of row y on.
 fn reduced(channel: i32, x: i32, y: i32) -> vec4f {
     let left = 2 * x - 1;
     let top = 2 * y - 1;
@@ -177,7 +178,7 @@ fn reduce(@builtin(global_invocation_id) at: vec3u) {
     }
 }
 
-// Sets the two coarse samples from column x on of row y, and the two below, as far as they are to be made.
+// Stores 2 × 2 coarse samples from column x of row y on, without those outside the level or the pass's rows.
 fn set_coarse(channel: i32, x: i32, y: i32, value: vec4f) {
     let index = coarse_index(channel, x, y);
     let second = x + 1 < level.coarse_width;

@@ -1,58 +1,59 @@
-// What the rays of each pixel bring home, summed in goes; twin of `RaySum` in src/methods/mod.rs.
+// Sums over the rays of each pixel, in batches of views. CPU version: `RaySum` in src/methods/shared/ray_sum.rs.
 //
-// resolve   the mean over all rays: sums to picture
+// resolve   computes the picture: the mean over all rays
 //
-// A go is some of the views. Its sum is made apart and added to those before: few additions each, so that single precision does.
+// A batch has some of the views. Its sum is computed separately and then added to the sum of the batches before it, so that each
+// sum has few terms and single precision suffices.
 
 // Some of the views of one set.
 struct Batch {
-    // From which view to before which.
+    // First view, and end of the range of views (exclusive).
     first_view: u32,
     end_view: u32,
-    // Whether sums begin with this go.
+    // Whether this is the first batch: it overwrites the sums.
     begins: u32,
-    // Bit k is set where these views make channel k of the picture.
+    // Bit k is set where these views render channel k of the picture.
     channels: u32,
-    // Whether light that finds nothing is transparent, and not left out of the mean.
+    // Whether rays that hit nothing are transparent; otherwise they are left out of the mean.
     transparent_background: u32,
-    // Pixels that are made.
+    // Number of pixels of the band.
     pixels: u32,
 }
 
-// What some rays bring home.
+// Sum over some rays.
 struct Sum {
     // Premultiplied colour.
     color: vec3f,
-    // Rays that were stopped: parts of one where something translucent did.
+    // Rays that hit something; translucent fragments count fractions of a ray.
     hit: f32,
-    // Rays that count.
+    // Rays that are part of the mean.
     rays: f32,
 }
 
-@group(0) @binding(0) var<uniform> go: Batch;
+@group(0) @binding(0) var<uniform> batch: Batch;
 // [red, green, blue, hit, rays][row][column].
 @group(0) @binding(1) var<storage, read_write> sums: array<f32>;
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
 
-// MIN_HIT, the share of rays that a pixel must have stopped to show anything, is the program's.
+// Constant from the program: MIN_HIT, the fraction of rays above which a pixel counts as hit.
 
 fn saved_sum(pixel: u32) -> Sum {
-    let color = vec3f(sums[pixel], sums[go.pixels + pixel], sums[2u * go.pixels + pixel]);
-    return Sum(color, sums[3u * go.pixels + pixel], sums[4u * go.pixels + pixel]);
+    let color = vec3f(sums[pixel], sums[batch.pixels + pixel], sums[2u * batch.pixels + pixel]);
+    return Sum(color, sums[3u * batch.pixels + pixel], sums[4u * batch.pixels + pixel]);
 }
 
 fn save_sum(pixel: u32, sum: Sum) {
     sums[pixel] = sum.color.r;
-    sums[go.pixels + pixel] = sum.color.g;
-    sums[2u * go.pixels + pixel] = sum.color.b;
-    sums[3u * go.pixels + pixel] = sum.hit;
-    sums[4u * go.pixels + pixel] = sum.rays;
+    sums[batch.pixels + pixel] = sum.color.g;
+    sums[2u * batch.pixels + pixel] = sum.color.b;
+    sums[3u * batch.pixels + pixel] = sum.hit;
+    sums[4u * batch.pixels + pixel] = sum.rays;
 }
 
-// Adds the sum of a go to those before.
-fn add_go(pixel: u32, sum: Sum) {
-    if go.begins != 0u {
+// Adds the sum of a batch to the sums of the batches before it.
+fn add_batch(pixel: u32, sum: Sum) {
+    if batch.begins != 0u {
         save_sum(pixel, sum);
         return;
     }
@@ -68,20 +69,20 @@ fn mean(sum: Sum) -> vec4f {
     if shows_nothing(sum) {
         return vec4f(0.0);
     }
-    let weight = select(sum.hit, sum.rays, go.transparent_background != 0u);
+    let weight = select(sum.hit, sum.rays, batch.transparent_background != 0u);
     return vec4f(sum.color, sum.hit) / weight;
 }
 
 @compute @workgroup_size(64)
 fn resolve(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let pixel = (group.y * groups.x + group.x) * 64u + local;
-    if pixel >= go.pixels {
+    if pixel >= batch.pixels {
         return;
     }
     let value = mean(saved_sum(pixel));
     for (var channel = 0u; channel < 4u; channel++) {
-        if (go.channels >> channel & 1u) != 0u {
-            picture[channel * go.pixels + pixel] = value[channel];
+        if (batch.channels >> channel & 1u) != 0u {
+            picture[channel * batch.pixels + pixel] = value[channel];
         }
     }
 }

@@ -1,5 +1,5 @@
-// Sub-images: how much of each pixel belongs to the one at hand.
-// CPU twin: src/methods/shared/sub_images.rs.
+// Matting weights: the fraction of each pixel that belongs to a sub-image.
+// CPU version: src/methods/shared/sub_images.rs.
 
 struct Matting {
     rises: u32,
@@ -19,7 +19,7 @@ fn ramp(coc_px: f32, start: f32, scale: f32) -> f32 {
     return clamp((coc_px - start) * scale / nearness, 0.0, 1.0);
 }
 
-// Share that is not before the range of the sub-image.
+// Fraction that is not nearer than the depth range of the sub-image.
 fn not_nearer_weight(coc_px: f32) -> f32 {
     return select(1.0, ramp(coc_px, matting.rise_start, matting.rise_scale), matting.rises == 1u);
 }

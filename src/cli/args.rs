@@ -1,4 +1,4 @@
-//! Flags that several subcommands share, and what they mean to the library.
+//! Flags that several subcommands share, and their conversion to the library's types.
 
 use super::flags::SettingFlags;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -11,10 +11,10 @@ use thinlens::render::{Job, NamedPreset};
 use thinlens::settings::{Effort, Preset, Quality, Switches, Values};
 use thinlens::stack::{Carry, ReadOptions, Source};
 
-/// Pixels at which a sampling error is measured unless the user says how many.
+/// Default number of pixels at which the sampling error is measured.
 pub(super) const DEFAULT_PROBES: &str = "400";
 
-/// Everything that decides a picture.
+/// Every flag that affects the picture.
 #[derive(Debug, Args)]
 pub(super) struct JobArgs {
     #[command(flatten)]
@@ -27,118 +27,121 @@ pub(super) struct JobArgs {
     effects: EffectArgs,
 }
 
-/// What to read, and how.
+/// The input files and how to read them.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct InputArgs {
-    /// The stack: one EXR, or one file a peel nearest first
+    /// The stack: one EXR, or one file per peel, nearest first
     #[arg(required = true, value_name = "INPUT")]
     pub(super) inputs: Vec<PathBuf>,
-    /// The file that holds the depth of a colour picture
+    /// File with the depth of a colour picture
     #[arg(long, value_name = "FILE")]
     pub(super) depth_file: Option<PathBuf>,
-    /// Name of the colour channels, if it is not known
+    /// Name of the colour channels, if it is not recognised
     #[arg(long, value_name = "GROUP")]
     color_channel: Option<String>,
-    /// Name of the depth channel, if it is not known
+    /// Name of the depth channel, if it is not recognised
     #[arg(long, value_name = "CHANNEL")]
     depth_channel: Option<String>,
-    /// Which frame this is, for a preset's focus keys
+    /// Frame number, for a preset's focus keys
     ///
-    /// By default the last digits of the first input's name before its extension: shot.0042.exr is frame 42. Digits after a v are a
-    /// version and no frame; of several inputs, all must have the number.
+    /// Default: the last digits of the input's file name before the extension; shot.0042.exr is frame 42. Digits after a v are a
+    /// version number and are skipped. With several inputs, all file names must contain the number.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frame: Option<i64>,
 }
 
-/// The lens and how depth is written; every flag outranks the preset.
+/// The lens and the depth convention. Every flag overrides the preset.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Lens")]
 pub(super) struct LensArgs {
-    /// A preset's name or TOML file (see `thinlens presets`)
+    /// Name or TOML file of a preset (see `thinlens presets`)
     #[arg(long, value_name = "NAME|FILE")]
     preset: Option<String>,
     #[command(flatten)]
     settings: SettingFlags,
 }
 
-/// How to compute.
+/// The method, its effort and the device.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 struct MethodArgs {
-    /// The method (see `thinlens methods`)
+    /// Blur method (see `thinlens methods`)
     #[arg(long, value_name = "METHOD")]
     method: Option<String>,
     #[command(flatten)]
     effort: EffortArgs,
-    /// A parameter of the method; may be given again
+    /// Set a parameter of the method; repeatable
     ///
-    /// `thinlens methods NAME` shows the parameters of a method, each with its range.
+    /// `thinlens methods NAME` lists the parameters of a method with their ranges.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Where to compute
+    /// Device that computes the blur
     ///
-    /// auto is a graphics card where there is one and the method runs on it, and the CPU elsewhere; gpu is any graphics adapter, be
-    /// it a program on the processor, or an error. `thinlens devices` lists what there is, `thinlens methods` what runs where.
+    /// auto: a graphics card if there is one and the method has a GPU backend, else the CPU. gpu: any graphics adapter, software
+    /// adapters included; an error if there is none. `thinlens devices` lists the devices, `thinlens methods` the devices of each
+    /// method.
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: DeviceArg,
 }
 
-/// Effects switched against the plan.
+/// Effects switched on or off against the plan.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 pub(super) struct EffectArgs {
-    /// Simulate this effect, whatever the plan says
+    /// Force an effect on, whatever the plan decides
     ///
-    /// The names are those of `thinlens plan`; several are joined by commas or given one by one. What it means to force one, or to
-    /// leave it out with --without:
+    /// `thinlens plan` lists the effects. Several names are joined by commas, or the flag is repeated. What --force and --without
+    /// do to each effect:
     ///
-    /// blur: forced, a scene within half a pixel of focus is blurred all the same; without it, the picture is the input.
+    /// blur: forced, the scene is blurred even if every CoC radius is at most half a pixel; without it, the output is the input.
     ///
-    /// merge: a fact of the stack. Supersampled stacks are always merged, others never.
+    /// merge: cannot be switched. Supersampled stacks are always merged, other stacks never.
     ///
-    /// highlight-extrapolation: forced, blurred highlights of a scene-linear source are made brighter too, although nothing of them was
-    /// clipped; without it, those of a PNG, TIFF or JPEG stay as they were clipped, and their discs are grey.
+    /// highlight-extrapolation: forced, blurred highlights of scene-linear input are brightened too, although none of them was
+    /// clipped; without it, clipped highlights of PNG, TIFF or JPEG input stay clipped and their discs are grey.
     ///
-    /// highlights: forced, every blurred fragment above their threshold is drawn as an exact disc, whatever it costs; without
-    /// it, the lens samples show them as dots.
+    /// highlights: forced, every blurred fragment above the threshold is drawn as an exact disc, at any cost; without it, the lens
+    /// samples render it as separate dots.
     ///
-    /// fill: forced, a surface is guessed behind any stack, also a complete one; without it, rays that pass what the stack
-    /// knows are left out of the mean, or stay transparent before an open background.
+    /// fill: disocclusion fill. Forced, a surface is estimated behind every stack, complete ones included; without it, rays that
+    /// pass all peels are left out of the mean, or count as transparent with open-background.
     ///
-    /// translucency: a fact of the stack. The alpha of fragments always counts.
+    /// translucency: cannot be switched. The alpha of fragments always counts.
     ///
-    /// open-background: forced, rays that find nothing make the picture transparent; without it, they are left out of the mean.
-    /// Methods take it from a part of their rays or layers, each as far as it has such.
+    /// open-background: transparent background; transparent-background is another name of it. Forced, rays that hit nothing make the
+    /// picture transparent; without it, they are left out of the mean. Its extent differs between methods: each applies it to the
+    /// rays or layers that it has.
     ///
-    /// prefilter, resolve: forced, they run with their own strengths, or with the defaults of those where the strength is 0.
+    /// prefilter, resolve: forced, they run with their strength from the preset or --set, or with the default strength if that is 0.
     ///
-    /// blade-curvature, squeeze, aperture-image, cats-eye: forced, the aperture has them even where they are too small to show; without
-    /// them its sides are straight, it is as wide as high, it has blades, or it is whole in the corners too.
+    /// blade-curvature, squeeze, aperture-image, cats-eye: forced, the aperture has them even if their effect is too small to be
+    /// visible; without them, in this order: the aperture's sides are straight, it is not squeezed, it has blades, it is not clipped
+    /// towards the corners of the frame.
     ///
-    /// spherical-aberration, axial-color: forced, rays follow them even where they are too small to show; without them all of the
-    /// aperture and all colours focus in one place.
+    /// spherical-aberration, axial-color: forced, rays follow them even if their effect is too small to be visible; without them, the
+    /// whole aperture and all colours focus at one distance.
     ///
-    /// lateral-color, vignetting: done to the picture of any method; without them all colours are one size, and the corners as bright as
-    /// the middle.
+    /// lateral-color, vignetting: applied to the picture of every method; without them, all colours have the same magnification, and
+    /// the corners are not darkened.
     ///
-    /// Where nothing is blurred no other step is taken, and nothing extrapolated, asked for or not: force blur as well to have it.
+    /// Where nothing is blurred, no other pass runs and no highlight is extrapolated, forced or not: force blur as well.
     ///
-    /// A method without a step cannot be forced to take it: `thinlens methods NAME` shows what each has.
+    /// Forcing a pass that the method does not have is an error: `thinlens plan` shows which passes the method has.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
     force: Vec<String>,
-    /// Leave this effect out, whatever the plan says
+    /// Leave an effect out, whatever the plan decides
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
     without: Vec<String>,
 }
 
 impl EffectArgs {
-    /// What they mean to the library.
+    /// The switches of the library.
     pub(super) fn switches(&self) -> Switches {
         Switches { force: self.force.clone(), without: self.without.clone() }
     }
 
-    /// The words of a command line that say the same.
+    /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
         let Self { force, without } = self;
         let joined = |names: &[String]| (!names.is_empty()).then(|| names.join(","));
@@ -146,27 +149,27 @@ impl EffectArgs {
     }
 }
 
-/// What decides the number of lens samples: at most one of these.
+/// The number of lens samples, or its target: at most one of these flags.
 #[derive(Debug, Args)]
 #[group(multiple = false)]
 #[command(next_help_heading = "Method")]
 struct EffortArgs {
-    /// How wrong the picture may be; auto is final
+    /// Quality level; --method auto uses final
     ///
-    /// A sampling error as --target-db has it, and the most lens samples that it is worth: draft 35 dB and 64, preview 40 dB and
-    /// 128, final 45 dB and 256; reference is accumulate, 55 dB and 4096.
+    /// A target for the sampling error, as with --target-db, and a maximum number of lens samples: draft 35 dB and 64, preview 40 dB
+    /// and 128, final 45 dB and 256; reference uses the method accumulate, 55 dB and 4096.
     #[arg(long, value_name = "QUALITY", value_parser = qualities())]
     quality: Option<Quality>,
-    /// As many lens samples as reach this sampling error
+    /// Target for the sampling error: PSNR in dB
     ///
-    /// PSNR in dB against the stack's own truth, found at a few hundred pixels before the picture is painted. What was reached is
-    /// reported, and where it cannot be, what could.
+    /// The number of lens samples is searched for before the picture is rendered, at a few hundred pixels, against many lens rays
+    /// through the stack. The report says which error was reached, and which can be reached if the target cannot.
     #[arg(long, value_name = "DB", value_parser = parse_target_db)]
     target_db: Option<f64>,
-    /// As many lens samples as the blur has time for
+    /// Target for the wall time of the blur in seconds
     #[arg(long = "time-budget", value_name = "SECONDS", value_parser = parse_seconds)]
     time_budget_s: Option<f64>,
-    /// Lens samples a pixel
+    /// Lens samples per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
 }
@@ -188,7 +191,7 @@ enum DeviceArg {
 }
 
 impl JobArgs {
-    /// The job these flags describe.
+    /// The job that these flags describe.
     ///
     /// # Errors
     /// A preset that cannot be read.
@@ -208,7 +211,7 @@ impl JobArgs {
     }
 }
 
-/// The job that `input`, `lens` and `effects` describe, its method left open, on the CPU.
+/// The job that `input`, `lens` and `effects` describe, without a method, on the CPU.
 ///
 /// # Errors
 /// A preset that cannot be read.
@@ -245,7 +248,7 @@ impl InputArgs {
         }
     }
 
-    /// The words of a command line that say the same.
+    /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
         let Self { inputs, depth_file, color_channel, depth_channel, frame } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
@@ -265,14 +268,14 @@ impl InputArgs {
 }
 
 impl LensArgs {
-    /// The words of a command line that say the same.
+    /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
         let Self { preset, settings } = self;
         [flag("--preset", preset.as_ref()), settings.words()].concat()
     }
 }
 
-/// A flag and its value as the words of a command line; nothing for a flag that was not given.
+/// A flag and its value as words of a command line; empty for a flag without a value.
 fn flag(name: &str, value: Option<impl Display>) -> Vec<String> {
     value.map(|value| vec![name.to_owned(), value.to_string()]).unwrap_or_default()
 }
@@ -285,14 +288,14 @@ fn qualities() -> impl TypedValueParser<Value = Quality> {
 }
 
 fn parse_target_db(text: &str) -> Result<f64, String> {
-    let [least, most] = Effort::TARGETS_DB;
-    let number = text.parse().ok().filter(|db| (least..=most).contains(db));
-    number.ok_or_else(|| format!("a target is a number of decibels from {least} to {most}"))
+    let [min, max] = Effort::TARGETS_DB;
+    let number = text.parse().ok().filter(|db| (min..=max).contains(db));
+    number.ok_or_else(|| format!("expected a number of decibels from {min} to {max}"))
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
-    number.ok_or_else(|| "a time is a positive number of seconds".to_owned())
+    number.ok_or_else(|| "expected a positive number of seconds".to_owned())
 }
 
 #[cfg(test)]
@@ -300,7 +303,7 @@ mod tests {
     use super::*;
     use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value};
 
-    /// A stack, its lens and its effects, as any subcommand takes them.
+    /// The flags of input, lens and effects that most subcommands have.
     #[derive(Debug, clap::Parser)]
     struct StackAndLens {
         #[command(flatten)]
@@ -311,7 +314,7 @@ mod tests {
         effects: EffectArgs,
     }
 
-    /// A value of `setting` as a command line has it.
+    /// A valid value of `setting` in the syntax of its flag.
     fn example(setting: &Setting) -> String {
         let number = |text: &&str| text.parse().is_ok_and(|x| setting.kind.allows(&Value::Number(x)));
         match setting.kind {
@@ -326,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn the_words_of_flags_are_read_back_as_the_same_flags() {
+    fn flags_written_as_words_parse_back_to_the_same_flags() {
         use clap::{CommandFactory, Parser};
         let own = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --frame -42 --preset p \
                    --force fill,resolve --without highlights";
@@ -345,12 +348,12 @@ mod tests {
             assert_eq!(
                 flags + ways_to_focus.len() - 1,
                 all,
-                "every flag, but of ways to focus only one: {line:?}"
+                "every flag once, and one of the focus flags: {line:?}"
             );
-            let given = StackAndLens::parse_from(&line);
-            let words = [given.input.words(), given.lens.words(), given.effects.words()].concat();
+            let parsed = StackAndLens::parse_from(&line);
+            let words = [parsed.input.words(), parsed.lens.words(), parsed.effects.words()].concat();
             let again = StackAndLens::parse_from(std::iter::once("x".to_owned()).chain(words));
-            assert_eq!(format!("{again:?}"), format!("{given:?}"));
+            assert_eq!(format!("{again:?}"), format!("{parsed:?}"));
         }
     }
 }

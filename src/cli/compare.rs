@@ -23,7 +23,7 @@ Examples:
   thinlens compare stack.exr --preset my-lens.toml --methods shear:16,shear:64,gather -o comparison
   thinlens compare stack.exr --preset my-lens.toml --reference lens.exr -o comparison";
 
-/// Compare methods: what each costs, and how wrong it is
+/// Compare methods by time and error
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct CompareArgs {
@@ -33,15 +33,15 @@ pub(super) struct CompareArgs {
     lens: LensArgs,
     #[command(flatten)]
     effects: EffectArgs,
-    /// NAME, NAME:VIEWS or NAME:KEY=VALUE each; all by default
+    /// NAME, NAME:VIEWS or NAME:KEY=VALUE each; default: all
     ///
-    /// A name alone is the method with its own settings; several settings are joined by +. "all" runs every method at its steps
-    /// from rough to fine. It leaves out the reference, accumulate, which is the truth that the sampling error is measured by;
-    /// name it to have it measured too. That truth is the stack's alone: what a method guesses where the stack has one or two
-    /// peels counts as its error.
+    /// A name alone is the method with its own settings; several settings are joined by +. "all" runs every method at its quality
+    /// levels from coarse to fine, except the reference method accumulate, which the sampling error is measured against; name it to
+    /// measure it too. The sampling error compares with the stack alone: surfaces that a method estimates behind a stack of one or
+    /// two peels count as error.
     #[arg(long, value_name = "A,B:64,C:KEY=VALUE,…", value_delimiter = ',', help_heading = "Method")]
     methods: Vec<String>,
-    /// How often each runs; its time is the median
+    /// Runs of each candidate; its time is the median
     #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Method",
           value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
@@ -49,7 +49,7 @@ pub(super) struct CompareArgs {
     #[arg(long, value_name = "PIXELS", default_value = DEFAULT_PROBES, help_heading = "Method",
           value_parser = clap::value_parser!(u32).range(MIN_PROBES as i64..))]
     probes: u32,
-    /// A true render with the lens on, for the model error
+    /// Render with the lens on, for the model error
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     reference: Option<PathBuf>,
     /// Folder for report.html, pictures, maps, JSON and CSV
@@ -84,7 +84,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
         calibration: Some(&calibration),
         words: &[args.input.words(), args.lens.words(), args.effects.words()].concat(),
     };
-    // Before the first one runs: what one of them cannot do would end the comparison halfway.
+    // Before the first candidate runs, so that an effect that one of them cannot switch does not end the comparison halfway.
     candidates.iter().try_for_each(|candidate| comparison.plan(candidate).map(drop))?;
     let results = args.compare(&comparison, &candidates, console)?;
     if args.json {
@@ -96,7 +96,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
 }
 
 impl CompareArgs {
-    /// What is compared.
+    /// The candidates to compare.
     fn candidates(&self, methods: &Registry) -> Result<Vec<Candidate>, Error> {
         match self.methods.as_slice() {
             [] => Candidate::all(methods),
@@ -105,7 +105,7 @@ impl CompareArgs {
         }
     }
 
-    /// Checks every file that will be written, making the folder if need be.
+    /// Checks every file that will be written; creates the folder if it does not exist.
     fn check_files(&self, folder: &Path, candidates: &[Candidate]) -> Result<(), Error> {
         checks::folder(folder)?;
         let pictures = candidates.iter().flat_map(folder::files);
@@ -116,7 +116,7 @@ impl CompareArgs {
         Ok(())
     }
 
-    /// Runs every candidate, and writes what is asked for.
+    /// Runs every candidate, and writes the folder if one is requested.
     fn compare(
         &self,
         comparison: &Comparison<'_>,
@@ -136,7 +136,7 @@ impl CompareArgs {
             console.note(format_args!("{candidate} ({} of {})", i + 1, candidates.len()));
             let (mut entry, image) = comparison.run(candidate)?;
             if let Some(folder) = &self.output {
-                let [picture, map] = keep(folder, candidate, &image)?;
+                let [picture, map] = write_picture(folder, candidate, &image)?;
                 (entry.picture, entry.map) = (Some(picture), Some(map));
                 gallery.add(&image);
             }
@@ -151,14 +151,14 @@ impl CompareArgs {
     }
 }
 
-/// Writes the picture of `candidate` into `folder`; the names of its files.
-fn keep(folder: &Path, candidate: &Candidate, image: &Image) -> Result<[String; 2], Error> {
+/// Writes the picture of `candidate` into `folder`; returns the file names of picture and error map.
+fn write_picture(folder: &Path, candidate: &Candidate, image: &Image) -> Result<[String; 2], Error> {
     let files = folder::files(candidate);
     png::write(&folder.join(&files[0]), image, 0.0)?;
     Ok(files)
 }
 
-/// This process's command line, as a shell reads it.
+/// This process's command line, quoted for a shell.
 fn command_line() -> String {
     let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
     shell::line(std::iter::once("thinlens".to_owned()).chain(words))

@@ -8,7 +8,7 @@ use clap_complete::{Shell, generate};
 /// Print a shell's completion script
 #[derive(Debug, Args)]
 pub(super) struct CompletionsArgs {
-    /// The shell
+    /// Shell that the script is for
     shell: Shell,
 }
 

@@ -1,8 +1,8 @@
-//! What the user sees while a command runs: decisions, warnings and progress, all on standard error.
+//! Output of a running command: decisions, warnings and progress on standard error, results on standard output.
 //!
-//! Results go to standard output through `write!`, whose errors are kept: a closed pipe ends the program quietly.
+//! Results are written without `print!`, which panics on a closed pipe; a closed pipe ends the program without an error.
 
-use super::flags::spoken;
+use super::flags::keys_to_flags;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -15,7 +15,7 @@ use thinlens::methods::{Plan, Target};
 use thinlens::probes::ErrorEstimate;
 use thinlens::scene::EffectKind;
 
-/// Standard error, as talkative as asked for.
+/// Messages on standard error; with `quiet`, warnings and errors only.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Console {
     quiet: bool,
@@ -26,19 +26,19 @@ impl Console {
         Self { quiet }
     }
 
-    /// A line about what is going on.
+    /// Prints a line, unless quiet.
     pub(super) fn note(self, text: impl Display) {
         if !self.quiet {
             line(text);
         }
     }
 
-    /// A line about a file that was written.
+    /// Prints that a file was written.
     pub(super) fn wrote(self, path: &Path) {
         self.note(format_args!("wrote {}", path.display()));
     }
 
-    /// One line per conclusion that was drawn from the input.
+    /// Prints one line per finding about the input.
     pub(super) fn findings(self, findings: &[Finding]) {
         for Finding { about, text, warning } in findings {
             if *warning {
@@ -49,12 +49,12 @@ impl Console {
         }
     }
 
-    /// Where the plan is carried out, and why there.
+    /// Prints the device of the blur and why it was chosen.
     pub(super) fn device(self, device: &Device) {
         self.note(format_args!("device: {}: {}", device.name, device.reason));
     }
 
-    /// One line for the method, one for blur, and one per effect that is on or was switched.
+    /// Prints one line for the method, one for blur, and one per effect that is on or was switched by the user.
     pub(super) fn plan(self, plan: &Plan) {
         self.note(format_args!("method: {}: {}", plan.method, plan.method_reason));
         self.note(format_args!("views: {}", sampling(plan)));
@@ -66,20 +66,22 @@ impl Console {
         }
     }
 
-    /// How fast this machine is: measured the first time, or `again`, and what there is to say about that.
+    /// The calibration of this machine: loaded, or measured the first time and with `again`. Prints the remarks about it.
     ///
     /// # Errors
-    /// Those of measuring.
+    /// Those of the measurement.
     pub(super) fn calibration(self, again: bool) -> Result<Calibration, Error> {
         let (calibration, remarks) = Calibration::load_or_measure(cache_folder().as_deref(), again)?;
         remarks.iter().for_each(|Remark(text)| self.note(format_args!("calibration: {text}")));
         Ok(calibration)
     }
 
-    /// The sampling error that was found.
+    /// Prints the estimated sampling error.
     pub(super) fn estimate(self, estimate: &ErrorEstimate) {
         let ErrorEstimate { pixels, rays_per_pixel, .. } = estimate;
-        self.note(format_args!("sampling error: {estimate}, {pixels} pixels of {rays_per_pixel} rays each"));
+        self.note(format_args!(
+            "sampling error: {estimate}, measured at {pixels} pixels with {rays_per_pixel} rays each"
+        ));
     }
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.
@@ -118,7 +120,7 @@ pub(super) fn error(error: &Error) {
     line(format_args!("error: {error}"));
 }
 
-/// The name of an enum's value as reports and flags write it.
+/// The serialized name of an enum's value, as in reports and flags.
 pub(super) fn kebab(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
@@ -140,18 +142,18 @@ pub(super) fn print(text: &str) -> io::Result<()> {
     stdout.flush()
 }
 
-/// A line in the words of the command line.
+/// Prints a line on standard error, with keys of settings replaced by flags.
 fn line(text: impl Display) {
-    // Where standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "{}", spoken(&text.to_string()));
+    // A closed standard error has no reader: its error is dropped.
+    let _ = writeln!(io::stderr().lock(), "{}", keys_to_flags(&text.to_string()));
 }
 
-/// How a plan samples the lens, in words.
+/// The number of lens samples of a plan, or its target, with the reason.
 pub(super) fn sampling(plan: &Plan) -> String {
     let reason = &plan.views_reason;
     match (plan.target, plan.views) {
         (Some(Target::Error { psnr_db, max_views }), _) => {
-            format!("as many as reach {psnr_db} dB, at most {max_views}: {reason}")
+            format!("enough for {psnr_db} dB, at most {max_views}: {reason}")
         }
         (Some(Target::Time { seconds }), _) => format!("as many as fit into {seconds} s: {reason}"),
         (None, Some(views)) => format!("{views}: {reason}"),

@@ -30,11 +30,11 @@ Examples:
 
 /// Render the built-in sample
 ///
-/// Writes terrace.exr, terrace.png, side-by-side.png (pinhole, result, and a render with the lens on) and report.json.
+/// Writes terrace.exr, terrace.png, side-by-side.png (pinhole, result, reference render with the lens on) and report.json.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct DemoArgs {
-    /// Where to write; created if need be
+    /// Output folder; created if it does not exist
     #[arg(long, short, value_name = "DIR", default_value = "thinlens-demo", help_heading = "Output")]
     output: PathBuf,
 }
@@ -44,7 +44,7 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
         Error::output("the demo's folder cannot be created")
             .in_file(&args.output)
             .caused_by(cause)
-            .help("name another one with -o")
+            .help("choose another folder with --output")
     })?;
     let job = job()?;
     let (pinhole, reference) = (pinhole(&job)?, reference()?);
@@ -64,7 +64,7 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
 
 fn job() -> Result<Job, Error> {
     Ok(Job {
-        sources: vec![Source::Embedded { name: STACK_NAME, bytes: STACK }],
+        sources: vec![Source::memory(STACK_NAME, STACK)],
         preset: Some(NamedPreset {
             name: PRESET_NAME.to_owned(),
             preset: Preset::parse(PRESET, PRESET_NAME)?,
@@ -78,7 +78,7 @@ fn show_progress(job: &Job, console: &Console) -> Result<Rendered, Error> {
     prepare(job)?.blur(&|share| bar.set(share))
 }
 
-/// The same stack without a lens.
+/// The stack without a lens.
 fn pinhole(job: &Job) -> Result<Image, Error> {
     let flags = Values { f_number: Some(f32::INFINITY), ..Values::default() };
     Ok(prepare(&Job { flags, ..job.clone() })?.blur(&|_| ())?.image)
@@ -96,11 +96,11 @@ fn write_pictures(
     png::write_side_by_side(side_by_side, &[pinhole, image, reference], 0.0)
 }
 
-/// The same scene, rendered with the lens on.
+/// The scene rendered with the lens on.
 fn reference() -> Result<Image, Error> {
-    let no_room = |cause| Error::output("no temporary file can be made").caused_by(cause);
-    let file = tempfile::Builder::new().suffix(".exr").tempfile().map_err(no_room)?;
-    std::fs::write(file.path(), REFERENCE).map_err(no_room)?;
+    let failed = |cause| Error::output("a temporary file cannot be created").caused_by(cause);
+    let file = tempfile::Builder::new().suffix(".exr").tempfile().map_err(failed)?;
+    std::fs::write(file.path(), REFERENCE).map_err(failed)?;
     read_picture(file.path())
 }
 
@@ -112,7 +112,7 @@ fn summary(files: &[PathBuf], report: &Report, psnr_db: f64) -> String {
     format!(
         "{files}{}×{} pixels, {} peels, method {method}{views}\n\
          read {:.3} s, plan {:.3} s, blur {:.3} s, write {:.3} s\n\
-         PSNR {psnr_db:.1} dB against a true thin-lens render of the scene\n",
+         PSNR {psnr_db:.1} dB against a reference render with the lens on\n",
         stack.width, stack.height, stack.peels, seconds.read, seconds.plan, seconds.blur, seconds.write,
     )
 }

@@ -13,7 +13,7 @@ Examples:
   thinlens devices --json
   thinlens render stack.exr -o out.exr --device cpu";
 
-/// List what can compute here, and what auto chooses
+/// List the devices, and which one auto chooses
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct DevicesArgs {
@@ -36,7 +36,7 @@ fn in_words(survey: &Survey) -> String {
     let Survey { processor, threads, adapters, looked_for, auto, auto_reason } = survey;
     let mut text = format!("cpu   {processor}, {threads} threads\n");
     for adapter in adapters {
-        text += &of_adapter(adapter);
+        text += &adapter_in_words(adapter);
     }
     if adapters.is_empty() {
         let _ = writeln!(text, "gpu   none: {looked_for}");
@@ -45,11 +45,11 @@ fn in_words(survey: &Survey) -> String {
     text
 }
 
-fn of_adapter(adapter: &Adapter) -> String {
+fn adapter_in_words(adapter: &Adapter) -> String {
     let mib = |bytes: u64| bytes >> 20;
-    let times = if adapter.has_timestamps { "times itself" } else { "cannot time itself" };
+    let timestamps = if adapter.has_timestamps { "timestamps" } else { "no timestamps" };
     format!(
-        "gpu   {adapter}\n      driver {}; bindings of {} MiB, buffers of {} MiB, workgroups of {} threads; {times}\n",
+        "gpu   {adapter}\n      driver {}; at most {} MiB per binding, {} MiB per buffer, {} threads per workgroup; {timestamps}\n",
         adapter.driver,
         mib(adapter.max_binding_bytes),
         mib(adapter.max_buffer_bytes),

@@ -1,7 +1,7 @@
-//! Graphics drivers are looked for while standard error is led aside.
+//! Graphics drivers are loaded while standard error is redirected.
 //!
-//! Mesa complains that there is no screen, which nothing here needs. Standard error belongs to the whole process, so that no library may
-//! lead it aside, but the program may.
+//! Mesa warns about a missing display, which this program does not need. Standard error belongs to the whole process: the library must not
+//! redirect it, the program may.
 
 use thinlens::error::Error;
 use thinlens::gpu::{self, Gpu, Survey};
@@ -20,17 +20,17 @@ pub(super) fn survey() -> Survey {
     without_noise(gpu::survey)
 }
 
-/// What `look` returns. What is written on standard error meanwhile comes out at its end, but for the lines about the screen.
+/// Runs `load`. What is written to standard error meanwhile is printed afterwards, without the lines about a missing display.
 #[cfg(unix)]
-fn without_noise<T>(look: impl FnOnce() -> T) -> T {
-    let _diversion = unix::Diversion::begin();
-    look()
+fn without_noise<T>(load: impl FnOnce() -> T) -> T {
+    let _redirection = unix::Redirection::begin();
+    load()
 }
 
-/// What `look` returns: drivers of other systems write nothing.
+/// Runs `load`: drivers on other systems write nothing.
 #[cfg(not(unix))]
-fn without_noise<T>(look: impl FnOnce() -> T) -> T {
-    look()
+fn without_noise<T>(load: impl FnOnce() -> T) -> T {
+    load()
 }
 
 #[cfg(unix)]
@@ -39,32 +39,32 @@ mod unix {
     use std::io::{Read, Seek, Write, stderr};
     use std::os::fd::OwnedFd;
 
-    /// Lines with this are not worth a user's attention: a driver looks for a screen.
+    /// Lines that contain this are dropped: a driver found no display.
     const NOISE: &str = "XDG_RUNTIME_DIR";
 
-    /// Standard error, led into a file until this is dropped.
-    pub(super) struct Diversion {
+    /// Standard error, redirected into a file until this is dropped.
+    pub(super) struct Redirection {
         stderr: OwnedFd,
-        written: File,
+        file: File,
     }
 
-    impl Diversion {
-        /// `None` where standard error cannot be led aside: then it stays as it is.
+    impl Redirection {
+        /// `None` if standard error cannot be redirected; it then stays as it is.
         pub(super) fn begin() -> Option<Self> {
-            let (stderr, written) = (nix::unistd::dup(stderr()).ok()?, tempfile::tempfile().ok()?);
-            nix::unistd::dup2_stderr(&written).ok()?;
-            Some(Self { stderr, written })
+            let (stderr, file) = (nix::unistd::dup(stderr()).ok()?, tempfile::tempfile().ok()?);
+            nix::unistd::dup2_stderr(&file).ok()?;
+            Some(Self { stderr, file })
         }
     }
 
-    impl Drop for Diversion {
+    impl Drop for Redirection {
         fn drop(&mut self) {
             let mut text = Vec::new();
             let restored = nix::unistd::dup2_stderr(&self.stderr).is_ok();
-            if restored && self.written.rewind().is_ok() && self.written.read_to_end(&mut text).is_ok() {
+            if restored && self.file.rewind().is_ok() && self.file.read_to_end(&mut text).is_ok() {
                 let text = String::from_utf8_lossy(&text);
                 for line in text.lines().filter(|line| !line.contains(NOISE)) {
-                    // A standard error that cannot be written to has nobody who reads it.
+                    // A closed standard error has no reader: its error is dropped.
                     let _ = writeln!(stderr(), "{line}");
                 }
             }

@@ -1,19 +1,19 @@
-//! How a command ends that does not end well.
+//! The ways in which a command can fail.
 
 use clap::error::ErrorKind;
 use std::io;
 use thinlens::error::Error;
 
-/// Why a command ended early.
+/// Why a command failed.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// It failed.
+    /// An error of the library.
     Failed(Error),
     /// The command line cannot be parsed.
     Usage(clap::Error),
-    /// The subcommand `command` was called with flags that do not go together.
+    /// The subcommand `command` was called with flags that cannot be combined.
     Misused { command: &'static str, kind: ErrorKind, message: String },
-    /// Whoever read our standard output has stopped: no reason to complain.
+    /// The reader of standard output has closed it; this is not an error.
     BrokenPipe,
 }
 
@@ -28,7 +28,7 @@ impl From<Error> for Failure {
 }
 
 impl From<io::Error> for Failure {
-    /// From writing to standard output, the only I/O of the program that is not the library's.
+    /// An error of writing to standard output, the only I/O outside the library.
     fn from(error: io::Error) -> Self {
         Error::output("standard output cannot be written").caused_by(error).into()
     }

@@ -1,35 +1,34 @@
-//! Flags of the settings, made from the library's table of them, and keys of the library as flags.
+//! Flags of the settings, generated from the library's table of settings, and the replacement of keys by flags in messages.
 //!
-//! The library calls a setting by its key in backquotes, as in `` `near_clip` `` or `` `f_number = inf` ``. Whoever sits at a
-//! terminal knows it as `--near-clip`, and gets to read that.
+//! The library names a setting by its key in backquotes, as in `` `near_clip` `` or `` `f_number = inf` ``. Before such a text reaches the
+//! terminal, the key is replaced by the flag: `--near-clip`.
 
-use super::Cli;
 use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
-use clap::{Arg, ArgMatches, Args, Command, CommandFactory, FromArgMatches};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value, Values, Word};
 
-/// Settings whose range is checked while the command line is parsed, so that a value out of it is a usage error. All others are
-/// checked with the presets, before anything is read.
+/// Settings whose range is checked while the command line is parsed: a value outside it is a usage error. All others are
+/// checked with the presets, before any file is read.
 const USAGE: [&str; 5] = ["blades", "near_clip", "near", "far", "supersample"];
 
 /// The flags of all settings that have one.
 #[derive(Debug, Default)]
 pub(super) struct SettingFlags {
-    /// The settings that the command line sets.
-    given: Vec<(&'static Setting, Value)>,
+    /// The settings on the command line, with their values.
+    values: Vec<(&'static Setting, Value)>,
 }
 
 impl SettingFlags {
-    /// What they mean to the library.
+    /// The values as a layer of the library's settings.
     pub(super) fn values(&self) -> Values {
         let mut values = Values::default();
-        for (setting, value) in &self.given {
+        for (setting, value) in &self.values {
             setting.set(&mut values, value);
         }
         values
     }
 
-    /// The words of a command line that say the same.
+    /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
         let words = |(setting, value): &(&Setting, Value)| {
             let value = match value {
@@ -38,7 +37,7 @@ impl SettingFlags {
             };
             flag_of(setting).map(|name| [format!("--{name}"), value])
         };
-        self.given.iter().filter_map(words).flatten().collect()
+        self.values.iter().filter_map(words).flatten().collect()
     }
 }
 
@@ -55,9 +54,9 @@ impl Args for SettingFlags {
 impl FromArgMatches for SettingFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let with_flag = SETTINGS.iter().filter(|setting| flag_of(setting).is_some());
-        let given =
+        let values =
             with_flag.filter_map(|setting| Some((setting, matches.get_one::<Value>(setting.key)?.clone())));
-        Ok(Self { given: given.collect() })
+        Ok(Self { values: values.collect() })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -74,7 +73,7 @@ fn flag_of(setting: &Setting) -> Option<&'static str> {
     }
 }
 
-/// The argument of `setting`, if it has a flag.
+/// The clap argument of `setting`, if it has a flag.
 fn argument(setting: &'static Setting) -> Option<Arg> {
     let CommandLine::Flag { name, value_name } = setting.command_line else { return None };
     let heading = if matches!(setting.table, "depth" | "picture") { "Input" } else { "Lens" };
@@ -83,7 +82,7 @@ fn argument(setting: &'static Setting) -> Option<Arg> {
         .long(name)
         .value_name(value_name)
         .help_heading(heading)
-        .help(with_flags(&setting.summary()))
+        .help(setting_keys_to_flags(&setting.summary()))
         .long_help(long_help(setting))
         .conflicts_with_all(others.map(|other| other.key))
         .value_parser(parser(setting));
@@ -94,7 +93,7 @@ fn argument(setting: &'static Setting) -> Option<Arg> {
     })
 }
 
-/// What the setting does, its default and its range. The words of a setting are listed by clap.
+/// What the setting does, its default and its range. clap itself lists the words that a setting allows.
 fn long_help(setting: &Setting) -> String {
     let range = setting.kind.range().filter(|_| !matches!(setting.kind, Kind::Word(_)));
     let range = range.map(|range| format!(" [range: {range}]")).unwrap_or_default();
@@ -105,10 +104,10 @@ fn long_help(setting: &Setting) -> String {
     let mut paragraphs = vec![setting.summary()];
     paragraphs.extend(setting.details());
     paragraphs.push(format!("[default: {default}]{range}"));
-    with_flags(&paragraphs.join("\n\n"))
+    setting_keys_to_flags(&paragraphs.join("\n\n"))
 }
 
-/// From the text of a flag to the setting's value.
+/// Parses the text of a flag to the setting's value.
 fn parser(setting: &'static Setting) -> ValueParser {
     let checked = move |value: Value| {
         let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&value);
@@ -124,17 +123,17 @@ fn parser(setting: &'static Setting) -> ValueParser {
             checked(Value::Whole(number))
         }),
         Kind::RedBlue(_) => {
-            let wanted = "two numbers with a comma between them are wanted, such as 30,45";
-            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(wanted))
+            let expected = "expected two numbers separated by a comma, such as 30,45";
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(expected))
         }
         Kind::Pixel => {
-            let wanted = "a pixel is two numbers with a comma between them, such as 960,540";
-            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(wanted))
+            let expected = "expected a pixel: two numbers separated by a comma, such as 960,540";
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(expected))
         }
         Kind::Word(words) => PossibleValuesParser::new(words.iter().map(possible_value))
             .map(|name| {
                 let word = words.iter().find(|word| kebab(word.name) == name);
-                Value::Word(word.expect("a word is parsed from the names of all").name)
+                Value::Word(word.expect("the parser accepts only names of these words").name)
             })
             .into(),
         Kind::Name => ValueParser::from(|text: &str| Ok::<_, String>(Value::Name(text.to_owned()))),
@@ -142,7 +141,7 @@ fn parser(setting: &'static Setting) -> ValueParser {
     }
 }
 
-/// Two finite numbers with a comma between them.
+/// Two finite numbers separated by a comma.
 fn pair(text: &str) -> Option<[f32; 2]> {
     let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
     let (first, second) = text.split_once(',')?;
@@ -151,36 +150,46 @@ fn pair(text: &str) -> Option<[f32; 2]> {
 
 fn possible_value(word: &Word) -> PossibleValue {
     let value = PossibleValue::new(kebab(word.name));
-    if word.meaning.is_empty() { value } else { value.help(with_flags(word.meaning)) }
+    if word.meaning.is_empty() { value } else { value.help(setting_keys_to_flags(word.meaning)) }
 }
 
-/// A word of presets as flags write it.
+/// A word of a preset in the spelling of flags: hyphens instead of underscores.
 fn kebab(word: &str) -> String {
     word.replace('_', "-")
 }
 
-/// A text of the library in the words of the command line: keys of settings become their flags, those of the flags of
-/// this program that are no setting included.
-pub(super) fn spoken(text: &str) -> String {
-    if !text.contains('`') {
-        return text.to_owned();
-    }
-    let command = Cli::command();
+/// Keys of the library that are no setting, with their flags: fields of a job and of how its files are read.
+pub(super) const OTHER_FLAGS: [(&str, &str); 14] = [
+    ("color_channel", "color-channel"),
+    ("confidence", "confidence"),
+    ("depth_channel", "depth-channel"),
+    ("depth_file", "depth-file"),
+    ("device", "device"),
+    ("force", "force"),
+    ("frame", "frame"),
+    ("method", "method"),
+    ("quality", "quality"),
+    ("set", "set"),
+    ("target_db", "target-db"),
+    ("time_budget_s", "time-budget"),
+    ("views", "views"),
+    ("without", "without"),
+];
+
+/// A text of the library with every key replaced by its flag: keys of settings, and those of [`OTHER_FLAGS`].
+pub(super) fn keys_to_flags(text: &str) -> String {
     replace_keys(text, |key| {
-        setting_on_command_line(key).or_else(|| {
-            let mut arguments = command.get_subcommands().flat_map(Command::get_arguments);
-            let argument = arguments.find(|argument| argument.get_id() == key)?;
-            argument.get_long().map(|name| format!("--{name}"))
-        })
+        let other = || OTHER_FLAGS.iter().find(|(other, _)| *other == key);
+        setting_on_command_line(key).or_else(|| other().map(|(_, name)| format!("--{name}")))
     })
 }
 
-/// The same for texts of the table of settings, which name settings alone.
-fn with_flags(text: &str) -> String {
+/// [`keys_to_flags`] for texts of the table of settings, which name settings only.
+fn setting_keys_to_flags(text: &str) -> String {
     replace_keys(text, setting_on_command_line)
 }
 
-/// How a user of the command line sets the setting `key`: by its flag, else in a preset.
+/// How the command line sets the setting `key`: by its flag, else in a preset.
 fn setting_on_command_line(key: &str) -> Option<String> {
     let setting = Setting::by_key(key)?;
     Some(match flag_of(setting) {
@@ -189,9 +198,9 @@ fn setting_on_command_line(key: &str) -> Option<String> {
     })
 }
 
-/// `text` with each `` `key` `` and `` `key = value` `` that `spoken` knows in its words; a value follows its flag as the
-/// command line has it, without brackets and quotes.
-fn replace_keys(text: &str, spoken: impl Fn(&str) -> Option<String>) -> String {
+/// `text` with each `` `key` `` and `` `key = value` `` replaced by what `flag_of_key` returns for the key. A value follows its flag
+/// without brackets and quotes. Keys for which it returns `None` stay as they are.
+fn replace_keys(text: &str, flag_of_key: impl Fn(&str) -> Option<String>) -> String {
     let mut replaced = String::with_capacity(text.len());
     let mut rest = text;
     while let Some((before, quoted)) = rest.split_once('`') {
@@ -205,9 +214,9 @@ fn replace_keys(text: &str, spoken: impl Fn(&str) -> Option<String>) -> String {
             Some((key, value)) => (key, Some(value)),
             None => (quote, None),
         };
-        match spoken(key) {
-            Some(words) => {
-                replaced.push_str(&words);
+        match flag_of_key(key) {
+            Some(flag) => {
+                replaced.push_str(&flag);
                 if let Some(value) = value {
                     let bare = value.trim_matches(['[', ']', '"']).replace(", ", ",");
                     replaced.extend([" ", &bare]);
@@ -215,7 +224,7 @@ fn replace_keys(text: &str, spoken: impl Fn(&str) -> Option<String>) -> String {
                 rest = after;
             }
             None => {
-                // The closing quote may open the next one.
+                // The closing backquote may open the next quote.
                 replaced.extend(["`", quote]);
                 rest = &quoted[quote.len()..];
                 if let Some(after) = rest.strip_prefix('`') {
@@ -240,7 +249,7 @@ mod tests {
             ("pick a point with `focus_point = [X, Y]`", "pick a point with --focus-at X,Y"),
             ("`quality = \"draft\"`", "--quality draft"),
             ("name it with `depth_channel`", "name it with --depth-channel"),
-            ("`time_budget_s = 4` asked for", "--time-budget 4 asked for"),
+            ("`time_budget_s = 4` requested", "--time-budget 4 requested"),
             ("use `device = cpu`", "use --device cpu"),
             (
                 "`extrapolation_gain` must be high",
@@ -250,7 +259,7 @@ mod tests {
             ("`thinlens devices` and `near`", "`thinlens devices` and --near"),
             ("one ` alone", "one ` alone"),
         ] {
-            assert_eq!(spoken(text), expected);
+            assert_eq!(keys_to_flags(text), expected);
         }
     }
 

@@ -5,7 +5,7 @@ use super::checks;
 use super::console::{Console, kebab, print, print_json, sampling};
 use super::drivers::prepare;
 use super::failure::Failure;
-use super::flags::spoken;
+use super::flags::keys_to_flags;
 use clap::Args;
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -27,17 +27,17 @@ Examples:
   thinlens inspect stack.exr --preset portrait --focus 6 --overlay focus.png
   thinlens inspect beauty.exr --depth-file depth.exr --depth-convention ray --json";
 
-/// Show what was understood of a stack, and what a render would do
+/// Show how a stack is read, and what a render would do
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InspectArgs {
     #[command(flatten)]
     job: JobArgs,
-    /// Write a picture of where focus lies
+    /// Write a picture of the focus zones
     ///
-    /// What is in focus keeps its colours; what lies in front of focus is orange with dark lines, what lies behind it blue with
-    /// light lines, where the CoC radius is 1, 2, 4, 8, … px. A line of black and white marks where surfaces cross the plane of
-    /// focus: black before it, white behind.
+    /// Pixels in focus keep their colours; in front of focus they are tinted orange with dark lines, behind focus blue with light
+    /// lines. The lines mark CoC radii of 1, 2, 4, 8, … px. A black and white line marks where a surface crosses the plane of focus:
+    /// black in front of it, white behind it.
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     overlay: Option<PathBuf>,
     /// Print JSON
@@ -45,10 +45,10 @@ pub(super) struct InspectArgs {
     json: bool,
 }
 
-/// Names of objects that are shown before the rest is only counted.
+/// Number of object names that are shown; the rest is counted.
 const OBJECTS_SHOWN: usize = 8;
 
-/// What a stack shows through a lens, beside what a render has to know of it.
+/// A prepared render, with the analyses that only `inspect` makes.
 struct Inspected {
     prepared: Prepared,
     focus: FocusShares,
@@ -77,7 +77,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
         print_json(&to_json(&inspected))?;
     } else {
         let text = to_text(&inspected).expect("text is always written");
-        print(&spoken(&text))?;
+        print(&keys_to_flags(&text))?;
     }
     Ok(())
 }
@@ -128,12 +128,12 @@ fn to_text(Inspected { prepared, focus, peels, objects }: &Inspected) -> Result<
     Ok(text)
 }
 
-/// Where a plan would be carried out, and why there.
+/// The device of the blur, and why it was chosen.
 pub(super) fn write_device(text: &mut String, Device { name, reason, .. }: &Device) -> fmt::Result {
     line(text, "device", format!("{name}: {reason}"))
 }
 
-/// A name, and what there is to say about it.
+/// A name and its value.
 fn line(text: &mut String, name: &str, value: impl Display) -> fmt::Result {
     writeln!(text, "  {name:<23} {value}")
 }
@@ -153,12 +153,14 @@ fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::
     line(text, "other channels", if carried.is_empty() { "none".to_owned() } else { carried.join(" ") })
 }
 
-/// What the lens can be focused on by name.
+/// The objects that the lens can be focused on by name.
 fn write_objects(text: &mut String, Objects { cryptomatte, names, unnamed, doubt }: &Objects) -> fmt::Result {
     let list = match doubt {
-        None if names.is_empty() => "none seen".to_owned(),
+        None if names.is_empty() => "none visible".to_owned(),
         None => format!("{}: {}", names.len(), listed(names, OBJECTS_SHOWN)),
-        Some(doubt) => format!("{unnamed} without names, {doubt}: a name is found by its hash"),
+        Some(doubt) => {
+            format!("{unnamed} without names: {doubt}; an object is still found by the hash of its name")
+        }
     };
     line(text, "objects", format_args!("{cryptomatte}, {list}"))
 }
@@ -172,7 +174,7 @@ fn write_findings(text: &mut String, stack: &Stack) -> fmt::Result {
     Ok(())
 }
 
-/// Settings with their values, and where those come from.
+/// Settings with their values and the origins of these.
 fn write_settings(text: &mut String, listed: &[Listed<'_>]) -> fmt::Result {
     let set = listed.iter().filter_map(|listed| Some((listed, listed.value.as_ref()?)));
     for (Listed { setting, origin, .. }, value) in set {
@@ -181,7 +183,7 @@ fn write_settings(text: &mut String, listed: &[Listed<'_>]) -> fmt::Result {
     Ok(())
 }
 
-/// A name, a value, and where it comes from.
+/// A name, a value and its origin.
 fn sourced(text: &mut String, name: &str, value: &str, origin: &Origin) -> fmt::Result {
     line(text, name, format_args!("{value:<24} {origin}"))
 }
@@ -192,7 +194,7 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
         Focus::Point([x, y]) => format!("{} depth units, at {x},{y}", lens.focus_distance),
         Focus::Object(name) => format!("{} depth units, '{name}'", lens.focus_distance),
         Focus::Centre => format!("{} depth units, centre", lens.focus_distance),
-        Focus::Keys(keys) => format!("{} depth units, by {} keys", lens.focus_distance, keys.len()),
+        Focus::Keys(keys) => format!("{} depth units, from {} focus keys", lens.focus_distance, keys.len()),
     };
     writeln!(text, "lens")?;
     sourced(text, "focus", &focus, &set.focus.origin)?;
@@ -202,18 +204,18 @@ fn write_lens(text: &mut String, set: &LensSettings, lens: &ThinLens) -> fmt::Re
     line(text, "CoC at infinity", format_args!("{:.2} px radius", lens.coc_infinity_px))
 }
 
-/// The picture beside its lens, under the names of its tables in a preset.
+/// The settings of the picture, under the names of their tables in a preset.
 fn write_picture(text: &mut String, set: &PictureSettings) -> fmt::Result {
     let listed = set.listed();
-    for of_table in listed.chunk_by(|a, b| a.setting.table == b.setting.table) {
-        let table = of_table.first().map_or("", |listed| listed.setting.table);
+    for group in listed.chunk_by(|a, b| a.setting.table == b.setting.table) {
+        let table = group.first().map_or("", |listed| listed.setting.table);
         writeln!(text, "{}", table.replace('-', " "))?;
-        write_settings(text, of_table)?;
+        write_settings(text, group)?;
     }
     Ok(())
 }
 
-/// What is sharp, in space and in the picture.
+/// The depths that are sharp, and the shares of the picture in front of, in and behind focus.
 fn write_focus(text: &mut String, sharpness: &Sharpness, focus: &FocusShares) -> fmt::Result {
     let Sharpness { coc_radius_px, hyperfocal_distance, near_limit, far_limit } = sharpness;
     let FocusShares { in_front, in_focus, behind, empty } = focus;
@@ -221,16 +223,18 @@ fn write_focus(text: &mut String, sharpness: &Sharpness, focus: &FocusShares) ->
     let sharp =
         format_args!("{near_limit:.4} … {far_limit:.4} depth units: CoC radius up to {coc_radius_px} px");
     line(text, "sharp", sharp)?;
-    let effect = "focused there or beyond, all is sharp to infinity";
+    let effect = "focused at this distance or farther, everything up to infinity is sharp";
     line(text, "hyperfocal", format_args!("{hyperfocal_distance:.4} depth units: {effect}"))?;
     let [in_front, in_focus, behind, empty] = [in_front, in_focus, behind, empty].map(|share| 100.0 * share);
-    let nothing = if empty > 0.0 { format!(", {empty:.1} % nothing") } else { String::new() };
-    let shares =
-        format_args!("{in_front:.1} % in front, {in_focus:.1} % in focus, {behind:.1} % behind{nothing}");
-    line(text, "of the picture", shares)
+    let without_surface =
+        if empty > 0.0 { format!(", {empty:.1} % without a surface") } else { String::new() };
+    let shares = format_args!(
+        "{in_front:.1} % in front, {in_focus:.1} % in focus, {behind:.1} % behind{without_surface}"
+    );
+    line(text, "shares of the picture", shares)
 }
 
-/// Planar depth of the nearest and the farthest fragment; `None` for background.
+/// Planar depths of the nearest and the farthest fragment; `None` for background.
 fn depth_range(stats: &SceneStats, lens: &ThinLens) -> [Option<f32>; 2] {
     stats.coc_range_px.map(|coc_px| lens.depth_planar(coc_px))
 }
@@ -247,7 +251,7 @@ fn write_ranges(text: &mut String, stats: &SceneStats, lens: &ThinLens) -> fmt::
     line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
 }
 
-/// What each peel shows, one a line.
+/// The statistics of each peel, one line each.
 pub(super) fn write_peels(text: &mut String, peels: &[PeelStats]) -> fmt::Result {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     writeln!(
@@ -270,28 +274,31 @@ pub(super) fn write_peels(text: &mut String, peels: &[PeelStats]) -> fmt::Result
     Ok(())
 }
 
-/// How many peels the lens sees, and what to export.
+/// The number of peels that the lens sees, and how many to export.
 fn write_peels_seen(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
     let PeelsSeen { layers, needed, psnr_db, lost_rays, .. } = peels;
     let differences = psnr_db.iter().enumerate().map(|(k, db)| {
-        let picture = if k == 0 { " the picture is" } else { "" };
-        let db = db.map_or("not seen to differ".to_owned(), |db| format!("{db:.1} dB"));
-        format!("with {}{picture} {db}", k + 1)
+        let db = db.map_or("no measurable difference".to_owned(), |db| format!("{db:.1} dB"));
+        format!("{db} with {}", k + 1)
     });
     let differences = differences.collect::<Vec<_>>().join(", ");
-    line(text, "peels needed", format_args!("{needed} of {layers}: against all of them, {differences}"))?;
+    line(
+        text,
+        "peels needed",
+        format_args!("{needed} of {layers}; against the picture with all: {differences}"),
+    )?;
     let lost = 100.0 * lost_rays;
     let advice = if peels.needs_more_layers() {
-        format!("export more peels: {lost:.2} % of lens rays pass the last one and find nothing")
+        format!("export more peels: {lost:.2} % of the lens rays pass the last one and hit nothing")
     } else if needed < layers {
-        format!("export {needed}: the rest is not missed (from {PEELS_ENOUGH_DB} dB on)")
+        format!("export {needed}: their picture reaches {PEELS_ENOUGH_DB} dB against that of all peels")
     } else {
-        format!("export all {layers}: {lost:.2} % of lens rays pass the last one and find nothing")
+        format!("export all {layers}: {lost:.2} % of the lens rays pass the last one and hit nothing")
     };
     line(text, "advice", advice)
 }
 
-/// What will be simulated and what not, why, and what the other choice would change.
+/// The method, the number of views, and every effect with its reason and what the opposite choice would change.
 pub(super) fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     writeln!(text, "plan")?;
     line(text, "method", format_args!("{}: {}", plan.method, plan.method_reason))?;
@@ -305,9 +312,9 @@ pub(super) fn write_plan(text: &mut String, plan: &Plan) -> fmt::Result {
     Ok(())
 }
 
-/// `text` in rows that fit beside an effect's name.
+/// `text` wrapped into rows that fit beside an effect's name.
 fn wrapped(text: &str) -> Vec<String> {
-    /// Characters of a row, which make 119 columns.
+    /// Maximum characters of a row: 119 columns with the indent.
     const LENGTH: usize = 88;
     let mut rows: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -324,7 +331,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_as_long_as_they_may_be_and_keep_every_word() {
+    fn rows_are_filled_up_to_their_maximum_length_and_keep_every_word() {
         let text = "twelve chars ".repeat(30);
         let rows = wrapped(&text);
         assert_eq!(rows.join(" "), text.trim_end());

@@ -9,11 +9,11 @@ use clap_mangen::Man;
 /// Print a manual page
 #[derive(Debug, Args)]
 pub(super) struct ManArgs {
-    /// A subcommand; the page of the whole program without it
+    /// Subcommand; default: the page of the whole program
     command: Option<String>,
 }
 
-/// Prints the page of `cli`, or of one of its subcommands.
+/// Prints the manual page of `cli`, or of one of its subcommands.
 pub(super) fn run(args: &ManArgs, mut cli: Command) -> Result<(), Failure> {
     cli.build();
     let page_of = match &args.command {

@@ -7,10 +7,10 @@ use std::fmt::Write;
 use thinlens::methods::{Deviation, Method, MethodInfo, Registry};
 use thinlens::settings::Parameter;
 
-/// List the methods, or describe one
+/// List the methods, or describe one of them
 #[derive(Debug, Args)]
 pub(super) struct MethodsArgs {
-    /// The method to describe: its parameters and its limits
+    /// Method to describe with its parameters and limits
     name: Option<String>,
 
     /// Print JSON
@@ -18,7 +18,7 @@ pub(super) struct MethodsArgs {
     json: bool,
 }
 
-/// All that is known of a method.
+/// Everything that is printed about a method.
 #[derive(Debug, serde::Serialize)]
 struct Description {
     #[serde(flatten)]
@@ -65,7 +65,7 @@ fn table(methods: &[Description]) -> String {
     rows.collect()
 }
 
-/// A method in full, as a preset that sets every parameter to its default.
+/// The full description of a method, as a preset that sets every parameter to its default.
 fn in_full(method: &Description) -> String {
     let MethodInfo { name, role, summary, source, deviations, .. } = method.info;
     let devices = method.runs_on.join(", ");
@@ -79,11 +79,11 @@ fn in_full(method: &Description) -> String {
         let _ = write!(text, "# {description} May be {}.\n{name} = {default}\n", kind.in_words());
     }
     if !deviations.is_empty() {
-        text += "\n# By design it deviates from these laws of the blur:\n";
+        text += "\n# By design, the method deviates from these laws of the blur:\n";
     }
-    for Deviation { law, within: [least, most], reason } in deviations {
+    for Deviation { law, within: [min, max], reason } in deviations {
         let law_name = super::console::kebab(law);
-        let _ = writeln!(text, "# {law_name}: {reason} ({}: {least} … {most})", law.figure());
+        let _ = writeln!(text, "# {law_name}: {reason} ({}: {min} … {max})", law.figure());
     }
     text
 }

@@ -1,6 +1,6 @@
-//! The command line: the only code that knows clap. One file a subcommand.
+//! The command line: the only code that uses clap. One file per subcommand.
 //!
-//! stdout is the result, stderr progress and decisions. Exit codes: 0 done, 1 failed, 2 usage.
+//! Results go to standard output; progress, decisions and errors go to standard error. Exit codes: 0 success, 1 failure, 2 usage error.
 
 mod args;
 mod checks;
@@ -37,7 +37,7 @@ Examples:
 
 /// Depth of field for renders, after the render
 ///
-/// Puts a real lens on a pinhole render that was kept as a stack of depth peels.
+/// Blurs a pinhole render, kept as a stack of depth peels, as a real lens would.
 #[derive(Debug, Parser)]
 #[command(version, after_help = EXAMPLES, max_term_width = 110)]
 struct Cli {
@@ -50,7 +50,7 @@ struct Cli {
 /// Flags of every subcommand.
 #[derive(Debug, Args)]
 struct GlobalArgs {
-    /// Number of threads; all cores by default
+    /// Number of threads; default: all cores
     #[arg(long, global = true, value_name = "N", help_heading = "Method",
           value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -74,12 +74,12 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// Runs the program with the command line of this process and the methods of `methods`, and says how it went.
+/// Runs the program with the command line of this process and the methods of `methods`; returns its exit code.
 pub fn run(methods: &Registry) -> ExitCode {
     run_with(std::env::args_os(), methods)
 }
 
-/// Runs the program with `arguments`, of which the first is its own name, and the methods of `methods`, and says how it went.
+/// Runs the program with `arguments`, the first of which is its name, and the methods of `methods`; returns its exit code.
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registry) -> ExitCode {
     let parsed = command(methods).try_get_matches_from(arguments);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches)).map_err(Failure::Usage);
@@ -105,14 +105,14 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
     }
 }
 
-/// Prints a usage error, or what else clap calls one: help and version, with exit code 0.
+/// Prints a usage error. Help and version are clap errors as well, with exit code 0.
 fn usage(error: &clap::Error) -> ExitCode {
-    // A closed pipe is no reason to complain here either.
+    // A closed pipe is not an error.
     let _ = error.print();
     ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
 }
 
-/// Runs `work` inside one pool of `threads` threads, so that nothing below has to make one.
+/// Runs `work` inside a pool of `threads` threads; the library creates no pool of its own.
 fn with_threads(
     threads: Option<u16>,
     work: impl FnOnce() -> Result<(), Failure> + Send,
@@ -120,7 +120,9 @@ fn with_threads(
     let threads = threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|cause| {
-        Error::limits("the threads cannot be started").caused_by(cause).help("ask for fewer with --threads")
+        Error::limits("the threads cannot be started")
+            .caused_by(cause)
+            .help("set a smaller number with --threads")
     })?;
     pool.install(work)
 }
@@ -143,7 +145,7 @@ impl Command {
     }
 }
 
-/// The command line, with the names of `methods` where a method is named.
+/// The command line, with the names of `methods` as the values of `--method`.
 fn command(methods: &Registry) -> clap::Command {
     let names: Vec<&str> = std::iter::once("auto").chain(methods.names_where(|_| true)).collect();
     Cli::command().mut_subcommands(|command| {
@@ -167,6 +169,16 @@ mod tests {
     }
 
     #[test]
+    fn every_flag_that_a_key_of_the_library_becomes_is_one_of_a_render() {
+        let cli = Cli::command();
+        let render = cli.find_subcommand("render").unwrap();
+        for (key, name) in flags::OTHER_FLAGS {
+            let known = render.get_arguments().any(|argument| argument.get_long() == Some(name));
+            assert!(known, "{key}: --{name}");
+        }
+    }
+
+    #[test]
     fn every_first_line_of_help_is_under_60_characters() {
         fn check(command: &clap::Command) {
             for argument in command.get_arguments() {
@@ -180,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn every_flag_stands_under_one_of_the_four_headings() {
+    fn every_flag_is_under_one_of_the_four_headings() {
         let headings = ["Input", "Lens", "Method", "Output"];
         for command in Cli::command().get_subcommands() {
             for argument in command.get_arguments().filter(|argument| !argument.is_positional()) {

@@ -4,7 +4,7 @@ use super::args::JobArgs;
 use super::console::{Console, print, print_json};
 use super::drivers::prepare;
 use super::failure::Failure;
-use super::flags::spoken;
+use super::flags::keys_to_flags;
 use super::inspect::{write_device, write_peels, write_plan};
 use clap::Args;
 use serde::Serialize;
@@ -30,22 +30,22 @@ Examples:
 
 /// Show what will be simulated, why, and what it will cost
 ///
-/// The cost is that of the blur alone on the CPU, without reading and writing: of the settings asked for, and of the method's steps from
-/// rough to fine. Beside it stands how far each is from the stack's truth, where the method can be asked for single pixels, from 400
-/// of them. The first call times this machine for less than a second and keeps what it finds in the user's cache
-/// folder, or in the one that `THINLENS_CACHE_DIR` names.
+/// The cost is the predicted time of the blur on the CPU, without reading and writing: for the requested settings, and for each quality
+/// level of the method, from coarse to fine. If the method can render single pixels, the sampling error is measured at 400 pixels
+/// and printed beside it. The first call times this machine for less than a second and stores the result in the user's cache
+/// folder, or in the folder that `THINLENS_CACHE_DIR` names.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct PlanArgs {
     #[command(flatten)]
     job: JobArgs,
-    /// Show the cost of every method, not of one alone
+    /// Show the cost of every method
     #[arg(long, help_heading = "Method")]
     all_methods: bool,
     /// Time this machine again
     #[arg(long, help_heading = "Method")]
     recalibrate: bool,
-    /// Do not time this machine: take it to be the table's
+    /// Do not time this machine; use the table's costs
     #[arg(long, help_heading = "Method", conflicts_with = "recalibrate")]
     uncalibrated: bool,
     /// Print JSON
@@ -53,22 +53,22 @@ pub(super) struct PlanArgs {
     json: bool,
 }
 
-/// Pixels at which errors are looked for.
+/// Number of pixels at which sampling errors are measured.
 const PROBES: usize = 400;
 
-/// What is expected of one setting.
+/// The predicted cost and the sampling error of one setting.
 #[derive(Debug, Serialize)]
 struct Row {
-    /// The setting as `compare` names it.
+    /// The setting in the syntax of `compare --methods`.
     name: String,
     method: &'static str,
     views: Option<usize>,
-    /// Whether it is what a render with these flags would do.
+    /// Whether a render with these flags would use this setting.
     chosen: bool,
-    /// None for a method that does not say its cost.
+    /// `None` for a method without a cost model.
     #[serde(flatten)]
     cost: Option<Prediction>,
-    /// How far it is from the stack's truth; none for a method that cannot be asked for single pixels.
+    /// Error against many lens rays through the stack; `None` for a method that cannot render single pixels.
     sampling_error: Option<ErrorEstimate>,
 }
 
@@ -91,12 +91,12 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
             "calibration": calibration,
         }))?;
     } else {
-        print(&spoken(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
+        print(&keys_to_flags(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
     }
     Ok(())
 }
 
-/// Finds the number of lens samples where the plan has a goal instead, as a render would.
+/// Replaces a target in the plan by the number of lens samples that reaches it, as a render does.
 fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<(), Error> {
     let Prepared { scene, stats, plan, .. } = prepared;
     let (views, reason) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
@@ -107,14 +107,14 @@ fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<()
         }
         Some(Target::Time { seconds }) => {
             let views = sample_budget::views_within(stats, plan, seconds, calibration)?;
-            (views, format!("as many as are expected to fit into {seconds} s"))
+            (views, format!("as many as are predicted to fit into {seconds} s"))
         }
     };
     *plan = Plan { views_reason: reason, ..plan.with_views(views) };
     Ok(())
 }
 
-/// The settings asked for, and the steps of their method or of every method.
+/// The requested settings, and the quality levels of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
     let Prepared { scene, stats, plan, .. } = prepared;
     let filled = with_fill(scene, plan);
@@ -124,42 +124,42 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
     let chosen = prepared.methods.iter().filter(|method| all_methods || *method == plan.method);
     let mut rows = Vec::new();
     for method in chosen {
-        let mut of_method = steps(method, prepared)?;
-        if method == plan.method && !of_method.iter().any(|(_, step)| is_same(step, plan)) {
-            of_method.insert(0, (asked_for(plan), plan.clone()));
+        let mut levels = quality_levels(method, prepared)?;
+        if method == plan.method && !levels.iter().any(|(_, level)| is_same(level, plan)) {
+            levels.insert(0, (setting_name(plan), plan.clone()));
         }
-        for (name, step) in of_method {
-            let foreseen = probes.as_ref().map(|probes| probes.predict(scene, &step)).transpose()?;
+        for (name, level) in levels {
+            let predicted = probes.as_ref().map(|probes| probes.predict(scene, &level)).transpose()?;
             rows.push(Row {
                 name,
-                method: step.method.name(),
-                views: step.views,
-                chosen: is_same(&step, plan),
-                cost: predict(stats, &step, calibration),
-                sampling_error: foreseen.flatten(),
+                method: level.method.name(),
+                views: level.views,
+                chosen: is_same(&level, plan),
+                cost: predict(stats, &level, calibration),
+                sampling_error: predicted.flatten(),
             });
         }
     }
     Ok(rows)
 }
 
-/// The steps of `method`, each with its plan.
-fn steps(method: &'static dyn Method, prepared: &Prepared) -> Result<Vec<(String, Plan)>, Error> {
+/// The quality levels of `method`, each with its plan.
+fn quality_levels(method: &'static dyn Method, prepared: &Prepared) -> Result<Vec<(String, Plan)>, Error> {
     let Prepared { settings, stats, methods, .. } = prepared;
-    // A step says its own number of views; the requested one is another method's, or no step.
+    // A quality level has its own number of views, which the requested one must not override.
     let effort = Sourced { value: None, origin: Origin::Default };
     let settings = Settings { effort, ..settings.clone() };
-    let plan = |step: &Candidate| methods.plan(stats, &step.settings(&settings)?);
-    Candidate::steps_of(method)?.iter().map(|step| Ok((step.to_string(), plan(step)?))).collect()
+    let plan = |level: &Candidate| methods.plan(stats, &level.settings(&settings)?);
+    Candidate::quality_levels(method)?.iter().map(|level| Ok((level.to_string(), plan(level)?))).collect()
 }
 
-/// Whether two plans have the same work done.
+/// Whether two plans do the same work.
 fn is_same(a: &Plan, b: &Plan) -> bool {
     a.method == b.method && a.views == b.views && a.parameters == b.parameters
 }
 
-/// The name of settings that are no step.
-fn asked_for(plan: &Plan) -> String {
+/// The name of settings that are not a quality level.
+fn setting_name(plan: &Plan) -> String {
     match plan.views {
         Some(views) => format!("{}:{views}", plan.method),
         None => plan.method.to_string(),
@@ -171,8 +171,8 @@ fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Resu
     write_peels(&mut text, &prepared.stats.peels)?;
     write_plan(&mut text, &prepared.plan)?;
     write_device(&mut text, &prepared.device)?;
-    writeln!(text, "expected of the blur, on the CPU")?;
-    writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % certainty", "settings", "CPU s", "wall s")?;
+    writeln!(text, "predicted cost of the blur, on the CPU")?;
+    writeln!(text, "  {:<42}{:>9}{:>9}  sampling error, 95 % interval", "settings", "CPU s", "wall s")?;
     for Row { name, chosen, cost, sampling_error, .. } in rows {
         let star = if *chosen { '*' } else { ' ' };
         let error = sampling_error.map_or_else(|| "-".to_owned(), |error| error.summary());
@@ -182,34 +182,37 @@ fn to_text(prepared: &Prepared, rows: &[Row], calibration: &Calibration) -> Resu
         };
         writeln!(text, "{star} {name:<42}{cpu:>9}{wall:>9}  {error}")?;
     }
-    writeln!(text, "* as asked for")?;
+    writeln!(text, "* the requested settings")?;
     if rows.iter().any(|row| row.sampling_error.is_none()) {
-        writeln!(text, "- paints its picture as a whole: `thinlens compare` measures its error")?;
+        writeln!(
+            text,
+            "- not measured: the method renders whole pictures only; `thinlens compare` measures its error"
+        )?;
     }
     writeln!(text, "{}", provenance(calibration))?;
     Ok(text)
 }
 
-/// Whether the figures hold for this machine, and since when.
+/// Whether the predictions are calibrated for this machine, and how old the calibration is.
 fn provenance(calibration: &Calibration) -> String {
     let Calibration { machine, measured_at, .. } = calibration;
     let machine_name = format!("{}, {} threads", machine.cpu, machine.threads);
     match measured_at {
         None => format!(
-            "not calibrated: this machine ({machine_name}) is taken to be as fast as the one where the costs were measured"
+            "not calibrated: this machine ({machine_name}) is assumed to be as fast as the one where the costs were measured"
         ),
         Some(at) => {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
             let ago = in_words(now.saturating_sub(Duration::from_secs(*at)));
             format!(
-                "calibrated for this machine ({machine_name}) by timing three methods on a made scene, {ago}; \
-                 --recalibrate does it again"
+                "calibrated for this machine ({machine_name}) by timing three methods on a synthetic scene, {ago}; \
+                 --recalibrate repeats it"
             )
         }
     }
 }
 
-/// How long ago something was.
+/// `age` in its largest unit.
 fn in_words(age: Duration) -> String {
     let seconds = age.as_secs();
     let units = [("day", 86_400), ("hour", 3600), ("minute", 60)];
@@ -227,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_age_is_said_in_its_largest_unit() {
+    fn an_age_is_printed_in_its_largest_unit() {
         let words = |seconds| in_words(Duration::from_secs(seconds));
         assert_eq!(words(59), "just now");
         assert_eq!(words(60), "1 minute ago");

@@ -23,9 +23,9 @@ pub(super) struct PresetsArgs {
 enum PresetsCommand {
     /// List the presets
     List,
-    /// Print a preset's TOML, to start one of your own from
+    /// Print a preset's TOML, as a template for your own
     Show {
-        /// The preset
+        /// Name of the preset
         name: String,
     },
 }

@@ -27,7 +27,7 @@ Examples:
   thinlens render beauty.exr --depth-file depth.exr -o out.png --preset portrait --focus-at 960,540
   thinlens render peel0.exr peel1.exr peel2.exr -o out.exr --preset my-lens.toml --report out.json";
 
-/// Put a lens on a stack
+/// Render a stack with depth of field
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct RenderArgs {
@@ -37,8 +37,9 @@ pub(super) struct RenderArgs {
     output: OutputArgs,
     /// Measure the sampling error at this many pixels
     ///
-    /// Compares the picture with what very many lens rays through the stack say, at pixels drawn by chance, and reports
-    /// the PSNR of the whole picture with its 95 % interval. What the stack itself does not know is not part of it.
+    /// Compares the picture, at randomly chosen pixels, with the mean of very many lens rays through the stack, and reports the
+    /// estimated PSNR of the whole picture with its 95 % interval. Errors of the stack itself, such as missing surfaces, are not
+    /// included.
     #[arg(
         long,
         value_name = "PIXELS",
@@ -50,35 +51,35 @@ pub(super) struct RenderArgs {
     verify: Option<u32>,
 }
 
-/// What to write, and where.
+/// The output files.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Output")]
 struct OutputArgs {
     /// The picture: .exr, .png, or - for an EXR on stdout
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Also write a PNG to look at
+    /// Also write a PNG for viewing
     #[arg(long, value_name = "FILE.png")]
     preview: Option<PathBuf>,
-    /// Brighten PNGs by this much
+    /// Exposure of the PNGs in stops
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     exposure: Option<f32>,
-    /// Also write how much of each pixel the stack knows
+    /// Also write a confidence mask, 0 … 1
     ///
-    /// A mask of 0 … 1: the share of a pixel's light that comes from what the stack holds, and not from guessed surfaces or in
-    /// place of lens rays that found nothing. Costs about as much as the blur. Only for methods that follow lens rays.
+    /// The mask is the share of each pixel's light that comes from surfaces in the stack, and not from estimated surfaces or from
+    /// lens rays that hit nothing. Takes about as long as the blur. Only for methods that sample the lens with rays.
     #[arg(long, value_name = "FILE.png|exr")]
     confidence: Option<PathBuf>,
-    /// Also write a report of what was done
+    /// Also write a report of the render
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Numeric type of the EXR; the input's by default
+    /// Numeric type of the EXR; default: that of the input
     #[arg(long, value_name = "TYPE")]
     precision: Option<PrecisionArg>,
-    /// How the EXR is compressed; zip by default
+    /// Compression of the EXR; default: zip
     #[arg(long, value_name = "CODEC", value_parser = codecs())]
     codec: Option<Codec>,
-    /// Other channels that go into the EXR; unused by default
+    /// Input channels copied to the EXR; default: unused
     #[arg(long, value_name = "CHANNELS")]
     carry: Option<CarryArg>,
     /// Print the report on standard output
@@ -96,15 +97,15 @@ enum PrecisionArg {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum CarryArg {
-    /// Those that no peel uses
+    /// Channels that no peel uses
     Unused,
-    /// All, the peels included
+    /// All channels, those of the peels included
     All,
-    /// None
+    /// No channels
     None,
 }
 
-/// Where the picture goes.
+/// The format and destination of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Target {
     Exr,
@@ -123,11 +124,11 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     console.findings(&prepared.stack.findings);
     console.plan(&prepared.plan);
     console.device(&prepared.device);
-    let said = prepared.stack.findings.len();
+    let printed = prepared.stack.findings.len();
     let bar = console.progress("blurring");
     let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
-    console.findings(&rendered.stack.findings[said..]);
+    console.findings(&rendered.stack.findings[printed..]);
     if let Some(estimate) = &rendered.probe {
         console.estimate(estimate);
     }
@@ -145,18 +146,18 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
 }
 
 impl OutputArgs {
-    /// Checks every output before any work.
+    /// Checks every output file before any work starts.
     fn check<'a>(&self, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<Target, Failure> {
         let target = target(&self.output)?;
         let mask = self.confidence.as_deref().map(mask_target).transpose()?;
-        self.check_idle_flags(target, mask)?;
+        self.check_unused_flags(target, mask)?;
         if target == Target::Stdout {
             self.check_stdout()?;
         }
         let mut seen: Vec<&PathBuf> = Vec::new();
         for path in self.files(target) {
             if seen.contains(&path) {
-                let message = format!("two outputs would go to {}", path.display());
+                let message = format!("two outputs have the same file name: {}", path.display());
                 return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
             }
             seen.push(path);
@@ -165,8 +166,8 @@ impl OutputArgs {
         Ok(target)
     }
 
-    /// A flag that would do nothing is a mistake: its user expects it to do something.
-    fn check_idle_flags(&self, target: Target, mask: Option<Target>) -> Result<(), Failure> {
+    /// Refuses flags without effect, so that a mistake is noticed.
+    fn check_unused_flags(&self, target: Target, mask: Option<Target>) -> Result<(), Failure> {
         let picture_is_exr = target != Target::Png;
         let writes_exr = picture_is_exr || mask == Some(Target::Exr);
         let writes_png = target == Target::Png || self.preview.is_some();
@@ -176,10 +177,10 @@ impl OutputArgs {
             ("--codec", self.codec.is_some(), writes_exr, "EXR"),
             ("--carry", self.carry.is_some(), picture_is_exr, "EXR"),
         ];
-        match flags.into_iter().find(|(_, given, has_use, _)| *given && !has_use) {
+        match flags.into_iter().find(|(_, is_set, is_used, _)| *is_set && !is_used) {
             None => Ok(()),
             Some((flag, _, _, format)) => {
-                let message = format!("{flag} has no effect, for no {format} is written");
+                let message = format!("{flag} has no effect: no {format} is written");
                 Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message))
             }
         }
@@ -191,8 +192,8 @@ impl OutputArgs {
             return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, message));
         }
         if io::stdout().is_terminal() {
-            return Err(Error::output("an EXR is not for the terminal")
-                .help("redirect standard output, or name a file with -o")
+            return Err(Error::output("an EXR cannot be written to a terminal")
+                .help("redirect standard output, or name a file with --output")
                 .into());
         }
         Ok(())
@@ -212,7 +213,7 @@ impl OutputArgs {
         picture.into_iter().chain(&self.preview).chain(&self.confidence).chain(&self.report)
     }
 
-    /// Writes the pictures; returns what was concluded on the way.
+    /// Writes the pictures; returns findings about what could not be written.
     fn write(&self, target: Target, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
         let Rendered { image, frame, stack, .. } = rendered;
         let precision = match self.precision {
@@ -236,7 +237,7 @@ impl OutputArgs {
             match mask_target(path)? {
                 Target::Png => png::write_mask(path, known)?,
                 Target::Exr | Target::Stdout => {
-                    // The same in every channel, so that it is a mask whichever is looked at.
+                    // The same in every channel, so that any of them can be used as the mask.
                     let mask = Image { planes: std::array::from_fn(|_| known.clone()) };
                     exr::write(path, &mask, frame, &Carried::default(), &options)?;
                 }
@@ -245,12 +246,12 @@ impl OutputArgs {
         Ok(findings)
     }
 
-    /// The mask of what the stack knows and where it goes, where it was asked for.
+    /// The confidence mask and its file, if requested.
     fn mask<'a>(&'a self, rendered: &'a Rendered) -> Option<(&'a Path, &'a Plane)> {
         self.confidence.as_deref().zip(rendered.confidence.as_ref())
     }
 
-    /// Writes and prints the report, where asked for.
+    /// Writes and prints the report, if requested.
     fn report(&self, job: &JobArgs, rendered: &Rendered) -> Result<(), Failure> {
         let inputs = job.input.files().map(|input| input.display().to_string()).collect();
         let report = rendered.report(inputs, self.output.display().to_string());
@@ -270,28 +271,29 @@ fn codecs() -> impl TypedValueParser<Value = Codec> {
     PossibleValuesParser::new(Codec::ALL.map(Codec::name)).try_map(|name| name.parse::<Codec>())
 }
 
-/// Where `output` means the picture to go, by its extension.
+/// The format and destination of `output`, from its extension.
 fn target(output: &Path) -> Result<Target, Error> {
     let extension = output.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         _ if output == Path::new("-") => Ok(Target::Stdout),
         Some("exr") => Ok(Target::Exr),
         Some("png") => Ok(Target::Png),
-        // A folder has a better answer of its own, in the checks that follow.
+        // The checks that follow have a better error for a folder.
         _ if output.is_dir() => Ok(Target::Exr),
-        _ => Err(Error::settings("the output's extension names no format that can be written")
+        _ => Err(Error::settings("the output's file extension is not supported")
             .in_file(output)
-            .with("looked for", ".exr, .png")
+            .with("expected", ".exr, .png")
             .help("name the output out.exr or out.png, or - for an EXR on standard output")),
     }
 }
 
-/// What kind of file a mask goes to.
+/// The format of a mask's file.
 fn mask_target(path: &Path) -> Result<Target, Error> {
     if path != Path::new("-") {
         return target(path);
     }
-    Err(Error::settings("a mask cannot go to standard output").help("name a file: --confidence known.png"))
+    Err(Error::settings("the confidence mask cannot be written to standard output")
+        .help("name a file: --confidence known.png"))
 }
 
 #[cfg(test)]

@@ -15,18 +15,18 @@ Examples:
   thinlens score out.png reference.png --json
   thinlens score out.exr reference.exr --hdr-flip --map difference.png";
 
-/// Measure how far a picture is from its reference
+/// Measure the error of a picture against a reference
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct ScoreArgs {
-    /// The picture
+    /// Picture to measure
     image: PathBuf,
-    /// What it should be
+    /// Reference picture
     reference: PathBuf,
-    /// Leave out a frame of this width
+    /// Width of a border that is left out
     #[arg(long, value_name = "PX", default_value_t = 0, help_heading = "Input")]
     border: usize,
-    /// Measure HDR-FLIP too: over all exposures
+    /// Also measure HDR-FLIP, over all exposures
     #[arg(long, help_heading = "Output")]
     hdr_flip: bool,
     /// Write FLIP at each pixel as a false-colour PNG
@@ -37,7 +37,7 @@ pub(super) struct ScoreArgs {
     json: bool,
 }
 
-/// What is printed with `--json`.
+/// The content of `--json`.
 #[derive(Debug, serde::Serialize)]
 struct ScoreReport {
     #[serde(flatten)]

@@ -1,4 +1,4 @@
-//! The candidates of a comparison: methods, each with settings of its own.
+//! The candidates of a comparison: methods with settings.
 
 use crate::error::Error;
 use crate::methods::{Method, Registry, Role};
@@ -10,23 +10,23 @@ use std::fmt;
 pub struct Candidate {
     /// The method.
     pub method: &'static dyn Method,
-    /// Lens samples a pixel; the method's own number where none is given.
+    /// Lens samples per pixel; `None` for the method's own number.
     pub views: Option<usize>,
-    /// Parameters of the method, `KEY=VALUE` each; the job's own where none is given.
+    /// Parameters of the method, `KEY=VALUE` each; those of the job where none is given.
     pub parameters: Vec<String>,
 }
 
 impl Candidate {
-    /// Reads `NAME`, `NAME:VIEWS` or `NAME:KEY=VALUE`, with the methods of `registry`.
+    /// Parses `NAME`, `NAME:VIEWS` or `NAME:KEY=VALUE`, with the methods of `registry`.
     ///
     /// # Errors
-    /// An unknown method, an unknown key, a value that the parameter does not accept, and what is no number of views.
+    /// An unknown method, an unknown key, a value that the parameter does not accept, and a number of views that is not a number.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Error> {
         let (name, settings) = text.split_once(':').unwrap_or((text, ""));
         Self::with_settings(registry.by_name(name)?, settings)
     }
 
-    /// `method` with `settings` as they follow its name, joined by `+`.
+    /// `method` with `settings`, the text after the colon: several are joined by `+`.
     fn with_settings(method: &'static dyn Method, settings: &str) -> Result<Self, Error> {
         let mut candidate = Self { method, views: None, parameters: Vec::new() };
         for setting in settings.split('+').filter(|setting| !setting.is_empty()) {
@@ -35,7 +35,7 @@ impl Candidate {
                 candidate.parameters.push(setting.to_owned());
             } else {
                 let views = setting.parse().map_err(|_| {
-                    Error::settings("a method's name is followed by a number of views, or by KEY=VALUE")
+                    Error::settings("expected a number of views or KEY=VALUE after the method's name")
                         .with("found", format!("{method}:{settings}"))
                         .help("write shear:64, point-splat:accelerated=false, or the name alone")
                 })?;
@@ -56,25 +56,25 @@ impl fmt::Display for Candidate {
 }
 
 impl Candidate {
-    /// Every step of `method`, from rough to fine.
+    /// Every quality level of `method`, from coarse to fine.
     ///
     /// # Errors
-    /// A step that the method declares and does not accept; the built-in methods have none.
-    pub fn steps_of(method: &'static dyn Method) -> Result<Vec<Self>, Error> {
-        method.info().steps.iter().map(|step| Self::with_settings(method, step)).collect()
+    /// A quality level that the method declares but does not accept; built-in methods have none.
+    pub fn quality_levels(method: &'static dyn Method) -> Result<Vec<Self>, Error> {
+        method.info().steps.iter().map(|level| Self::with_settings(method, level)).collect()
     }
 
-    /// Every step of every method of `registry` but the reference, which is the truth that the others are measured by.
+    /// Every quality level of every method of `registry`, except the reference, which the others are measured against.
     ///
     /// # Errors
-    /// Those of [`Candidate::steps_of`].
+    /// Those of [`Candidate::quality_levels`].
     pub fn all(registry: &Registry) -> Result<Vec<Self>, Error> {
         let measured = registry.iter().filter(|method| method.info().role != Role::Reference);
-        let steps = measured.map(Self::steps_of).collect::<Result<Vec<_>, _>>()?;
-        Ok(steps.concat())
+        let levels = measured.map(Self::quality_levels).collect::<Result<Vec<_>, _>>()?;
+        Ok(levels.concat())
     }
 
-    /// The words of a command line that choose this method with these settings.
+    /// The command-line flags that select this method with these settings.
     pub fn flags(&self) -> Vec<String> {
         let views = self.views.iter().flat_map(|views| ["--views".to_owned(), views.to_string()]);
         let parameters = self.parameters.iter().flat_map(|setting| ["--set".to_owned(), setting.clone()]);
@@ -85,12 +85,12 @@ impl Candidate {
             .collect()
     }
 
-    /// The candidate as the beginning of a file's name.
+    /// The candidate as the stem of a file name.
     pub fn file_stem(&self) -> String {
         self.to_string().replace([':', '=', '+'], "-")
     }
 
-    /// The candidate's settings, for the rest `settings`.
+    /// `settings` with the candidate's method, views and parameters.
     ///
     /// # Errors
     /// Those of [`crate::settings::ParameterTable::parse`].
@@ -132,19 +132,19 @@ mod tests {
     }
 
     #[test]
-    fn a_candidate_is_a_render_with_flags() {
+    fn the_flags_of_a_candidate_render_its_picture() {
         let candidate = parse("layer-rays:8+cones=false").unwrap();
         assert_eq!(candidate.flags(), ["--method", "layer-rays", "--views", "8", "--set", "cones=false"]);
         assert_eq!(candidate.file_stem(), "layer-rays-8-cones-false");
     }
 
     #[test]
-    fn every_method_has_three_steps_at_least_and_all_of_them_are_candidates() {
+    fn every_method_has_at_least_three_quality_levels_and_all_of_them_parse() {
         for method in METHODS {
             let info = method.info();
             assert!(info.steps.len() >= 3, "{}", info.name);
-            for step in info.steps {
-                let candidate = parse(&format!("{}:{step}", info.name)).unwrap();
+            for level in info.steps {
+                let candidate = parse(&format!("{}:{level}", info.name)).unwrap();
                 let settings = Settings::resolve(&[], ParameterValues::default());
                 let own = candidate.settings(&settings).unwrap();
                 assert_eq!(own.method.value, info.name);

@@ -1,23 +1,23 @@
-//! Where pictures differ most: the squares worth a close look.
+//! The squares in which pictures differ most.
 
 use super::picture::{Picture, Square};
 use crate::image::Plane;
 use rayon::prelude::*;
 
-/// Width and height of a crop in pixels, unless the picture is small.
+/// Width and height of a crop in pixels, for pictures that are not small.
 const SIDE_PX: usize = 96;
 
-/// A small picture's crops are this share of its shorter side.
-const SHARE: usize = 4;
+/// The crops of a small picture are its shorter side divided by this.
+const SMALL_PICTURE_DIVISOR: usize = 4;
 
-/// How many places at most.
-const PLACES: usize = 6;
+/// Maximum number of crops.
+const MAX_CROPS: usize = 6;
 
-/// The squares in which `pictures`, all of one size, differ most from one another; none overlaps another, and where there is a
-/// choice they lie apart. Places where all agree are not among them.
+/// The squares in which `pictures`, all of one size, differ most from one another. They do not overlap, and are spread over the
+/// picture as far as possible. Squares without any difference are left out.
 pub(super) fn places(pictures: &[&Picture]) -> Vec<Square> {
     let Some(first) = pictures.first() else { return Vec::new() };
-    let side = SIDE_PX.min(first.width().min(first.height()) / SHARE);
+    let side = SIDE_PX.min(first.width().min(first.height()) / SMALL_PICTURE_DIVISOR);
     if side == 0 { Vec::new() } else { spread(&candidates(&variance(pictures), side), side, first.width()) }
 }
 
@@ -38,7 +38,7 @@ fn variance(pictures: &[&Picture]) -> Plane {
     variance
 }
 
-/// Every square of a grid of half its side in which there is a difference, from the greatest down.
+/// Every square with a difference, on a grid of half its side, the largest difference first.
 fn candidates(variance: &Plane, side: usize) -> Vec<Square> {
     let step = (side / 2).max(1);
     let starts = |length: usize| (0..(length + 1).saturating_sub(side)).step_by(step);
@@ -55,14 +55,14 @@ fn sum(plane: &Plane, square: Square) -> f64 {
     rows.flatten().map(|&value| f64::from(value)).sum()
 }
 
-/// The first of `candidates` that lie far apart; if these are too few, such as lie nearer, but never one over another.
+/// The first of `candidates` that lie far apart. If these are too few, squares nearer to one another follow, never overlapping ones.
 fn spread(candidates: &[Square], side: usize, width: usize) -> Vec<Square> {
     let mut chosen: Vec<Square> = Vec::new();
     for distance in [(width / 5).max(2 * side), 2 * side, side] {
         for square in candidates {
             let apart =
                 |other: &Square| square.x.abs_diff(other.x).max(square.y.abs_diff(other.y)) >= distance;
-            if chosen.len() < PLACES && chosen.iter().all(apart) {
+            if chosen.len() < MAX_CROPS && chosen.iter().all(apart) {
                 chosen.push(*square);
             }
         }
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_places_where_pictures_differ_are_chosen_and_no_others() {
+    fn only_squares_in_which_pictures_differ_are_chosen() {
         let spots = [(100, 60), (500, 60), (300, 300)];
         let places = places(&[&with_spots(&[]), &with_spots(&spots)]);
         for (x, y) in spots {
@@ -106,14 +106,14 @@ mod tests {
     }
 
     #[test]
-    fn places_never_overlap_and_lie_inside_the_picture() {
+    fn squares_never_overlap_and_lie_inside_the_picture() {
         let mut rng = fastrand::Rng::with_seed(1);
         for (width, height) in [(640, 360), (97, 40), (33, 200), (9, 9)] {
             let values: Vec<f32> = (0..2 * width * height).map(|_| rng.f32()).collect();
             let noise =
                 |k: usize| Image::from_fn(width, height, |x, y| [values[(k * height + y) * width + x]; 4]);
             let places = places(&[&Picture::new(&noise(0)), &Picture::new(&noise(1))]);
-            assert!((4..=PLACES).contains(&places.len()), "{width}×{height}: {places:?}");
+            assert!((4..=MAX_CROPS).contains(&places.len()), "{width}×{height}: {places:?}");
             for (i, a) in places.iter().enumerate() {
                 assert!(a.x + a.side <= width && a.y + a.side <= height);
                 for b in &places[..i] {
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_have_no_place_to_look_at() {
+    fn equal_pictures_have_no_crops() {
         assert_eq!(places(&[&with_spots(&[(5, 5)]), &with_spots(&[(5, 5)])]), []);
         assert_eq!(places(&[]), []);
     }

@@ -1,14 +1,14 @@
-//! The entries as comma-separated values (RFC 4180), one a line; a figure that there is none of is left empty.
+//! The entries as comma-separated values (RFC 4180), one per line; a missing figure is an empty field.
 
 use super::{Entry, Results};
 use std::fmt::Write as _;
 
-/// Names of the columns; later versions may add some at the end.
+/// Names of the columns; later versions add columns at the end only.
 const HEADER: &str = "name,method,views,cpu_seconds,seconds,runs,sampling_psnr_db,sampling_least_db,sampling_most_db,\
                       model_psnr_db,model_ssim,model_flip,on_front,whole_cpu_seconds,whole_seconds,\
                       predicted_cpu_seconds,predicted_seconds,picture,map,command";
 
-/// The entries of `results`, under a line of names.
+/// The entries of `results`, after a line of column names.
 pub fn csv(results: &Results) -> String {
     let mut text = format!("{HEADER}\n");
     for entry in &results.entries {
@@ -19,7 +19,7 @@ pub fn csv(results: &Results) -> String {
 }
 
 fn row(entry: &Entry) -> [String; 20] {
-    let (least, most) = entry.sampling.interval_db;
+    let (min_db, max_db) = entry.sampling.interval_db;
     let model = entry.model;
     [
         entry.name.clone(),
@@ -29,8 +29,8 @@ fn row(entry: &Entry) -> [String; 20] {
         figure(Some(entry.seconds), 4),
         entry.runs.len().to_string(),
         figure(entry.sampling.psnr_db, 3),
-        figure(Some(least), 3),
-        figure(most, 3),
+        figure(Some(min_db), 3),
+        figure(max_db, 3),
         figure(model.map(|score| score.psnr_db), 3),
         figure(model.and_then(|score| score.ssim), 5),
         figure(model.map(|score| score.flip), 5),
@@ -45,7 +45,7 @@ fn row(entry: &Entry) -> [String; 20] {
     ]
 }
 
-/// A figure in `digits` decimals; nothing where there is none.
+/// A figure with `digits` decimals; empty for `None`.
 pub(super) fn figure(value: Option<f64>, digits: usize) -> String {
     value.map_or(String::new(), |value| format!("{value:.digits$}"))
 }
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_line_has_a_field_for_every_name() {
+    fn every_line_has_a_field_for_every_column() {
         let text = csv(&results(vec![entry(1.0, 30.0), entry(2.0, 40.0)]));
         let counts: Vec<usize> = text.lines().map(|line| line.split(',').count()).collect();
         assert_eq!(counts, [20; 3], "{text}");
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prediction_stands_in_its_columns() {
+    fn a_prediction_is_in_its_columns() {
         let predicted = crate::cost::Prediction { cpu_seconds: 0.5, seconds: 0.25 };
         let text = csv(&results(vec![Entry { predicted: Some(predicted), ..entry(1.0, 30.0) }]));
         let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();

@@ -1,4 +1,4 @@
-//! The folder of a comparison: error maps, results.json, results.csv and report.html, beside the pictures.
+//! The output folder of a comparison: error maps, results.json, results.csv and report.html, beside the pictures.
 
 use super::gallery::Gallery;
 use super::html::{Assets, page};
@@ -7,19 +7,19 @@ use crate::error::Error;
 use crate::output::{atomic, png, report};
 use std::path::Path;
 
-/// Files that every folder has.
+/// Files of every output folder.
 pub const FILES: [&str; 3] = ["results.json", "results.csv", REPORT];
 
-/// The page that shows everything.
+/// The report page.
 pub const REPORT: &str = "report.html";
 
-/// Names of the picture and of the error map of `candidate`.
+/// File names of the picture and of the error map of `candidate`.
 pub fn files(candidate: &Candidate) -> [String; 2] {
     let name = candidate.file_stem();
     [format!("{name}.png"), format!("{name}-flip.png")]
 }
 
-/// Looks at the pictures of `gallery`, adds what is found to `results`, and writes all but the pictures themselves into
+/// Adds baseline and crops of the pictures in `gallery` to `results`, and writes everything but the pictures themselves into
 /// `folder`.
 ///
 /// # Errors

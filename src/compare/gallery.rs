@@ -1,6 +1,6 @@
-//! The pictures of a comparison, and what is found by looking at them beside one another.
+//! The pictures of a comparison: the baseline, error maps against it, and crops.
 //!
-//! Memory: 6 bytes a pixel and picture, 12 MB at 1080p.
+//! Memory: 6 bytes per pixel and picture, 12 MB at 1080p.
 
 use super::crops::places;
 use super::picture::Picture;
@@ -12,16 +12,16 @@ use crate::metrics::Pair;
 /// Pictures of one size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gallery {
-    /// Without a lens.
+    /// The picture without a lens.
     pub pinhole: Picture,
-    /// The true render, if there is one.
+    /// The reference render, if there is one.
     pub reference: Option<Picture>,
-    /// One for each entry, in their order.
+    /// The pictures of the entries, in their order.
     pub entries: Vec<Picture>,
 }
 
 impl Gallery {
-    /// Holds `pinhole` and the `reference`, and no entries yet.
+    /// A gallery of `pinhole` and `reference`, without entries.
     pub fn new(pinhole: &Image, reference: Option<&Image>) -> Self {
         Self { pinhole: Picture::new(pinhole), reference: reference.map(Picture::new), entries: Vec::new() }
     }
@@ -31,7 +31,7 @@ impl Gallery {
         self.entries.push(Picture::new(image));
     }
 
-    /// What error maps and crops are measured against: the reference, or without one the best of `entries`.
+    /// What error maps and crops are measured against: the reference, or the most accurate of `entries` without one.
     pub fn baseline(&self, entries: &[Entry]) -> Option<Baseline> {
         if self.reference.is_some() {
             return Some(Baseline::Reference);
@@ -48,7 +48,7 @@ impl Gallery {
         }
     }
 
-    /// Hands `each` the index of every entry but the baseline itself, and its FLIP at each pixel.
+    /// Calls `each` with the index of every entry except the baseline, and its FLIP at each pixel.
     ///
     /// # Errors
     /// Those of `each`.
@@ -58,27 +58,27 @@ impl Gallery {
         entries: &[Entry],
         mut each: impl FnMut(usize, Plane) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let Some(truth) = self.find(baseline, entries) else { return Ok(()) };
-        let linear = truth.linear();
+        let Some(expected) = self.find(baseline, entries) else { return Ok(()) };
+        let linear = expected.linear();
         for (i, picture) in
-            self.entries.iter().enumerate().filter(|(_, picture)| !std::ptr::eq(*picture, truth))
+            self.entries.iter().enumerate().filter(|(_, picture)| !std::ptr::eq(*picture, expected))
         {
             each(i, Pair::new(&picture.linear(), &linear, 0)?.flip_map())?;
         }
         Ok(())
     }
 
-    /// The places where the entries differ most, and how near each comes to the baseline there. (One entry alone is
-    /// looked at where it differs from the pinhole picture and the reference.)
+    /// The crops in which the entries differ most, with the PSNR of each against the baseline. (The crops of a single entry are
+    /// those in which it differs most from the pinhole picture and the reference.)
     pub fn crops(&self, baseline: &Baseline, entries: &[Entry]) -> Vec<Crop> {
-        let Some(truth) = self.find(baseline, entries) else { return Vec::new() };
+        let Some(expected) = self.find(baseline, entries) else { return Vec::new() };
         let mut pictures: Vec<&Picture> = self.entries.iter().collect();
         if pictures.len() < 2 {
             pictures.extend(self.reference.iter().chain([&self.pinhole]));
         }
         let measured = |square| {
-            let truth = truth.crop(square);
-            let psnr_db = |picture: &Picture| picture.crop(square).psnr_db(&truth);
+            let expected = expected.crop(square);
+            let psnr_db = |picture: &Picture| picture.crop(square).psnr_db(&expected);
             Crop {
                 x: square.x,
                 y: square.y,
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_reference_the_best_entry_is_the_yardstick_and_has_no_map() {
+    fn without_a_reference_the_best_entry_is_the_baseline_and_has_no_map() {
         let (gallery, entries) = gallery(None);
         let baseline = gallery.baseline(&entries).unwrap();
         assert_eq!(baseline, Baseline::Entry("good".to_owned()));
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_map_is_flip_against_the_reference() {
+    fn an_error_map_is_flip_against_the_reference() {
         let reference = grey(0.25);
         let (gallery, entries) = gallery(Some(&reference));
         let exact = Pair::new(&grey(0.3), &reference, 0).unwrap().flip_map();
@@ -140,13 +140,13 @@ mod tests {
     }
 
     #[test]
-    fn a_crop_has_a_figure_for_each_entry_but_the_yardstick() {
+    fn a_crop_has_a_figure_for_each_entry_except_the_baseline() {
         let (gallery, entries) = gallery(None);
         let crops = gallery.crops(&gallery.baseline(&entries).unwrap(), &entries);
         assert!(!crops.is_empty());
         for crop in crops {
             assert!(crop.psnr_db[0].is_some() && crop.psnr_db[1].is_none(), "{crop:?}");
-            assert!(crop.pinhole_psnr_db < crop.psnr_db[0], "the pinhole is darker still: {crop:?}");
+            assert!(crop.pinhole_psnr_db < crop.psnr_db[0], "the pinhole picture is darker still: {crop:?}");
         }
     }
 }

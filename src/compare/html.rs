@@ -1,9 +1,9 @@
-//! The comparison as one page that holds everything it shows: no network, no other file.
+//! The comparison as one self-contained page: no network, no other file.
 //!
-//! The page is `report/page.html` with style, script and figures put in their places; the figures are one block of JSON, from
-//! which the script builds chart, table and pictures. Pictures are data URIs: whole ones at most [`MAX_WIDTH_PX`] wide as
-//! JPEG, maps at most [`MAX_MAP_WIDTH_PX`] as JPEG or PNG, crops without loss. Cost: a second of CPU time an entry at
-//! 1080p, FLIP and the files beside it included.
+//! The page is `report/page.html` with style, script and figures inserted. The figures are one block of JSON, from
+//! which the script builds chart, table and pictures. Pictures are data URIs: whole pictures at most [`MAX_WIDTH_PX`] wide as
+//! JPEG, error maps at most [`MAX_MAP_WIDTH_PX`] wide as JPEG or PNG, crops as lossless PNG. Cost: one second of CPU time per entry at
+//! 1080p, FLIP and the other files included.
 
 use super::gallery::Gallery;
 use super::picture::{Picture, Square, shrunk};
@@ -16,13 +16,13 @@ use crate::output::png;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Whole pictures are shown at most this wide; the folder has them whole.
+/// Maximum width of whole pictures on the page; the folder has them at full size.
 const MAX_WIDTH_PX: usize = 1280;
 
-/// Error maps are shown at most this wide: they say where, and in noise they are most of the page.
+/// Maximum width of error maps on the page: they show where errors are, and maps of noise dominate the size of the page.
 const MAX_MAP_WIDTH_PX: usize = 960;
 
-/// Colours of the maps' scale, from 0 to 1.
+/// Number of colours of the error maps' scale.
 const SCALE_STEPS: usize = 17;
 
 const PAGE: &str = include_str!("report/page.html");
@@ -47,7 +47,7 @@ pub(super) struct Assets {
     crops: Vec<CropAssets>,
 }
 
-/// One place, as every picture shows it.
+/// One crop of every picture.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 struct CropAssets {
     pinhole: String,
@@ -55,19 +55,19 @@ struct CropAssets {
     entries: Vec<String>,
 }
 
-/// What the script reads.
+/// The data that the script reads.
 #[derive(Serialize)]
 struct Content<'a> {
     results: &'a Results,
     assets: &'a Assets,
-    /// Names of all methods: the place in this list decides colour and mark, so that they are the same in every report.
+    /// Names of all methods: the index in this list determines colour and mark, so that they are the same in every report.
     methods: Vec<&'static str>,
-    /// Colours of the maps from 0 to 1.
+    /// Colours of the error maps' scale, from 0 to 1.
     scale: Vec<String>,
 }
 
 impl Assets {
-    /// The pictures of `gallery`, and of its `crops`; no maps yet.
+    /// The pictures and `crops` of `gallery`, without error maps.
     ///
     /// # Errors
     /// Pictures that cannot be encoded.
@@ -117,11 +117,11 @@ pub(super) fn page(results: &Results, assets: &Assets) -> Result<String, Error> 
     let methods = METHODS.iter().map(|method| method.info().name).collect();
     let content = json(&Content { results, assets, methods, scale: scale() })?;
     let page = PAGE.replace("/*STYLE*/", STYLE).replace("/*SCRIPT*/", SCRIPT);
-    // Last, so that nothing in the figures is taken for a place to fill.
+    // Last, so that no text in the figures is mistaken for a placeholder.
     Ok(page.replacen("/*CONTENT*/", &content, 1))
 }
 
-/// `value` as JSON that stands inside a script element: without `<`, neither its end nor a comment can begin.
+/// `value` as JSON for a script element. `<` is escaped, so that the text contains neither the element's end tag nor a comment.
 fn json(value: &impl Serialize) -> Result<String, Error> {
     let text = serde_json::to_string(value)
         .map_err(|cause| Error::output("the results cannot be written as JSON").caused_by(cause))?;
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_name_of_a_file_can_end_the_block_of_figures() {
+    fn a_file_name_cannot_end_the_block_of_figures() {
         let nasty = "</script><script>alert(1)</script><!-- /*CONTENT*/ /*SCRIPT*/ & \u{2028}.exr";
         let mut results = results(vec![Entry { command: nasty.to_owned(), ..entry(1.0, 30.0) }]);
         results.input = vec![nasty.to_owned()];
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_asks_for_nothing_from_outside() {
+    fn the_page_loads_nothing_from_outside() {
         let page = page(&results(Vec::new()), &Assets::default()).unwrap();
         assert!(page.contains("default-src 'none'"), "{page}");
         for outside in ["src=\"http", "href=\"http", "url(http", "@import", "fetch(", "XMLHttpRequest"] {

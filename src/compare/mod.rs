@@ -1,10 +1,10 @@
-//! COMPARE: methods on one stack against each other: what each costs, and how far it is from the truth.
+//! COMPARE: time and error of several methods on one stack.
 //!
-//! Two errors, never mixed: the *sampling error*, against what the stack itself says ([`crate::probes`]), which is always
-//! known, and the *model error*, against a true render, where there is one.
+//! Two errors, never mixed: the *sampling error* is measured against many lens rays through the stack ([`crate::probes`]) and
+//! always known; the *model error* is measured against a reference render with the lens on, if there is one.
 //!
-//! [`Comparison::run`] measures one candidate; [`Results`] is all that was found, with a file for each format that it is
-//! written in. The pictures stay in a [`Gallery`] until [`folder::write`] has looked at them.
+//! [`Comparison::run`] measures one candidate; [`Results`] holds all measurements, and each output format has a file of its
+//! own. The pictures stay in a [`Gallery`] until [`folder::write`] has analyzed them.
 
 mod candidate;
 mod crops;
@@ -36,79 +36,79 @@ use crate::render::Prepared;
 use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
 
-/// A whole comparison: what `results.json` holds. Other people's scripts read it, so keys are only ever added.
+/// A whole comparison: the content of `results.json`. Scripts of users read it: keys are added, never changed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Results {
     /// Version of this tool.
     pub version: &'static str,
-    /// The command line, as a shell reads it.
+    /// The command line, quoted for a shell.
     pub command: String,
     /// The files read.
     pub input: Vec<String>,
-    /// The file of the true render, if there is one.
+    /// The file of the reference render, if there is one.
     pub reference: Option<String>,
-    /// What was read.
+    /// The stack.
     pub stack: StackReport,
     /// The lens, each value with its origin.
     pub lens: LensReport,
-    /// Texts of the findings that the user should look at.
+    /// Texts of the findings that are warnings.
     pub warnings: Vec<String>,
-    /// What it ran on.
+    /// The machine of the measurement.
     pub machine: Machine,
-    /// How often each candidate ran.
+    /// Number of runs of each candidate.
     pub repeats: usize,
-    /// Pixels at which the sampling error was to be measured.
+    /// Number of pixels at which the sampling error is measured.
     pub probes: usize,
-    /// Reading and planning, which all entries share.
+    /// Cost of reading and planning, shared by all entries.
     pub prepared: Cost,
-    /// What became of each candidate.
+    /// The measurements of each candidate.
     pub entries: Vec<Entry>,
-    /// What error maps and crops were measured against; `null` where no pictures were kept.
+    /// What error maps and crops are measured against; `null` if no pictures were written.
     #[serde(rename = "yardstick")]
     pub baseline: Option<Baseline>,
-    /// The places where the pictures differ most, from the greatest difference down; none where no pictures were kept.
+    /// The crops in which the pictures differ most, the largest difference first; empty if no pictures were written.
     pub crops: Vec<Crop>,
 }
 
-/// What something cost.
+/// Processor time and wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Processor seconds, all threads together.
+    /// Processor seconds of all threads.
     pub cpu_seconds: f64,
-    /// Seconds on the wall.
+    /// Wall seconds.
     pub seconds: f64,
 }
 
-/// What became of one candidate.
+/// The measurements of one candidate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// The candidate as the command line writes it.
+    /// The candidate in the syntax of the command line.
     pub name: String,
     /// Name of the method.
     pub method: String,
-    /// Lens samples a pixel; `null` for a method that does not sample the lens.
+    /// Lens samples per pixel; `null` for a method that does not sample the lens.
     pub views: Option<usize>,
     /// Processor seconds of the blur: the median of the runs.
     pub cpu_seconds: f64,
     /// Wall seconds of the blur: the median of the runs.
     pub seconds: f64,
-    /// Every run of the blur, in order.
+    /// The cost of every run of the blur, in order.
     pub runs: Vec<Cost>,
-    /// Reading, planning and the blur.
+    /// Cost of reading, planning and blur.
     pub whole: Cost,
-    /// What the blur was expected to cost, if that was asked for.
+    /// The predicted cost of the blur, if a calibration was given.
     pub predicted: Option<Prediction>,
     /// The sampling error.
     pub sampling: ErrorEstimate,
-    /// The model error, where there is a reference.
+    /// The model error, if there is a reference.
     pub model: Option<Score>,
-    /// Whether no other entry is both quicker and nearer to the truth.
+    /// Whether the entry is on the Pareto front: no other entry is both faster and more accurate.
     pub on_front: bool,
     /// The command line that renders this picture.
     pub command: String,
-    /// The picture, a file of the same folder.
+    /// File name of the picture in the same folder.
     pub picture: Option<String>,
-    /// FLIP at each pixel against the baseline, a file of the same folder; `null` for the baseline itself.
+    /// File name of the error map, FLIP against the baseline, in the same folder; `null` for the baseline itself.
     pub map: Option<String>,
 }
 
@@ -116,62 +116,62 @@ pub struct Entry {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind", content = "name")]
 pub enum Baseline {
-    /// The true render.
+    /// The reference render.
     Reference,
-    /// The entry of this name, the nearest to the stack's truth.
+    /// The entry of this name, which has the smallest sampling error.
     Entry(String),
 }
 
-/// A place where the pictures differ.
+/// A square in which the pictures differ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Crop {
     /// First column of the square in the data window.
     pub x: usize,
     /// First row.
     pub y: usize,
-    /// Width and height.
+    /// Width and height in pixels.
     pub side_px: usize,
     /// PSNR of the pinhole picture against the baseline within the square, in dB.
     pub pinhole_psnr_db: Option<f64>,
-    /// PSNR of each entry's picture, in their order; `null` where it is the baseline's, value for value.
+    /// PSNR in dB of each entry's picture, in their order; `null` where it equals the baseline's, value for value.
     pub psnr_db: Vec<Option<f64>>,
 }
 
 impl Entry {
-    /// PSNR that the front is drawn by: against the reference, where there is one, else against the stack's truth.
+    /// PSNR in dB that determines the Pareto front: of the model error if there is a reference, else of the sampling error.
     pub fn psnr_db(&self) -> f64 {
         self.model.map_or(self.sampling.psnr_db.unwrap_or(f64::INFINITY), |score| score.psnr_db)
     }
 }
 
-/// How to compare.
+/// The inputs of a comparison.
 #[derive(Debug, Clone, Copy)]
 pub struct Comparison<'a> {
-    /// The stack, its lens and its settings; their method is not used.
+    /// The stack, the lens and the settings; the method of the settings is not used.
     pub prepared: &'a Prepared,
-    /// The true render, if there is one.
+    /// The reference render, if there is one.
     pub reference: Option<&'a Image>,
-    /// How often each candidate runs, at least once.
+    /// Number of runs of each candidate; at least one run is made.
     pub repeats: usize,
-    /// The stack's truth at some pixels.
+    /// The expected colours at some pixels, from many lens rays through the stack.
     pub probes: &'a Probes,
-    /// How fast this machine is, if costs are to be predicted too.
+    /// The calibration of this machine, to predict costs; `None` for no predictions.
     pub calibration: Option<&'a Calibration>,
-    /// The words of a command line that give the inputs and the lens.
+    /// The command-line words for inputs, lens and effects.
     pub words: &'a [String],
 }
 
 impl Comparison<'_> {
-    /// What `candidate` is to do.
+    /// The plan of `candidate`.
     ///
     /// # Errors
-    /// Those of its settings and of the plan, such as an effect asked for that it has no step for.
+    /// Those of its settings and of the plan, such as a forced effect whose pass the method does not have.
     pub fn plan(&self, candidate: &Candidate) -> Result<Plan, Error> {
         let Prepared { stats, settings, methods, .. } = self.prepared;
         methods.plan(stats, &candidate.settings(settings)?)
     }
 
-    /// Runs `candidate` and measures it; gives its picture too.
+    /// Runs `candidate` and measures it; returns its picture too.
     ///
     /// # Errors
     /// Those of the plan and of the method, and a reference of another size.
@@ -186,9 +186,9 @@ impl Comparison<'_> {
             picture = Some(methods::render(scene, &plan, &|_| {})?);
             runs.push(Cost { cpu_seconds: watch.cpu_seconds(), seconds: watch.seconds() });
         }
-        let painted = picture.unwrap_or_default();
-        let sampling = self.probes.estimate_image(&painted);
-        let image = finish(painted, &plan, scene.field).trimmed(scene.outside_px);
+        let blurred = picture.unwrap_or_default();
+        let sampling = self.probes.estimate_image(&blurred);
+        let image = finish(blurred, &plan, scene.field).trimmed(scene.outside_px);
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
             cpu_seconds: median(runs.iter().map(|run| run.cpu_seconds)),
@@ -213,8 +213,8 @@ impl Comparison<'_> {
         Ok((entry, image))
     }
 
-    /// Results without any entry: what is known before the first candidate runs. `command` is the command line of the
-    /// comparison, `input` and `reference` the files read.
+    /// Results without entries: everything that is known before the first candidate runs. `command` is the command line of the
+    /// comparison, `input` and `reference` are the files read.
     pub fn results(&self, command: String, input: Vec<String>, reference: Option<String>) -> Results {
         let Prepared { summary, settings, lens, stack, .. } = self.prepared;
         Results {
@@ -235,7 +235,7 @@ impl Comparison<'_> {
         }
     }
 
-    /// Reading and planning.
+    /// Cost of reading and planning.
     fn prepared_cost(&self) -> Cost {
         let (cpu, wall) = (self.prepared.clock.cpu_seconds(), self.prepared.clock.seconds());
         Cost { cpu_seconds: cpu.read + cpu.plan, seconds: wall.read + wall.plan }
@@ -250,25 +250,25 @@ impl Comparison<'_> {
 }
 
 impl Cost {
-    /// This and `other` together.
+    /// The sum of this and `other`.
     fn and(self, other: Self) -> Self {
         Self { cpu_seconds: self.cpu_seconds + other.cpu_seconds, seconds: self.seconds + other.seconds }
     }
 }
 
 impl Results {
-    /// Marks the entries that no other beats in both time and accuracy.
+    /// Marks the entries on the Pareto front of processor time and accuracy.
     pub fn mark_front(&mut self) {
-        let places: Vec<(f64, f64)> =
+        let points: Vec<(f64, f64)> =
             self.entries.iter().map(|entry| (entry.cpu_seconds, entry.psnr_db())).collect();
-        for (entry, &(seconds, db)) in self.entries.iter_mut().zip(&places) {
-            let beaten = places.iter().any(|&(s, d)| s <= seconds && d >= db && (s < seconds || d > db));
-            entry.on_front = !beaten;
+        for (entry, &(seconds, db)) in self.entries.iter_mut().zip(&points) {
+            let dominated = points.iter().any(|&(s, d)| s <= seconds && d >= db && (s < seconds || d > db));
+            entry.on_front = !dominated;
         }
     }
 }
 
-/// The middle one of `values`, of an even number the lower of the two.
+/// The median of `values`; of an even number, the lower of the two middle ones.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
@@ -282,7 +282,7 @@ mod tests {
     use crate::settings::{DepthConvention, ParameterValues, SensorDistance, Settings};
     use crate::stack::{Precision, StackKind};
 
-    /// An entry of `shear` that took `cpu_seconds` and came this near to the truth.
+    /// An entry of `shear` that took `cpu_seconds`, with this sampling error.
     pub(super) fn entry(cpu_seconds: f64, psnr_db: f64) -> Entry {
         let cost = Cost { cpu_seconds, seconds: cpu_seconds };
         Entry {
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn the_front_is_what_nothing_else_beats_in_both() {
+    fn entries_on_the_front_are_those_that_no_other_beats_in_both_time_and_accuracy() {
         let mut results =
             results(vec![entry(1.0, 30.0), entry(2.0, 40.0), entry(3.0, 35.0), entry(0.5, 20.0)]);
         results.mark_front();
@@ -361,13 +361,13 @@ mod tests {
     }
 
     #[test]
-    fn the_median_of_an_even_number_is_a_run_that_was_there() {
+    fn the_median_of_an_even_number_of_runs_is_one_of_them() {
         assert_eq!(median([3.0, 1.0, 2.0].into_iter()), 2.0);
         assert_eq!(median([4.0, 1.0].into_iter()), 1.0);
     }
 
     #[test]
-    fn what_was_measured_is_read_back_from_json() {
+    fn measurements_are_read_back_from_json() {
         let model =
             Score { psnr_db: 31.5, ssim: Some(0.75), flip: 0.125, relative_mse: 0.5, log_psnr_db: 30.25 };
         let predicted = Some(Prediction { cpu_seconds: 0.5, seconds: 0.25 });

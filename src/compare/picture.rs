@@ -1,4 +1,4 @@
-//! A picture as a screen shows it, small enough to keep dozens of them.
+//! A picture as displayed on a screen, stored compactly so that dozens of them fit into memory.
 
 use crate::image::{Image, Plane, srgb_decode, srgb_encode};
 use crate::output::data_uri::Rgb8;
@@ -6,8 +6,8 @@ use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma};
 use rayon::prelude::*;
 
-/// sRGB values clipped to 0 … 1, 16 bits each: 6 bytes a pixel. Rounding is some 100 dB below white, so that no figure made of
-/// such pictures shows it. Colour is over black; alpha is not kept.
+/// sRGB values clipped to 0 … 1, 16 bits each: 6 bytes per pixel. The rounding error is about 100 dB below white, which no figure
+/// made from such pictures shows. Colour is composited over black; alpha is not stored.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     width: usize,
@@ -28,7 +28,7 @@ pub struct Square {
 }
 
 impl Picture {
-    /// What a screen shows of `image`; NaN is black.
+    /// `image` as a screen displays it; NaN is black.
     pub fn new(image: &Image) -> Self {
         let (width, height) = (image.width(), image.height());
         let mut values = vec![0; width * height * 3];
@@ -57,7 +57,7 @@ impl Picture {
         &self.values[3 * y * self.width..3 * (y + 1) * self.width]
     }
 
-    /// The scene-linear picture that is shown so, opaque.
+    /// The scene-linear picture with these sRGB values, opaque.
     pub fn linear(&self) -> Image {
         let plane = |channel: usize| {
             let value = |x, y| f32::from(self.row(y)[3 * x + channel]) / 65535.0;
@@ -81,7 +81,7 @@ impl Picture {
         (sum > 0).then(|| -10.0 * mean.log10())
     }
 
-    /// At most `width` pixels wide: shrunk in linear light, as a screen farther away would show it.
+    /// The picture at most `width` pixels wide, downsampled in linear light.
     #[must_use]
     pub fn at_most(self, width: usize) -> Self {
         if self.width <= width {
@@ -90,14 +90,14 @@ impl Picture {
         Self::new(&Image { planes: self.linear().planes.map(|plane| shrunk(plane, width)) })
     }
 
-    /// With 8 bits a value, rounded.
-    pub fn to_rgb8(&self) -> Rgb8 {
+    /// The picture with 8 bits per value, rounded.
+    pub(crate) fn to_rgb8(&self) -> Rgb8 {
         let byte = |&value: &u16| ((u32::from(value) + 128) / 257) as u8;
         Rgb8 { width: self.width, height: self.height, bytes: self.values.iter().map(byte).collect() }
     }
 }
 
-/// `plane`, values of 0 … 1, at most `width` values wide; each is a weighted mean of those that it stands for.
+/// `plane`, values of 0 … 1, downsampled to at most `width` values per row with a triangle filter.
 pub(super) fn shrunk(plane: Plane, width: usize) -> Plane {
     if plane.width() <= width {
         return plane;
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_what_a_screen_shows() {
+    fn a_picture_has_the_srgb_values_that_a_screen_displays() {
         let image = Image::from_fn(2, 1, |x, _| if x == 0 { [0.18, 7.0, -1.0, 1.0] } else { [f32::NAN; 4] });
         let picture = Picture::new(&image);
         // sRGB: 0.18 is 0.4613, the 118th of 255.
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn decibels_are_those_of_the_metrics() {
+    fn psnr_agrees_with_the_metrics_module() {
         let [a, b] = [0.2, 0.3].map(|value| Image::from_fn(40, 40, |_, _| [value, value, value, 1.0]));
         let exact = crate::metrics::score(&a, &b, 0).unwrap().psnr_db;
         let found = Picture::new(&a).psnr_db(&Picture::new(&b)).unwrap();
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn shrinking_keeps_the_light() {
+    fn downsampling_preserves_mean_linear_light() {
         // Columns of 0 and 1 are half the light of 1.
         let stripes = Image::from_fn(80, 40, |x, _| [(x % 2) as f32, 0.0, 0.0, 1.0]);
         let small = Picture::new(&stripes).at_most(20).linear();

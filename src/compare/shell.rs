@@ -1,12 +1,12 @@
 //! Command lines that can be pasted into a shell.
 
-/// `words` as one line of a POSIX shell, quoted where need be.
+/// `words` as one line for a POSIX shell, quoted where necessary.
 pub fn line(words: impl IntoIterator<Item = impl AsRef<str>>) -> String {
     let quoted: Vec<String> = words.into_iter().map(|word| quote(word.as_ref())).collect();
     quoted.join(" ")
 }
 
-/// `word` so that a POSIX shell reads it back.
+/// `word`, quoted if a POSIX shell would not read it as it is.
 fn quote(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plain_words_stay_plain_and_others_are_quoted() {
+    fn words_with_special_characters_are_quoted_and_others_are_not() {
         assert_eq!(line(["render", "a/b.exr", "--set", "k=v"]), "render a/b.exr --set k=v");
         assert_eq!(line(["my shot.exr", "", "$HOME", "~"]), "'my shot.exr' '' '$HOME' '~'");
     }

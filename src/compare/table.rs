@@ -4,7 +4,7 @@ use super::csv::figure;
 use super::{Entry, Results};
 use std::fmt::Write as _;
 
-/// The entries from the quickest to the slowest; a star stands before those that no other beats in both.
+/// The entries from fastest to slowest; a star marks those on the Pareto front.
 pub fn table(results: &Results) -> String {
     let mut sorted: Vec<&Entry> = results.entries.iter().collect();
     sorted.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
@@ -18,7 +18,7 @@ pub fn table(results: &Results) -> String {
     for entry in sorted {
         line(&mut text, entry, width, with_prediction);
     }
-    text + "* no other is both quicker and nearer to the truth\n"
+    text + "* no other entry is both faster and more accurate\n"
 }
 
 fn line(text: &mut String, entry: &Entry, width: usize, with_prediction: bool) {
@@ -29,9 +29,9 @@ fn line(text: &mut String, entry: &Entry, width: usize, with_prediction: bool) {
         let seconds = figure(entry.predicted.map(|predicted| predicted.seconds), 3);
         let _ = write!(text, "{cpu_seconds:>16}{seconds:>8}  ");
     }
-    let (least, most) = entry.sampling.interval_db;
-    let most = most.map_or("any".to_owned(), |most| format!("{most:.1}"));
-    let sampling = format!("{:>5} ({least:.1} … {most})", figure(entry.sampling.psnr_db, 1));
+    let (min_db, max_db) = entry.sampling.interval_db;
+    let max_db = max_db.map_or("any".to_owned(), |max_db| format!("{max_db:.1}"));
+    let sampling = format!("{:>5} ({min_db:.1} … {max_db})", figure(entry.sampling.psnr_db, 1));
     let _ = write!(text, "{sampling:<22}");
     if let Some(score) = &entry.model {
         let _ = write!(text, "{:>15.2}{:>8}{:>8.4}", score.psnr_db, figure(score.ssim, 4), score.flip);
@@ -46,7 +46,7 @@ mod tests {
     use crate::cost::Prediction;
 
     #[test]
-    fn the_quickest_comes_first_and_the_front_has_stars() {
+    fn the_fastest_entry_comes_first_and_entries_on_the_front_have_stars() {
         let mut results = results(vec![entry(2.0, 40.0), entry(1.0, 30.0), entry(3.0, 35.0)]);
         results.mark_front();
         let text = table(&results);
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prediction_stands_beside_the_measurement() {
+    fn a_prediction_is_printed_beside_the_measurement() {
         let predicted = Some(Prediction { cpu_seconds: 1.5, seconds: 0.75 });
         let text = table(&results(vec![Entry { predicted, ..entry(2.0, 40.0) }]));
         let (head, line) = (text.lines().next().unwrap(), text.lines().nth(1).unwrap());

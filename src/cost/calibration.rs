@@ -41,6 +41,7 @@ const SIZE: (usize, usize) = (512, 288);
 
 /// The speed of a machine at one kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Factor {
     /// Processor time relative to the machine of the cost terms.
     pub cpu: f64,
@@ -50,9 +51,10 @@ pub struct Factor {
 
 /// The speed of a machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Calibration {
     /// The machine.
-    pub machine: Machine,
+    pub(crate) machine: Machine,
     /// Time of the measurement, in seconds since 1970; `None` if not measured.
     pub measured_at: Option<u64>,
     /// In the order of [`WorkKind::ALL`].

@@ -13,13 +13,16 @@
 
 mod calibration;
 
-pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder, timed};
+#[doc(hidden)]
+pub use calibration::timed;
+pub use calibration::{CACHE_VARIABLE, Calibration, Factor, Remark, cache_folder};
 
 use crate::methods::{Cost, Plan, WorkKind, term};
 use crate::scene::{EffectKind, SceneStats, Workload};
 
 /// The predicted time of a blur.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Processor seconds, all threads together.
     pub cpu_seconds: f64,

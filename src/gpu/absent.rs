@@ -1,15 +1,15 @@
-//! What stands for a GPU in a program that was built without.
+//! Replacement of [`Gpu`] for builds without GPU support.
 
 use super::adapters::Adapter;
 use super::clock::GpuUsage;
 use crate::error::Error;
 
-/// An adapter, opened: there is none.
+/// An opened adapter; this type has no values.
 #[derive(Debug)]
 pub enum Gpu {}
 
 impl Gpu {
-    /// None.
+    /// Always `None`.
     ///
     /// # Errors
     /// Never.
@@ -22,7 +22,7 @@ impl Gpu {
         match *self {}
     }
 
-    /// What it has spent its time on so far.
+    /// Usage of the GPU so far.
     ///
     /// # Errors
     /// Never.

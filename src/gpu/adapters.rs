@@ -1,26 +1,27 @@
-//! The graphics adapters of this machine, as wgpu finds them, and which of them counts as a GPU.
+//! The graphics adapters of this machine that wgpu finds, by kind.
 
 use serde::Serialize;
 use std::fmt;
 
-/// What an adapter is made of, in the order in which one is taken rather than another.
+/// Kind of an adapter, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum AdapterKind {
-    /// A card with memory of its own.
+    /// A graphics card with its own memory.
     Discrete,
-    /// A part of the processor, with which it shares its memory.
+    /// A GPU in the processor that shares its memory.
     Integrated,
-    /// A card that is shared with other machines.
+    /// A virtual GPU.
     Virtual,
-    /// Not known.
+    /// Unknown.
     Other,
-    /// A program on the processor.
+    /// A software driver on the CPU.
     Software,
 }
 
 impl AdapterKind {
-    /// The name of listings.
+    /// Name in listings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Discrete => "discrete",
@@ -32,24 +33,25 @@ impl AdapterKind {
     }
 }
 
-/// An adapter, and what a frame may take of it.
+/// An adapter and its limits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Adapter {
-    /// The name it gives itself.
+    /// Name reported by the driver.
     pub name: String,
-    /// What it is made of.
+    /// Kind of the adapter.
     pub kind: AdapterKind,
-    /// The interface that it is reached by: Vulkan, Metal or DX12.
+    /// Graphics API: Vulkan, Metal or DX12.
     pub interface: String,
-    /// Driver and its version.
+    /// Name and version of the driver.
     pub driver: String,
-    /// The largest part of a buffer that a shader can see at once, in bytes: larger frames go in bands.
+    /// Maximum size of a buffer binding in bytes: larger frames are rendered in bands.
     pub max_binding_bytes: u64,
-    /// The largest buffer in bytes.
+    /// Maximum size of a buffer in bytes.
     pub max_buffer_bytes: u64,
-    /// Threads of a workgroup.
+    /// Maximum number of threads per workgroup.
     pub max_workgroup_threads: u32,
-    /// Whether it can time what it does.
+    /// Whether the adapter supports timestamps.
     pub has_timestamps: bool,
 }
 
@@ -59,19 +61,19 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// Every adapter of this machine.
+/// All adapters of this machine.
 #[cfg(feature = "gpu")]
 pub(super) fn find() -> Vec<Adapter> {
-    enumerate().iter().map(Adapter::of).collect()
+    enumerate().iter().map(Adapter::from_wgpu).collect()
 }
 
-/// None: this program was built without them.
+/// Always empty: built without GPU support.
 #[cfg(not(feature = "gpu"))]
 pub(super) fn find() -> Vec<Adapter> {
     Vec::new()
 }
 
-/// Every adapter as wgpu has it.
+/// All adapters as wgpu reports them.
 #[cfg(feature = "gpu")]
 pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
@@ -80,7 +82,7 @@ pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
 
 #[cfg(feature = "gpu")]
 impl Adapter {
-    pub(super) fn of(adapter: &wgpu::Adapter) -> Self {
+    pub(super) fn from_wgpu(adapter: &wgpu::Adapter) -> Self {
         let (info, limits) = (adapter.get_info(), adapter.limits());
         Self {
             name: info.name,

@@ -1,36 +1,37 @@
-//! What a GPU spent its time on.
+//! Time and amount of GPU work.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 #[cfg(feature = "gpu")]
 use std::time::Duration;
 
-/// What was done on a GPU, in seconds and bytes.
+/// GPU work, in seconds and bytes.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct GpuUsage {
-    /// Handing data to it.
+    /// Time of uploads.
     pub upload_seconds: f64,
-    /// How much.
+    /// Amount of uploads.
     pub upload_bytes: u64,
-    /// Fetching data from it, without waiting for what makes them.
+    /// Time of readbacks, without the wait for the passes that compute the data.
     pub readback_seconds: f64,
-    /// How much.
+    /// Amount of readbacks.
     pub readback_bytes: u64,
-    /// Waiting for what was asked of it.
+    /// Time of waiting for submitted work.
     pub wait_seconds: f64,
-    /// Steps that were carried out.
+    /// Number of submitted passes.
     pub passes: u64,
-    /// What each step took by the adapter's own clock; empty where it has none.
+    /// Time of passes by name, from the adapter's timestamps; empty where it has none.
     pub pass_seconds: BTreeMap<&'static str, f64>,
 }
 
 impl GpuUsage {
-    /// By the adapter's own clock, all steps together; `None` where it has no clock.
+    /// Time of all passes together, from the adapter's timestamps; `None` where it has none.
     pub fn pass_seconds_total(&self) -> Option<f64> {
         (!self.pass_seconds.is_empty()).then(|| self.pass_seconds.values().sum())
     }
 
-    /// What was added to it since it was `before`.
+    /// The difference from an earlier value, `before`.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let pass = |(name, seconds): (&&'static str, &f64)| {
@@ -64,7 +65,7 @@ impl GpuUsage {
         self.wait_seconds += taken.as_secs_f64();
     }
 
-    pub(super) fn asked_for(&mut self, passes: usize) {
+    pub(super) fn submitted(&mut self, passes: usize) {
         self.passes += passes as u64;
     }
 

@@ -1,7 +1,7 @@
-//! An adapter, opened, and every failure as one [`Error`].
+//! An opened adapter, with every failure as one [`Error`].
 //!
-//! wgpu reports a failure in a scope, by a callback or by a panic, at once or later; here each ends as the `Err` of the call
-//! that meets it. After one, the caller does what it wanted on the processor: nothing made on a GPU is kept for later.
+//! wgpu reports failures by error scopes, callbacks or panics, immediately or later. Here each of them becomes the `Err` of the
+//! call that detects it. After a failure the caller renders on the CPU; no result of the GPU is reused.
 
 use super::adapters::{self, Adapter, AdapterKind};
 use super::clock::GpuUsage;
@@ -12,10 +12,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// What a frame may take of an adapter, on top of its own limits: bands of this size lose nothing, and leave room for others.
+/// Maximum bytes of a band, beside the adapter's own limits: larger bands are not faster, and smaller ones leave memory for other
+/// programs.
 const MAX_WORKING_BYTES: u64 = 2 << 30;
 
-/// An adapter, opened.
+/// An opened adapter.
 pub struct Gpu {
     adapter: Adapter,
     pub(super) device: wgpu::Device,
@@ -23,13 +24,13 @@ pub struct Gpu {
     max_binding_bytes: u64,
     pub(super) modules: Mutex<HashMap<&'static str, wgpu::ShaderModule>>,
     pub(super) kernels: Mutex<HashMap<String, Kernel>>,
-    /// What failed first of what no scope was there to catch.
+    /// The first failure outside of an error scope.
     fault: Arc<Mutex<Option<String>>>,
     pub(super) usage: Mutex<GpuUsage>,
     pub(super) pending: Mutex<Vec<Stamps>>,
 }
 
-/// Locked; what a thread that panicked had half done is whole here: every change is one step.
+/// Locks `mutex`, poisoned or not: every change under these locks is a single operation, so a panic leaves no partial state.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -41,19 +42,19 @@ impl std::fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// Opens the fastest adapter that there is; one that is a program on the processor only if `software` ones will do, and
-    /// `None` where there is none.
+    /// Opens the adapter of the preferred [`AdapterKind`]; software drivers only if `software` is set. `None` if there is no
+    /// adapter.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Device`] for one that cannot be opened.
+    /// [`crate::error::ErrorKind::Device`] if the adapter cannot be opened.
     pub fn open(software: bool) -> Result<Option<Self>, Error> {
-        let found = adapters::enumerate().into_iter().map(|raw| (Adapter::of(&raw), raw));
-        let fit = found.filter(|(adapter, _)| software || adapter.kind != AdapterKind::Software);
-        let Some((adapter, raw)) = fit.min_by_key(|(adapter, _)| adapter.kind) else { return Ok(None) };
-        Self::of(adapter, &raw).map(Some)
+        let found = adapters::enumerate().into_iter().map(|raw| (Adapter::from_wgpu(&raw), raw));
+        let usable = found.filter(|(adapter, _)| software || adapter.kind != AdapterKind::Software);
+        let Some((adapter, raw)) = usable.min_by_key(|(adapter, _)| adapter.kind) else { return Ok(None) };
+        Self::from_adapter(adapter, &raw).map(Some)
     }
 
-    fn of(adapter: Adapter, raw: &wgpu::Adapter) -> Result<Self, Error> {
+    fn from_adapter(adapter: Adapter, raw: &wgpu::Adapter) -> Result<Self, Error> {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("thinlens"),
             required_features: raw.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -92,8 +93,9 @@ impl Gpu {
         })
     }
 
-    /// The same with buffers of `bytes` at most, as if the adapter had no more: frames go in smaller bands.
+    /// The same with buffers of at most `bytes`, as on an adapter with less memory: frames are rendered in smaller bands.
     #[must_use]
+    #[doc(hidden)]
     pub fn limited_to(self, bytes: u64) -> Self {
         Self { max_binding_bytes: self.max_binding_bytes.min(bytes), ..self }
     }
@@ -103,34 +105,35 @@ impl Gpu {
         &self.adapter
     }
 
-    /// The largest buffer in bytes: larger frames go in [`super::bands()`].
-    pub fn max_binding_bytes(&self) -> u64 {
+    /// Maximum size of a buffer in bytes: larger frames are rendered in [`super::bands()`].
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.max_binding_bytes
     }
 
-    /// Most texels of a texture either way.
+    /// Maximum width and height of a texture.
+    #[doc(hidden)]
     pub fn max_texels(&self) -> usize {
         self.device.limits().max_texture_dimension_2d as usize
     }
 
-    /// Bytes that all buffers of a band may take together.
-    pub fn max_working_bytes(&self) -> u64 {
+    /// Maximum bytes of all buffers of a band together.
+    pub(crate) fn max_working_bytes(&self) -> u64 {
         MAX_WORKING_BYTES
     }
 
-    /// Gives the device back: whatever is asked of it from now on fails.
+    /// Destroys the device: all further work on it fails.
     pub fn lose(&self) {
         self.device.destroy();
-        lock(&self.fault).get_or_insert_with(|| "the device was given back".to_owned());
+        lock(&self.fault).get_or_insert_with(|| "the device was destroyed".to_owned());
     }
 
-    /// Waits until everything that was asked for is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn finish(&self) -> Result<(), Error> {
+    pub(crate) fn finish(&self) -> Result<(), Error> {
         let watch = Instant::now();
-        // A device that is lost while it is waited for makes wgpu panic.
+        // wgpu panics if the device is lost during the wait.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));
         lock(&self.usage).waited(watch.elapsed());
         match waited {
@@ -140,28 +143,28 @@ impl Gpu {
         }
     }
 
-    /// What `act` returns, if nothing that it did failed.
+    /// Runs `act` in error scopes; its result, or the first failure.
     pub(super) fn guarded<T>(&self, what: &str, act: impl FnOnce() -> T) -> Result<T, Error> {
         self.check(what)?;
         let scopes =
             [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation]
                 .map(|filter| self.device.push_error_scope(filter));
         let result = catch_unwind(AssertUnwindSafe(act));
-        // Scopes end in the reverse of the order in which they began.
+        // Scopes have to be popped in reverse order.
         let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let errors: Vec<wgpu::Error> = errors.flatten().collect();
         match (errors.first(), result) {
             (Some(error), _) => Err(self.failure(what, &error.to_string())),
             (None, Ok(result)) => self.check(what).map(|()| result),
             (None, Err(_)) => {
-                const GAVE_UP: &str = "the graphics library gave up";
-                lock(&self.fault).get_or_insert_with(|| GAVE_UP.to_owned());
-                Err(self.failure(what, GAVE_UP))
+                const PANICKED: &str = "the graphics library panicked";
+                lock(&self.fault).get_or_insert_with(|| PANICKED.to_owned());
+                Err(self.failure(what, PANICKED))
             }
         }
     }
 
-    /// Whether the device has failed behind everybody's back.
+    /// An error if the device has failed outside of an error scope.
     fn check(&self, what: &str) -> Result<(), Error> {
         match &*lock(&self.fault) {
             Some(fault) => Err(self.failure(what, fault)),
@@ -185,11 +188,11 @@ mod tests {
     use crate::gpu::{Constant, Layout, Mirrored, ScalarKind, Shader};
 
     super::super::shader::mirrored! {
-        /// How to scale.
+        /// Parameters of the test kernel.
         struct Scaling {
-            /// Values.
+            /// Number of values.
             count: u32,
-            /// What each is multiplied by.
+            /// Factor of each value.
             factor: f32,
         }
     }
@@ -207,7 +210,7 @@ mod tests {
         structs: &[Scaling::LAYOUT],
     };
 
-    /// An adapter of any kind, where there is one.
+    /// An adapter of any kind, if there is one.
     fn gpu() -> Option<Gpu> {
         Gpu::open(true).unwrap()
     }
@@ -225,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_up_comes_down_as_the_kernel_made_it_and_is_accounted_for() {
+    fn uploaded_data_is_read_back_as_the_kernel_made_it_and_is_counted() {
         let Some(gpu) = gpu() else { return };
         let expected: Vec<f32> = (0..1000).map(|i| 0.25 + 2.5 * i as f32).collect();
         assert_eq!(scaled(&gpu, 1000, 2.5).unwrap(), expected);
@@ -234,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn what_an_adapter_cannot_hold_is_refused_with_its_limit() {
+    fn a_buffer_larger_than_the_limit_is_refused_with_the_limit() {
         let Some(gpu) = gpu().map(|gpu| gpu.limited_to(4096)) else { return };
         let error = gpu.zeros::<f32>("colours", 1025).unwrap_err().to_string();
         assert!(error.contains("colours are too large") && error.contains("4096 bytes at most"), "{error}");
     }
 
     #[test]
-    fn bindings_that_are_not_the_kernels_are_an_error_and_the_device_goes_on() {
+    fn bindings_that_are_not_the_kernels_are_an_error_and_the_device_still_works() {
         let Some(gpu) = gpu() else { return };
         let kernel = gpu.kernel(&SHADER, "scale").unwrap();
         let values = gpu.zeros::<f32>("values", 64).unwrap();

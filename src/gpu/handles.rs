@@ -1,37 +1,37 @@
-//! What a [`super::Gpu`] hands out: memory and kernels.
+//! Handles that a [`super::Gpu`] returns: memory and kernels.
 
-/// Memory of a GPU.
+/// A buffer in GPU memory.
 #[derive(Debug)]
-pub struct Buffer {
+pub(crate) struct Buffer {
     pub(super) raw: wgpu::Buffer,
 }
 
 impl Buffer {
-    /// Its size.
-    pub fn bytes(&self) -> u64 {
+    /// Size in bytes.
+    pub(crate) fn bytes(&self) -> u64 {
         self.raw.size()
     }
 }
 
-/// Layers of texels on a GPU, which kernels fetch faster than values of a [`Buffer`].
+/// A texture array in GPU memory; kernels fetch its texels faster than values of a [`Buffer`].
 #[derive(Debug)]
-pub struct Texture {
+pub(crate) struct Texture {
     pub(super) raw: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
 }
 
-/// What a texel is.
+/// Format of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Texels {
+pub(crate) enum Texels {
     /// `rgba32float`.
     FourFloats,
     /// `rg32uint`.
     TwoWords,
 }
 
-/// What a kernel is given.
+/// A resource that is bound to a kernel.
 #[derive(Debug, Clone, Copy)]
-pub enum Resource<'a> {
+pub(crate) enum Resource<'a> {
     /// For `var<storage>` and `var<uniform>`.
     Buffer(&'a Buffer),
     /// For `texture_2d_array`.
@@ -61,12 +61,12 @@ impl<'a> Resource<'a> {
 
 /// An entry point of a shader, ready to run.
 #[derive(Debug, Clone)]
-pub struct Kernel {
+pub(crate) struct Kernel {
     pub(super) name: &'static str,
     pub(super) pipeline: wgpu::ComputePipeline,
 }
 
-/// Times of passes that are still to be read.
+/// Timestamps of passes, not read yet.
 pub(super) struct Stamps {
     pub(super) names: Vec<&'static str>,
     pub(super) ticks: Buffer,

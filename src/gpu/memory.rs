@@ -1,4 +1,4 @@
-//! Memory of a GPU: what goes up and what comes down.
+//! GPU memory: allocation, upload and readback.
 
 use super::context::{Gpu, lock};
 use super::handles::{Buffer, Texels, Texture};
@@ -9,58 +9,58 @@ use rayon::prelude::*;
 use std::time::Instant;
 
 impl Gpu {
-    /// A buffer of `values`.
+    /// Uploads `values` to a new buffer.
     ///
     /// # Errors
-    /// When it does not fit, or the device fails.
-    pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer, Error> {
+    /// If the buffer is too large, or the device fails.
+    pub(crate) fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer, Error> {
         self.upload_all(label, &[values])
     }
 
-    /// A buffer of all `parts`, one after the other.
+    /// Uploads all `parts`, concatenated, to a new buffer.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn upload_all<T: Pod>(&self, label: &str, parts: &[&[T]]) -> Result<Buffer, Error> {
+    pub(crate) fn upload_all<T: Pod>(&self, label: &str, parts: &[&[T]]) -> Result<Buffer, Error> {
         let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
         let buffer = self.buffer(label, bytes as u64, wgpu::BufferUsages::STORAGE)?;
         self.write(label, &buffer, 0, parts)?;
         Ok(buffer)
     }
 
-    /// A buffer of the members of `values`, for a shader's `var<uniform>`.
+    /// Uploads the members of `values` to a new buffer for `var<uniform>`.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn uniform(&self, values: &impl Mirrored) -> Result<Buffer, Error> {
+    pub(crate) fn uniform(&self, values: &impl Mirrored) -> Result<Buffer, Error> {
         self.uniform_of(&values.words())
     }
 
-    /// A buffer of `values`, for a `var<uniform>` that is an array.
+    /// Uploads `values` to a new buffer for a `var<uniform>` that is an array.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn uniform_of<T: Pod>(&self, values: &[T]) -> Result<Buffer, Error> {
+    pub(crate) fn uniform_of<T: Pod>(&self, values: &[T]) -> Result<Buffer, Error> {
         const LABEL: &str = "parameters";
         let buffer = self.buffer(LABEL, size_of_val(values) as u64, wgpu::BufferUsages::UNIFORM)?;
         self.write(LABEL, &buffer, 0, &[values])?;
         Ok(buffer)
     }
 
-    /// A buffer of `count` values, all 0.
+    /// Allocates a buffer of `count` values, all 0.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn zeros<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer, Error> {
+    pub(crate) fn zeros<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer, Error> {
         self.buffer(label, (count * size_of::<T>()) as u64, wgpu::BufferUsages::STORAGE)
     }
 
     pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer, Error> {
-        let most = self.max_binding_bytes();
-        if bytes > most {
-            return Err(too_large(label, format!("{bytes} bytes"), format!("{most} bytes at most")));
+        let max_bytes = self.max_binding_bytes();
+        if bytes > max_bytes {
+            return Err(too_large(label, format!("{bytes} bytes"), format!("{max_bytes} bytes at most")));
         }
-        // A buffer of nothing cannot be bound.
+        // An empty buffer cannot be bound.
         let size = bytes.next_multiple_of(4).max(4);
         let usage = usage | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let descriptor =
@@ -68,21 +68,26 @@ impl Gpu {
         self.guarded(label, || Buffer { raw: self.device.create_buffer(&descriptor) })
     }
 
-    /// `layers` layers of `width` × `height` texels, all 0.
+    /// Allocates a texture of `layers` layers of `width` × `height` texels, all 0.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn texture(
+    pub(crate) fn texture(
         &self,
         label: &str,
         texels: Texels,
         (width, height): (usize, usize),
         layers: usize,
     ) -> Result<Texture, Error> {
-        let most = [self.max_texels(), self.device.limits().max_texture_array_layers as usize];
-        if width.max(height) > most[0] || layers > most[1] {
+        let [max_side, max_layers] =
+            [self.max_texels(), self.device.limits().max_texture_array_layers as usize];
+        if width.max(height) > max_side || layers > max_layers {
             let found = format!("{layers} layers of {width} × {height} texels");
-            return Err(too_large(label, found, format!("{} of {} either way at most", most[1], most[0])));
+            return Err(too_large(
+                label,
+                found,
+                format!("{max_layers} layers of {max_side} × {max_side} texels at most"),
+            ));
         }
         let [width, height, layers] = [width, height, layers].map(|side| side.max(1) as u32);
         let descriptor = wgpu::TextureDescriptor {
@@ -98,23 +103,23 @@ impl Gpu {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         };
-        let of_layers = wgpu::TextureViewDescriptor {
+        let array_view = wgpu::TextureViewDescriptor {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..wgpu::TextureViewDescriptor::default()
         };
         self.guarded(label, || {
             let raw = self.device.create_texture(&descriptor);
-            let view = raw.create_view(&of_layers);
+            let view = raw.create_view(&array_view);
             Texture { raw, view }
         })
     }
 
-    /// Fills layer `layer` of `texture` with rows of texels, each written by `row`: several at once, so that it may gather what lies
-    /// far apart.
+    /// Fills layer `layer` of `texture`: `row` writes a row of texels. Rows are written in parallel, which hides the latency
+    /// where `row` gathers from scattered memory.
     ///
     /// # Errors
     /// As [`Self::upload`].
-    pub fn fill<T: Pod + Send>(
+    pub(crate) fn fill<T: Pod + Send>(
         &self,
         texture: &Texture,
         layer: usize,
@@ -176,11 +181,11 @@ impl Gpu {
         Ok(())
     }
 
-    /// What `buffer` holds after everything that was asked for.
+    /// Reads `buffer` back after all submitted work.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn read<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, Error> {
+    pub(crate) fn read<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, Error> {
         self.finish()?;
         let watch = Instant::now();
         let values: Vec<T> = self.fetch(buffer)?;
@@ -188,20 +193,20 @@ impl Gpu {
         Ok(values)
     }
 
-    /// Copies `buffer` into `parts`, one after the other, after everything that was asked for.
+    /// Copies `buffer` to `parts`, in order, after all submitted work.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn read_into(&self, buffer: &Buffer, parts: &mut [&mut [f32]]) -> Result<(), Error> {
+    pub(crate) fn read_into(&self, buffer: &Buffer, parts: &mut [&mut [f32]]) -> Result<(), Error> {
         self.finish()?;
         let watch = Instant::now();
         let bytes = self.mapped(buffer, |bytes| {
             let mut rest = bytes;
             for part in parts {
                 let target: &mut [u8] = cast_slice_mut(part);
-                let (source, others) = rest.split_at(target.len());
+                let (source, remaining) = rest.split_at(target.len());
                 target.copy_from_slice(source);
-                rest = others;
+                rest = remaining;
             }
             bytes.len() - rest.len()
         })?;
@@ -213,8 +218,8 @@ impl Gpu {
         self.mapped(buffer, bytemuck::pod_collect_to_vec)
     }
 
-    /// Calls `look` with the bytes of `buffer`.
-    fn mapped<T>(&self, buffer: &Buffer, look: impl FnOnce(&[u8]) -> T) -> Result<T, Error> {
+    /// Calls `inspect` with the bytes of `buffer`.
+    fn mapped<T>(&self, buffer: &Buffer, inspect: impl FnOnce(&[u8]) -> T) -> Result<T, Error> {
         const LABEL: &str = "readback";
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         let size = buffer.raw.size();
@@ -230,13 +235,13 @@ impl Gpu {
         })?;
         self.finish()?;
         let view = copy.get_mapped_range(..).map_err(|error| self.failure(LABEL, &error.to_string()))?;
-        Ok(look(&view))
+        Ok(inspect(&view))
     }
 }
 
-fn too_large(what: &str, found: String, wanted: String) -> Error {
+fn too_large(what: &str, found: String, limit: String) -> Error {
     Error::device(format!("{what} are too large for the GPU"))
         .with("found", found)
-        .with("wanted", wanted)
+        .with("expected", limit)
         .help("use `device = cpu`")
 }

@@ -1,8 +1,8 @@
-//! Graphics cards: device choice, and adapters at work. Knows no method by name.
+//! GPUs: choice of the device, buffers, kernels and passes. Independent of the methods.
 //!
-//! [`choose`] says where a plan is carried out. A [`Gpu`] is an adapter that was opened: it takes buffers and kernels, and every
-//! failure is one error. What a frame needs beyond an adapter's limits goes in [`bands()`]. Structures that shaders share with
-//! the program are [`Mirrored`].
+//! [`choose`] selects the device that executes a plan. A [`Gpu`] is an opened adapter: it provides buffers and kernels, and
+//! reports every failure as one error type. Frames larger than an adapter's limits are rendered in [`bands()`]. Structures that
+//! shaders share with the program are [`Mirrored`].
 
 mod adapters;
 mod clock;
@@ -27,47 +27,51 @@ mod absent;
 pub use absent::Gpu;
 pub use adapters::{Adapter, AdapterKind};
 #[cfg(feature = "gpu")]
-pub use bands::{Band, bands};
+pub(crate) use bands::{Band, bands};
 pub use clock::GpuUsage;
 #[cfg(feature = "gpu")]
 pub use context::Gpu;
 #[cfg(feature = "gpu")]
-pub use handles::{Buffer, Kernel, Resource, Texels, Texture};
+pub(crate) use handles::{Buffer, Kernel, Resource, Texels, Texture};
 #[cfg(feature = "gpu")]
 pub(crate) use shader::mirrored;
 #[cfg(feature = "gpu")]
-pub use shader::{Constant, Layout, Mirrored, Scalar, ScalarKind, Shader};
+pub(crate) use shader::{Constant, Mirrored, Scalar};
 #[cfg(feature = "gpu")]
-pub use work::{MAX_ROUNDS, Work, tiles};
+#[doc(hidden)]
+pub use shader::{Layout, ScalarKind, Shader};
+#[cfg(feature = "gpu")]
+pub(crate) use work::{MAX_ROUNDS, Work, tiles};
 
 use crate::error::Error;
 use crate::machine;
 use serde::Serialize;
 
-/// What the user asked for.
+/// The device that the user requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceChoice {
-    /// A graphics card where there is one that gives the same picture, the processor elsewhere.
+    /// A graphics card if there is one and the method runs on it, otherwise the CPU.
     #[default]
     Auto,
-    /// The processor.
+    /// The CPU.
     Cpu,
-    /// A graphics adapter, be it a program on the processor.
+    /// A graphics adapter, including software drivers.
     Gpu,
 }
 
 /// Kind of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum DeviceKind {
-    /// The processor.
+    /// The CPU.
     Cpu,
     /// A graphics adapter.
     Gpu,
 }
 
 impl DeviceKind {
-    /// The name that reports use.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
@@ -76,19 +80,20 @@ impl DeviceKind {
     }
 }
 
-/// The device that was chosen.
+/// The chosen device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Device {
-    /// Its kind.
+    /// Kind of the device.
     pub kind: DeviceKind,
-    /// The name it gives itself.
+    /// Name of the CPU or adapter.
     pub name: String,
-    /// Why it was chosen.
+    /// Reason for the choice.
     pub reason: String,
 }
 
 impl Device {
-    /// The processor, for this reason.
+    /// The CPU, chosen for this reason.
     pub fn cpu(reason: impl Into<String>) -> Self {
         Self { kind: DeviceKind::Cpu, name: machine::cpu_name(), reason: reason.into() }
     }
@@ -98,25 +103,25 @@ impl Device {
     }
 }
 
-/// Opens an adapter: [`Gpu::open`], or that with something done around it while drivers are loaded.
-pub type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
+/// Opens an adapter: [`Gpu::open`], or a wrapper of it (for example one that redirects stderr while drivers are loaded).
+pub(crate) type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
 
-/// The adapter that `choice` insists on, opened; `None` where it insists on none.
+/// Opens the adapter that `choice` requires; `None` where it requires none.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Device`] where there is none, or it cannot be opened.
-pub fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
+/// [`crate::error::ErrorKind::Device`] if there is no adapter, or it cannot be opened.
+pub(crate) fn demanded(choice: DeviceChoice, open: Open<'_>) -> Result<Option<Gpu>, Error> {
     if choice != DeviceChoice::Gpu {
         return Ok(None);
     }
-    let help = "use `device = auto`, which runs on the CPU here; `thinlens devices` lists what there is";
+    let help = "use `device = auto`, which runs on the CPU here; `thinlens devices` lists the devices";
     let none = || Error::device("there is no graphics adapter").with("looked for", LOOKED_FOR).help(help);
     open(true)?.ok_or_else(none).map(Some)
 }
 
-/// Where to carry out a plan that `cpu_only_reason`, if any, keeps from a GPU, and the GPU if it is one; `demanded` is what [`demanded()`]
-/// found.
-pub fn choose(
+/// Chooses the device for a plan; returns the opened adapter too if that is the device. `cpu_only_reason` is the reason why the
+/// plan cannot run on a GPU, if there is one; `demanded` is the result of [`demanded()`].
+pub(crate) fn choose(
     choice: DeviceChoice,
     demanded: Option<Gpu>,
     cpu_only_reason: Option<String>,
@@ -126,11 +131,11 @@ pub fn choose(
         return (Device::cpu(cpu_only_reason), None);
     }
     let (opened, reason) = match choice {
-        DeviceChoice::Cpu => return (Device::cpu("asked for"), None),
-        DeviceChoice::Gpu => (demanded, "asked for"),
+        DeviceChoice::Cpu => return (Device::cpu("requested"), None),
+        DeviceChoice::Gpu => (demanded, "requested"),
         DeviceChoice::Auto => match open(false) {
             Ok(opened) => (opened, "a graphics card"),
-            // Nobody asked for it.
+            // Not an error: the user did not request a GPU.
             Err(error) => return (Device::cpu(error.on_one_line()), None),
         },
     };
@@ -141,32 +146,33 @@ pub fn choose(
     (device, opened)
 }
 
-/// What can compute on this machine.
+/// The devices of this machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Survey {
-    /// The processor.
+    /// Name of the CPU.
     pub processor: String,
-    /// Threads that work at once.
+    /// Number of threads of the current pool.
     pub threads: usize,
-    /// Graphics adapters, software drivers among them.
+    /// Graphics adapters, including software drivers.
     pub adapters: Vec<Adapter>,
-    /// How adapters were looked for.
+    /// How adapters were searched for.
     pub looked_for: &'static str,
-    /// What [`DeviceChoice::Auto`] is here.
+    /// Device that [`DeviceChoice::Auto`] selects here.
     pub auto: DeviceKind,
-    /// Why.
+    /// Reason for it.
     pub auto_reason: String,
 }
 
-/// Looks at what can compute here.
+/// Lists the devices of this machine.
 pub fn survey() -> Survey {
     let adapters = adapters::find();
     let best = adapters.iter().min_by_key(|adapter| adapter.kind);
     let (auto, auto_reason) = match best {
-        Some(card) if card.kind != AdapterKind::Software => {
-            (DeviceKind::Gpu, format!("{card}; methods without a GPU twin run on the CPU"))
+        Some(adapter) if adapter.kind != AdapterKind::Software => {
+            (DeviceKind::Gpu, format!("{adapter}; methods without a GPU backend run on the CPU"))
         }
-        Some(software) => (DeviceKind::Cpu, format!("{software} is a program on the same processor")),
+        Some(software) => (DeviceKind::Cpu, format!("{software} is a software driver on the same CPU")),
         None => (DeviceKind::Cpu, "there is no graphics card".to_owned()),
     };
     Survey {
@@ -179,18 +185,21 @@ pub fn survey() -> Survey {
     }
 }
 
-/// How adapters are looked for.
+/// Whether this build can use a GPU at all.
+pub(crate) const IS_SUPPORTED: bool = cfg!(feature = "gpu");
+
+/// How adapters are searched for.
 #[cfg(feature = "gpu")]
-const LOOKED_FOR: &str = "looked for by Vulkan, Metal and DX12 drivers";
+pub(crate) const LOOKED_FOR: &str = "searched through Vulkan, Metal and DX12 drivers";
 #[cfg(not(feature = "gpu"))]
-const LOOKED_FOR: &str = "this program was built without GPU support";
+pub(crate) const LOOKED_FOR: &str = "this program was built without GPU support";
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_processor_is_taken_where_it_is_asked_for_or_nothing_else_will_do() {
+    fn the_cpu_is_chosen_if_requested_or_if_the_plan_is_cpu_only() {
         let (device, gpu) = choose(DeviceChoice::Cpu, None, None, &Gpu::open);
         assert!(device.kind == DeviceKind::Cpu && gpu.is_none() && !device.name.is_empty());
         for choice in [DeviceChoice::Auto, DeviceChoice::Gpu] {
@@ -201,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_survey_says_what_auto_is_and_why() {
+    fn a_survey_has_the_device_of_auto_with_a_reason() {
         let survey = survey();
         assert!(!survey.processor.is_empty() && survey.threads > 0 && !survey.auto_reason.is_empty());
         let has_card = survey.adapters.iter().any(|adapter| adapter.kind != AdapterKind::Software);

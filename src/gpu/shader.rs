@@ -2,16 +2,16 @@
 
 use std::fmt;
 
-/// A WGSL module: a method's own text after what several methods share.
+/// A WGSL module: shared texts, followed by a method's own text.
 #[derive(Debug)]
 pub struct Shader {
-    /// Its name in messages: that of its file.
+    /// Name in messages: that of the method's file.
     pub name: &'static str,
-    /// Constants of the program that it reads too: declared before its parts.
+    /// Constants of the program that the shader uses; declared before its parts.
     pub constants: &'static [(&'static str, Constant)],
-    /// Its parts, in order.
+    /// Texts of the module, in order.
     pub parts: &'static [&'static str],
-    /// The structures that it shares with the program.
+    /// Structures that the shader shares with the program.
     pub structs: &'static [Layout],
 }
 
@@ -23,7 +23,7 @@ impl Shader {
     }
 }
 
-/// A number that the program has a name for.
+/// A named constant of the program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constant {
     /// `i32`.
@@ -44,12 +44,12 @@ impl fmt::Display for Constant {
     }
 }
 
-/// A structure as the program has it: members of four bytes, one after the other.
+/// Layout of a structure in the program: consecutive members of four bytes each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
-    /// Its name.
+    /// Name of the structure.
     pub name: &'static str,
-    /// Names and types of its members.
+    /// Names and types of the members.
     pub members: &'static [(&'static str, ScalarKind)],
 }
 
@@ -65,11 +65,11 @@ pub enum ScalarKind {
 }
 
 /// A member of a structure that shaders read.
-pub trait Scalar: Copy {
-    /// Its type.
+pub(crate) trait Scalar: Copy {
+    /// Type of the member.
     const KIND: ScalarKind;
 
-    /// Its bits.
+    /// Bits of the value.
     fn bits(self) -> u32;
 }
 
@@ -97,17 +97,17 @@ impl Scalar for f32 {
     }
 }
 
-/// A structure that shaders read: see [`mirrored!`].
-pub trait Mirrored {
-    /// What the shader must call and lay out the same way.
+/// A structure that shaders read; see [`mirrored!`].
+pub(crate) trait Mirrored {
+    /// Name and layout, which have to be the same in the shader.
     const LAYOUT: Layout;
 
-    /// Its members, bit by bit.
+    /// Bits of the members, in order.
     fn words(&self) -> Vec<u32>;
 }
 
-/// Declares a structure that a shader declares too, with members `u32`, `i32` or `f32`; its [`Layout`] belongs into
-/// [`Shader::structs`], by which a test holds the two together.
+/// Declares a structure that a shader declares too, with members of type `u32`, `i32` or `f32`. Its [`Layout`] has to be added to
+/// [`Shader::structs`], so that a test compares it with the shader's.
 macro_rules! mirrored {
     ($(#[$of_struct:meta])* $visibility:vis struct $name:ident {
         $($(#[$of_member:meta])* $member:ident: $scalar:ty),* $(,)?

@@ -1,4 +1,4 @@
-//! Work for a GPU: kernels, and passes that run them.
+//! Kernels, and passes that run them.
 
 use super::clock::GpuUsage;
 use super::context::{Gpu, lock};
@@ -6,8 +6,8 @@ use super::handles::{Kernel, Resource, Stamps};
 use super::shader::Shader;
 use crate::error::Error;
 
-/// Passes that are to be carried out one after the other.
-pub struct Work<'g> {
+/// Passes to submit, executed in order.
+pub(crate) struct Work<'g> {
     gpu: &'g Gpu,
     passes: Vec<Pass>,
 }
@@ -25,19 +25,19 @@ impl std::fmt::Debug for Work<'_> {
 }
 
 impl Gpu {
-    /// The entry point `name` of `shader`, made when it is first asked for.
+    /// The kernel of entry point `name` of `shader`, compiled on first use.
     ///
     /// # Errors
-    /// When the driver does not take it.
-    pub fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
+    /// If the driver rejects it.
+    pub(crate) fn kernel(&self, shader: &'static Shader, name: &'static str) -> Result<Kernel, Error> {
         self.kernel_with(shader, name, &[])
     }
 
-    /// The same with `constants` in place of the shader's `override`s.
+    /// The same with values for the shader's `override` constants.
     ///
     /// # Errors
     /// As [`Self::kernel`].
-    pub fn kernel_with(
+    pub(crate) fn kernel_with(
         &self,
         shader: &'static Shader,
         name: &'static str,
@@ -74,13 +74,16 @@ impl Gpu {
         })
     }
 
-    /// Has the passes that `ask` asks for carried out, in order.
+    /// Submits the passes that `add_passes` adds, in order.
     ///
     /// # Errors
-    /// When one cannot be, or the device fails.
-    pub fn submit(&self, ask: impl FnOnce(&mut Work<'_>) -> Result<(), Error>) -> Result<(), Error> {
+    /// If a pass is invalid, or the device fails.
+    pub(crate) fn submit(
+        &self,
+        add_passes: impl FnOnce(&mut Work<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let mut work = Work { gpu: self, passes: Vec::new() };
-        ask(&mut work)?;
+        add_passes(&mut work)?;
         let names: Vec<_> = work.passes.iter().map(|pass| pass.kernel.name).collect();
         let stamps = self.stamps(names)?;
         self.guarded("the passes", || {
@@ -92,12 +95,12 @@ impl Gpu {
             }
             self.queue.submit([encoder.finish()]);
         })?;
-        lock(&self.usage).asked_for(work.passes.len());
+        lock(&self.usage).submitted(work.passes.len());
         lock(&self.pending).extend(stamps.map(|(_, stamps)| stamps));
         Ok(())
     }
 
-    /// What it has spent its time on so far.
+    /// Usage of the GPU so far.
     ///
     /// # Errors
     /// When the device fails.
@@ -113,7 +116,7 @@ impl Gpu {
         Ok(lock(&self.usage).clone())
     }
 
-    /// Where the times of the passes `names` are written, if the adapter has a clock.
+    /// Query set and buffer for the timestamps of the passes `names`; `None` if the adapter does not support timestamps.
     fn stamps(&self, names: Vec<&'static str>) -> Result<Option<(wgpu::QuerySet, Stamps)>, Error> {
         const LABEL: &str = "times";
         if !self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) || names.is_empty() {
@@ -130,7 +133,7 @@ impl Gpu {
 }
 
 impl Pass {
-    /// Encodes the pass, the one with number `i`; its times go into `set`.
+    /// Encodes the pass with number `i`; its timestamps are written to `set`.
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, set: Option<&wgpu::QuerySet>, i: usize) {
         let Self { kernel, bindings, groups: [x, y, z] } = self;
         let timestamp_writes = set.map(|query_set| wgpu::ComputePassTimestampWrites {
@@ -148,11 +151,12 @@ impl Pass {
 }
 
 impl Work<'_> {
-    /// Asks for `groups` workgroups of `kernel`, with `bindings` by their number: those that the entry point uses, no others.
+    /// Adds a pass of `groups` workgroups of `kernel`. `bindings` have to be exactly those that the entry point uses, each with
+    /// its number.
     ///
     /// # Errors
-    /// When the bindings are not the kernel's.
-    pub fn pass<'a, R: Into<Resource<'a>> + Copy>(
+    /// If the bindings are not the kernel's.
+    pub(crate) fn pass<'a, R: Into<Resource<'a>> + Copy>(
         &mut self,
         kernel: &Kernel,
         bindings: &[(u32, R)],
@@ -176,10 +180,11 @@ impl Work<'_> {
     }
 }
 
-/// Rounds of all loops of a thread together in one pass. Mesa's software driver ends them without a word after 65 535.
-pub const MAX_ROUNDS: usize = 60_000;
+/// Maximum number of loop iterations of a thread in one pass, all loops together. Mesa's software driver ends loops after 65 535
+/// iterations without an error.
+pub(crate) const MAX_ROUNDS: usize = 60_000;
 
 /// Workgroups of `side` × `side` threads that cover `width` × `height` values.
-pub fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
+pub(crate) fn tiles(width: usize, height: usize, side: usize) -> [u32; 3] {
     [width.div_ceil(side) as u32, height.div_ceil(side) as u32, 1]
 }

@@ -192,7 +192,7 @@ impl Aperture {
     ///
     /// Each wedge of the disc becomes the sector of one side: the radius is the share of the way to the side, the angle the position along
     /// the side.
-    pub fn from_disc(&self, point: Vec2) -> Vec2 {
+    pub(crate) fn warp_disc(&self, point: Vec2) -> Vec2 {
         let unsqueezed = match self.side() {
             None => point,
             Some(side) => {
@@ -209,7 +209,7 @@ impl Aperture {
     /// a squeeze, otherwise accurate near the outline.
     ///
     /// A negative scale rotates the shape by 180°.
-    pub fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
+    pub(crate) fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
         let turned = if scale < 0.0 { -point } else { point } * Vec2::new(self.squeeze, 1.0);
         let (depth, normal) = match self.side() {
             None => (scale.abs() - turned.length(), turned.normalize_or(Vec2::Y)),
@@ -246,7 +246,7 @@ impl Aperture {
     }
 
     /// Outward unit normals of straight sides that are not squeezed; none for a disc.
-    pub fn side_normals(&self) -> Vec<Vec2> {
+    pub(crate) fn side_normals(&self) -> Vec<Vec2> {
         (0..self.blades).map(|side| Vec2::from_angle(self.side_angle(side as f32))).collect()
     }
 
@@ -405,7 +405,7 @@ mod tests {
             assert!((round.area() - PI).abs() < 1e-4, "{blades} blades: {}", round.area());
             assert!((round.second_moments() - Vec2::splat(0.25)).length() < 1e-4, "{blades} blades");
             for point in [Vec2::new(0.3, -0.4), Vec2::new(-0.9, 0.1), Vec2::new(1.2, 0.8)] {
-                assert!((round.from_disc(point) - point).length() < 1e-4, "{blades} blades: {point}");
+                assert!((round.warp_disc(point) - point).length() < 1e-4, "{blades} blades: {point}");
                 assert!((round.depth_inside(point, 1.0) - (1.0 - point.length())).abs() < 1e-4, "{point}");
             }
         }

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 
 /// Share of the aperture's light that passes the barrel, tabulated by direction and distance from the axis.
 #[derive(Debug, Clone)]
-pub struct BarrelShares {
+pub(crate) struct BarrelShares {
     cats_eye: f32,
     /// By direction, then by offset of the barrel, 0 … 2 aperture radii. `None` for a disc, which has a closed form.
     table: Option<Vec<[f32; Self::STEPS + 1]>>,
@@ -17,7 +17,7 @@ impl BarrelShares {
     const STEPS: usize = 32;
 
     /// The shares for the lens of `optics`.
-    pub fn new(optics: &Optics) -> Self {
+    pub(crate) fn new(optics: &Optics) -> Self {
         let light = Light::from_optics(optics).filter(|_| optics.cats_eye > 0.0);
         let direction = |i: usize| Vec2::from_angle(i as f32 * 2.0 * PI / Self::DIRECTIONS as f32);
         let table = light.map(|light| {
@@ -30,7 +30,7 @@ impl BarrelShares {
     }
 
     /// The share at position `height` of the field: 1 on the axis.
-    pub fn at(&self, height: Vec2) -> f32 {
+    pub(crate) fn at(&self, height: Vec2) -> f32 {
         let barrel = self.cats_eye * height;
         let offset = barrel.length();
         let Some(table) = &self.table else { return disc_overlap(offset) };
@@ -93,7 +93,7 @@ impl Light {
 
 /// Relative brightness at each place of a lens's field.
 #[derive(Debug, Clone)]
-pub struct Falloff {
+pub(crate) struct Falloff {
     shares: BarrelShares,
     field: Field,
     power: f32,
@@ -101,12 +101,12 @@ pub struct Falloff {
 
 impl Falloff {
     /// The falloff of the lens of `optics` in its `field`.
-    pub fn new(optics: &Optics, field: Field) -> Self {
+    pub(crate) fn new(optics: &Optics, field: Field) -> Self {
         Self { shares: BarrelShares::new(optics), field, power: optics.vignetting }
     }
 
     /// Relative brightness at `place`, in picture pixels from the picture's corner: 1 on the axis.
-    pub fn at(&self, place: Vec2) -> f32 {
+    pub(crate) fn at(&self, place: Vec2) -> f32 {
         brightness(self.shares.at(self.field.height(place)), self.field.cosine(place), self.power)
     }
 }
@@ -147,7 +147,7 @@ mod tests {
             for optics in [&disc, &polygon] {
                 let count = 200_000;
                 let within = |i: &usize| {
-                    optics.within_barrel(optics.aperture.from_disc(sunflower(*i, count)), height) > 0.0
+                    optics.within_barrel(optics.aperture.warp_disc(sunflower(*i, count)), height) > 0.0
                 };
                 let counted = (0..count).filter(within).count() as f32 / count as f32;
                 for share in [BarrelShares::new(optics).at(height), optics.barrel_share(height)] {

@@ -21,17 +21,17 @@ impl Field {
     }
 
     /// `place`, in pixels from the picture's corner, as an offset from the axis that has length 1 in the frame's corners.
-    pub fn height(&self, place: Vec2) -> Vec2 {
+    pub(crate) fn height(&self, place: Vec2) -> Vec2 {
         (place - self.axis_px) / self.half_diagonal_px
     }
 
     /// A place at the same distance from the axis as the corners of the frame, in pixels from the picture's corner.
-    pub fn corner_place(&self) -> Vec2 {
+    pub(crate) fn corner_place(&self) -> Vec2 {
         self.axis_px + self.half_diagonal_px * Vec2::X
     }
 
     /// Cosine of the field angle at `place`.
-    pub fn cosine(&self, place: Vec2) -> f32 {
+    pub(crate) fn cosine(&self, place: Vec2) -> f32 {
         let tangent = (place - self.axis_px).length() / self.focal_length_px;
         1.0 / tangent.hypot(1.0)
     }

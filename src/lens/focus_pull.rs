@@ -8,7 +8,7 @@ use crate::settings::{Easing, FocusKey};
 
 /// Where a frame lies among focus keys.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FocusPull {
+pub(crate) struct FocusPull {
     /// Index of the key before the frame.
     pub from: usize,
     /// Index of the key after it; the same as `from` where the focus is constant.
@@ -21,7 +21,7 @@ impl FocusPull {
     /// The position of frame `frame` among `keys`, which are in rising order of frame; `None` without keys.
     ///
     /// Before the first key and after the last, the focus is that of the key.
-    pub fn at(keys: &[FocusKey], frame: i64) -> Option<Self> {
+    pub(crate) fn at(keys: &[FocusKey], frame: i64) -> Option<Self> {
         let next = keys.partition_point(|key| key.frame <= frame);
         let last = keys.len().checked_sub(1)?;
         let (from, to) = (next.saturating_sub(1), next.min(last));
@@ -32,7 +32,7 @@ impl FocusPull {
     }
 
     /// Focus distance between the keys' distances `from` and `to`, which may be infinite.
-    pub fn distance(&self, from: f32, to: f32) -> f32 {
+    pub(crate) fn distance(&self, from: f32, to: f32) -> f32 {
         if self.from == self.to {
             return from;
         }

@@ -83,7 +83,7 @@ impl ApertureImage {
 
     /// Mean transmittance over the part within the picture of a square of `side` about `point`, both in aperture radii; x to the right and
     /// y up as in a blurred point behind focus.
-    pub fn around(&self, point: Vec2, side: f32) -> f32 {
+    pub(crate) fn around(&self, point: Vec2, side: f32) -> f32 {
         let [width, height] = self.size.map(|pixels| pixels as f32);
         let radius = 0.5 * width.min(height);
         let upright = Vec2::from_angle(-self.turn).rotate(point);
@@ -110,7 +110,7 @@ impl ApertureImage {
 
     /// Maps a point of the unit disc by the distribution of light: a uniform disc becomes the picture; for an even picture the map is the
     /// identity.
-    pub fn lit_point(&self, point: Vec2) -> Vec2 {
+    pub(crate) fn lit_point(&self, point: Vec2) -> Vec2 {
         let share = ((point.to_angle() - self.turn) / TAU).rem_euclid(1.0);
         let (angle, along) = quantile(&self.angles, share);
         let (ring, across) = quantile(&self.rings[angle], point.length_squared().min(1.0));

@@ -11,13 +11,15 @@ mod barrel;
 mod sharpness;
 mod views;
 
-pub use aperture::{Aperture, Outline};
-pub use barrel::{BarrelShares, Falloff};
+pub use aperture::Aperture;
+pub(crate) use aperture::Outline;
+pub(crate) use barrel::{BarrelShares, Falloff};
 pub use field::Field;
-pub use focus_pull::FocusPull;
+pub(crate) use focus_pull::FocusPull;
+pub use glam::Vec2;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
-pub use radial::{Landing, Radial};
+pub(crate) use radial::{Landing, Radial};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub use views::{View, views};
 

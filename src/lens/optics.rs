@@ -124,7 +124,7 @@ impl Optics {
     }
 
     /// `count` views rotated by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].
-    pub fn moved_rays(&self, count: usize, angle: f32, shift: Vec2) -> Rays {
+    pub(crate) fn moved_rays(&self, count: usize, angle: f32, shift: Vec2) -> Rays {
         self.aberrated(&moved_views(count, angle, shift))
     }
 
@@ -165,7 +165,7 @@ impl Optics {
                 let seen = image.lit_point(point);
                 Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
             }
-            None => self.aperture.from_disc(point),
+            None => self.aperture.warp_disc(point),
         }
     }
 
@@ -189,12 +189,12 @@ impl Optics {
 
     /// Signed distance from the barrel's edge of the ray through `lens`, seen from position `height` of the field, in aperture radii;
     /// negative where the ray does not pass.
-    pub fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
+    pub(crate) fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
         1.0 - (lens - self.cats_eye * height).length()
     }
 
     /// The columns of picture row `y` from which a ray through `lens` passes the barrel with a [`Self::within_barrel`] of at least `within`.
-    pub fn columns(&self, lens: Vec2, y: usize, field: &Field, within: f32) -> Range<i32> {
+    pub(crate) fn columns(&self, lens: Vec2, y: usize, field: &Field, within: f32) -> Range<i32> {
         let height = field.height(Vec2::new(0.0, y as f32 + 0.5));
         let across = (1.0 - within).powi(2) - (lens.y - self.cats_eye * height.y).powi(2);
         if across <= 0.0 {
@@ -216,7 +216,7 @@ impl Optics {
 
     /// Mean transmittance over a square of `side` about the lens point `lens`, both in aperture radii; 1 without an image, for points
     /// within the outline.
-    pub fn light_around(&self, lens: Vec2, side: f32) -> f32 {
+    pub(crate) fn light_around(&self, lens: Vec2, side: f32) -> f32 {
         self.image
             .as_ref()
             .map_or(1.0, |image| image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side))
@@ -224,7 +224,7 @@ impl Optics {
 
     /// The open interval of the line through the lens's centre along the unit vector `direction`, seen from position `height` of the
     /// field: the part within the outline, or with an image its circle, and within the barrel.
-    pub fn open_along(&self, direction: Vec2, height: Vec2) -> [f32; 2] {
+    pub(crate) fn open_along(&self, direction: Vec2, height: Vec2) -> [f32; 2] {
         let outline = if self.image.is_some() { self.aperture.without_blades() } else { self.aperture };
         let [before, behind] = [-outline.distance(-direction), outline.distance(direction)];
         if self.cats_eye <= 0.0 {

@@ -10,7 +10,7 @@ const STEPS: usize = 64;
 
 /// The distance at which rays land, by their distance from the lens's centre.
 #[derive(Debug, Clone)]
-pub struct Radial {
+pub(crate) struct Radial {
     intervals: Vec<Interval>,
 }
 
@@ -29,7 +29,7 @@ struct Interval {
 
 /// Rays of one interval of `ρ` that land within a ring about the point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Landing {
+pub(crate) struct Landing {
     /// Where they pass the lens, on the line through its centre parallel to the line from the point to where they land: the two ends, in
     /// aperture radii. Negative for rays that land on the other side.
     pub lens: [f32; 2],
@@ -39,7 +39,7 @@ pub struct Landing {
 
 impl Landing {
     /// Share of these rays among all rays of the disc, counting only those within `open`.
-    pub fn share_within(&self, open: [f32; 2]) -> f32 {
+    pub(crate) fn share_within(&self, open: [f32; 2]) -> f32 {
         let [from, to] = self.lens.map(|distance| distance.clamp(open[0], open[1].max(open[0])));
         (to * to - from * from).abs()
     }
@@ -47,7 +47,7 @@ impl Landing {
 
 impl Radial {
     /// For a lens whose rays land `first·ρ + third·ρ³` pixels from the point.
-    pub fn new(first: f32, third: f32) -> Self {
+    pub(crate) fn new(first: f32, third: f32) -> Self {
         let within = |square: f32| (square > 0.0 && square < 1.0).then(|| square.sqrt());
         // The extremum, then the zero, whose square is three times as large.
         let cuts = [-first / (3.0 * third), -first / third].into_iter().filter_map(within);
@@ -57,12 +57,12 @@ impl Radial {
     }
 
     /// Largest distance from the point at which rays land, in pixels.
-    pub fn reach_px(&self) -> f32 {
+    pub(crate) fn reach_px(&self) -> f32 {
         self.intervals.iter().fold(0.0, |reach, interval| reach.max(interval.distances_px[STEPS]))
     }
 
     /// Whether the image of an interval of `ρ` begins or ends between `inner` and `outer` pixels from the point.
-    pub fn ends_between(&self, inner: f32, outer: f32) -> bool {
+    pub(crate) fn ends_between(&self, inner: f32, outer: f32) -> bool {
         let within = |end: f32| end > 0.0 && end >= inner && end <= outer;
         self.intervals
             .iter()
@@ -70,7 +70,7 @@ impl Radial {
     }
 
     /// The rays that land from `inner` to `outer` pixels from the point.
-    pub fn between(&self, inner: f32, outer: f32) -> impl Iterator<Item = Landing> {
+    pub(crate) fn between(&self, inner: f32, outer: f32) -> impl Iterator<Item = Landing> {
         self.intervals.iter().filter_map(move |interval| interval.between(inner, outer))
     }
 }

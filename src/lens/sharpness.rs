@@ -13,6 +13,7 @@ pub const SHARP_COC_PX: f32 = 1.0;
 
 /// The depth of field of a lens, in depth units.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Sharpness {
     /// CoC radius that counts as sharp, in picture pixels.
     pub coc_radius_px: f32,

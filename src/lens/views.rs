@@ -40,7 +40,7 @@ pub fn views(count: usize, aperture: Aperture) -> Vec<View> {
         .map(|i| {
             let view = point(table, i % size);
             let turned = turn(view, i / size);
-            View { lens: aperture.from_disc(turned.lens), ..turned }
+            View { lens: aperture.warp_disc(turned.lens), ..turned }
         })
         .collect()
 }

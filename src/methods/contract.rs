@@ -1,4 +1,4 @@
-//! The contract between a method and the rest of the program: what a method is ([`Method`]), and what it is asked to do ([`Plan`]).
+//! The interface between methods and the rest of the program: what a method is ([`Method`]), and what it has to do ([`Plan`]).
 
 use super::cost::Cost;
 use super::laws::Deviation;
@@ -12,45 +12,63 @@ use crate::settings::{ParameterTable, Parameters};
 use serde::{Serialize, Serializer};
 use std::fmt;
 
-/// What a method is, for `thinlens methods`, the README and the laws.
+/// Description of a method, for `thinlens methods`, the documentation and the laws.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MethodInfo {
-    /// The name of `--method`, which tells methods apart.
+    /// Unique name, as the setting `method` takes it.
     pub name: &'static str,
-    /// The publication or program that it follows.
+    /// The publication or program that the method implements.
     pub source: &'static str,
-    /// What it is there for.
+    /// Its role in the program.
     pub role: Role,
-    /// One sentence.
+    /// One-sentence summary.
     pub summary: &'static str,
-    /// The passes that it has, of those that a method may lack ([`EffectKind::is_pass`]); a plan switches off all others.
+    /// Optional passes ([`EffectKind::is_pass`]) that the method implements; a plan switches off all others.
     pub effects: &'static [EffectKind],
-    /// The parameter that has the number of lens samples a pixel; `None` for a method that does not sample the lens.
+    /// Key of the parameter that holds the number of lens samples per pixel; `None` for a method that does not sample the lens.
     pub lens_samples: Option<&'static str>,
-    /// Settings from rough and fast to fine and slow, as they follow the name of a candidate: what a comparison runs.
+    /// Quality levels that a comparison runs, from fast to accurate, in the syntax that follows the method's name in a candidate.
     pub steps: &'static [&'static str],
-    /// The laws that it breaks by design.
+    /// The laws that the method breaks by design.
     pub deviations: &'static [Deviation],
 }
 
-/// What a method is there for.
+impl MethodInfo {
+    /// Description of a method of a library's user, without optional passes, lens samples, quality levels or deviations. What it has of
+    /// these is added: `MethodInfo { steps: &["kept=0.5", "kept=1"], ..MethodInfo::new("dim", "the picture, dimmed") }`.
+    pub const fn new(name: &'static str, summary: &'static str) -> Self {
+        Self {
+            name,
+            source: "own method",
+            role: Role::Custom,
+            summary,
+            effects: &[],
+            lens_samples: None,
+            steps: &[],
+            deviations: &[],
+        }
+    }
+}
+
+/// Role of a method in the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Role {
-    /// What `auto` chooses.
+    /// The method that `auto` selects.
     Default,
-    /// The truth that other methods are measured by.
+    /// Ground truth that other methods are compared with.
     Reference,
     /// A published method.
     Paper,
-    /// A published method that others compare themselves with.
+    /// A published method that papers use as a baseline.
     Baseline,
-    /// A method of a library's user.
+    /// A method added by a user of the library.
     Custom,
 }
 
 impl Role {
-    /// Its name in lists.
+    /// Name in listings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
@@ -68,72 +86,75 @@ impl fmt::Display for Role {
     }
 }
 
-/// Called now and then with the share of the work that is done, 0 … 1, from any thread.
+/// Progress callback: called from any thread with the fraction of the work that is done, 0 … 1.
 pub type Progress<'a> = dyn Fn(f32) + Sync + 'a;
 
-/// A way to put a lens on a stack.
+/// A depth-of-field method.
 ///
-/// Only [`Method::info`] and [`Method::blur`] must be written. Everything else that the program asks of a method is here too, so that one
-/// folder holds all of it.
+/// Only [`Method::info`] and [`Method::blur`] are required. The other functions have defaults; they are part of the trait so that
+/// everything about a method is in one folder.
 pub trait Method: fmt::Debug + Sync {
-    /// What it is.
+    /// Description of the method.
     fn info(&self) -> MethodInfo;
 
-    /// Its parameters: the `[method.NAME]` table of presets.
+    /// Parameters of the method: the `[method.NAME]` table of presets.
     fn parameters(&self) -> ParameterTable {
         ParameterTable::none()
     }
 
-    /// The decisions about passes of its own, those of [`MethodInfo::effects`] that are no matter of the scene or the lens.
+    /// Decides the passes of [`MethodInfo::effects`] that depend neither on the scene alone nor on the lens.
     ///
     /// # Errors
-    /// Parameters that contradict one another.
+    /// Parameters that contradict each other.
     fn decide(&self, _inputs: &Inputs<'_>, _parameters: &Parameters) -> Result<Vec<Effect>, Error> {
         Ok(Vec::new())
     }
 
-    /// What carrying out `plan` costs, where the method can say so from the scene's statistics.
+    /// Cost of executing `plan`; `None` where the method cannot predict it from the scene's statistics.
     fn cost(&self, _plan: &Plan, _workload: &Workload<'_>) -> Option<Cost> {
         None
     }
 
-    /// The method as one that can be asked for single pixels with any number of lens samples; `None` for one that cannot.
+    /// The method as a sampler of single pixels with any number of lens samples; `None` where it has none.
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {
         None
     }
 
-    /// The picture of `scene` as `plan` asks for it, of the scene's picture size; [`render`](super::render) calls it only where there
-    /// is something to blur. The scene is given away: it is the larger part of all memory, and a method may work in it.
+    /// Renders `scene` by `plan`, at the scene's picture size.
+    ///
+    /// [`render`](super::render) calls it only where the plan blurs. The scene is passed by value: it takes most of the memory,
+    /// and a method may work in place.
     ///
     /// # Errors
-    /// When a device fails; on the CPU a method that has a plan succeeds.
+    /// When a device fails; on the CPU a method with a valid plan succeeds.
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
 
-    /// The method on a GPU; `None` for one that runs on the CPU alone.
+    /// GPU backend; `None` for a method that runs on the CPU only.
+    #[doc(hidden)]
     fn gpu(&self) -> Option<&dyn GpuBackend> {
         None
     }
 }
 
 impl dyn Method + '_ {
-    /// Its name.
+    /// Name of the method.
     pub fn name(&self) -> &'static str {
         self.info().name
     }
 
-    /// Whether it samples the lens, so that a number of views means something to it.
+    /// Whether the method samples the lens, so that a number of views has an effect.
     pub fn samples_lens(&self) -> bool {
         self.info().lens_samples.is_some()
     }
 
-    /// Lens samples a pixel by its own parameters; `None` for a method that does not sample the lens.
+    /// Lens samples per pixel set by the method's parameters; `None` for a method that does not sample the lens.
     pub fn lens_samples(&self, parameters: &Parameters) -> Option<usize> {
         let key = self.info().lens_samples?;
         parameters.table()[key].as_u64().map(|samples| samples as usize)
     }
 }
 
-/// Methods are told apart by name.
+/// Methods are equal if their names are.
 impl PartialEq for dyn Method + '_ {
     fn eq(&self, other: &Self) -> bool {
         self.name() == other.name()
@@ -142,7 +163,7 @@ impl PartialEq for dyn Method + '_ {
 
 impl Eq for dyn Method + '_ {}
 
-/// A method is its name.
+/// A method is serialized as its name.
 impl Serialize for dyn Method + '_ {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.name())
@@ -155,88 +176,90 @@ impl fmt::Display for dyn Method + '_ {
     }
 }
 
-/// A method on a GPU: the same picture by the same plan.
+/// GPU implementation of a method: the same picture from the same plan.
+#[doc(hidden)]
 pub trait GpuBackend: fmt::Debug + Sync {
-    /// The picture that [`Method::blur`] makes, to within what both round. The scene stays as it is: where the GPU fails, the CPU
-    /// starts again from it.
+    /// Renders the picture of [`Method::blur`], equal to within rounding. The scene is borrowed: if the GPU fails, the CPU
+    /// renders from it.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Device`] when the device fails or has too little memory.
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error>;
 
-    /// The shader that it runs.
+    /// The backend's shader.
     #[cfg(feature = "gpu")]
     fn shader(&self) -> &'static crate::gpu::Shader;
 }
 
-/// A method that samples the lens as often as it is asked to.
+/// A method that renders with any number of lens samples.
 pub trait LensSampling {
-    /// Prepares to render `scene` as `plan` has it, whatever number of views it names.
+    /// Prepares to render `scene` by `plan`; the plan's number of views is not used.
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p>;
 
-    /// By how many dB 16 lens samples better the picture of one ray, and √2 times as many once more: means over scenes, for a
-    /// first guess. Those of methods that follow rays, unless a method has its own.
+    /// PSNR gain in dB of 16 lens samples over one, and of each further factor √2: means over scenes, used for a first estimate.
+    /// The default holds for methods that follow rays.
     fn gain_db(&self) -> [f64; 2] {
         [15.0, 1.8]
     }
 }
 
-/// A lens-sampling method at work on a scene.
+/// A lens-sampling method with a scene.
 pub trait Sampler {
-    /// What the picture with `views` lens samples has at `pixels`, `y · width + x` each, to within rounding. Intermediate results are
-    /// kept for the next call with as many views.
+    /// Values at `pixels`, each `y · width + x`, of the picture with `views` lens samples, to within rounding. Intermediate
+    /// results are cached for the next call with the same `views`.
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
 
-    /// The picture with `views` lens samples.
+    /// Renders the picture with `views` lens samples.
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image;
 }
 
-/// What a method is to do: a pure function of statistics and settings, and the only thing it reads beside the scene.
+/// What a method has to do: a pure function of statistics and settings. A method reads nothing else beside the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Plan {
-    /// The method that carries it out.
+    /// The method that executes the plan.
     pub method: &'static dyn Method,
-    /// Why this method.
+    /// Reason for the method.
     pub method_reason: String,
-    /// Lens samples a pixel; `None` for a method that does not sample the lens. Where there is a target, the method's own number
-    /// until the one that reaches it is found.
+    /// Lens samples per pixel; `None` for a method that does not sample the lens. With a target: the method's default until the
+    /// search has found the number that reaches it.
     pub views: Option<usize>,
-    /// What the number of views is to reach, where it is not given.
+    /// What the number of views has to reach, where the number is not fixed.
     #[serde(rename = "goal")]
     pub target: Option<Target>,
-    /// Why this number of views, or this target.
+    /// Reason for the number of views or the target.
     pub views_reason: String,
-    /// Where in the pixel the views lie, as a share of its width: 1 for samples at points, less for colours that are
-    /// averages over the pixel already.
+    /// Extent of the views' positions in the pixel, as a fraction of its width: 1 for point samples, less for colours that are
+    /// already averages over the pixel.
     pub jitter: f32,
-    /// Width of the square that a fragment stands for, in picture pixels; 0 when its colour is an average over the pixel,
-    /// which has softened every edge already.
+    /// Width of the square that a fragment represents, in picture pixels; 0 where its colour is an average over the pixel, so
+    /// that edges are already antialiased.
     pub fragment_px: f32,
-    /// What rays know of the lens beside its focus: the aperture's shape, the barrel, aberrations.
+    /// Lens properties that rays use beside focus: aperture shape, barrel, aberrations.
     pub optics: Optics,
-    /// The same with all that was requested, whether it shows or not.
+    /// The same as requested, including effects too small to be visible.
     #[serde(skip)]
     pub optics_requested: Optics,
     /// Smallest and largest signed CoC radius in picture pixels.
     pub coc_range_px: [f32; 2],
-    /// How highlights are extrapolated, where they are.
+    /// Parameters of highlight extrapolation.
     pub extrapolation: Extrapolation,
-    /// Every effect, on or off.
+    /// The decision about every effect.
     pub effects: Vec<Effect>,
-    /// The method's own parameters.
+    /// The method's parameters.
     pub parameters: Parameters,
 }
 
 impl Plan {
-    /// The most lens samples a pixel: the error of this many is below what a half float can hold.
+    /// Maximum number of lens samples per pixel: the error of this many is below the precision of a half float.
     pub const MAX_VIEWS: usize = MAX_VIEWS;
 
-    /// Lens samples a pixel, for a method that samples the lens.
+    /// Lens samples per pixel, for a method that samples the lens.
     ///
     /// # Panics
-    /// If the plan is for one that does not.
+    /// If the method does not sample the lens.
     pub fn lens_samples(&self) -> usize {
-        self.views.expect("a plan for a method that samples the lens says how often")
+        self.views.expect("a plan for a method that samples the lens has a number of views")
     }
 
     /// The plan with another number of lens samples, and no target.
@@ -254,24 +277,24 @@ impl Plan {
         found.expect("a plan has a decision about every effect")
     }
 
-    /// Whether the plan asks for `kind`.
+    /// Whether `kind` is on.
     pub fn does(&self, kind: EffectKind) -> bool {
         self.effects.iter().any(|effect| effect.name == kind && effect.on)
     }
 
-    /// The number that `kind` works with, if the plan asks for it and it has one.
+    /// Strength of `kind`, if it is on and has one.
     pub fn strength(&self, kind: EffectKind) -> Option<f32> {
         self.effects.iter().find(|effect| effect.name == kind && effect.on)?.strength
     }
 
-    /// The same plan with `kind` switched on or off, whatever the statistics say.
+    /// The plan with `kind` forced on or off, independent of the statistics.
     #[must_use]
     pub fn forced(mut self, kind: EffectKind, on: bool) -> Self {
         self.effects.iter_mut().filter(|effect| effect.name == kind).for_each(|effect| effect.force(on));
         self.with_lens_effects()
     }
 
-    /// The plan with the optics that its effects leave.
+    /// The plan with its optics reduced to the effects that are on.
     pub(super) fn with_lens_effects(mut self) -> Self {
         let does = |kind| self.does(kind);
         let requested = &self.optics_requested;

@@ -1,16 +1,17 @@
-//! What a method says of its own cost: a sum of terms, each an amount of work times what one unit of it takes.
+//! A method's cost: a sum of terms, each an amount of work times the time of one unit.
 
 use serde::Serialize;
 
-/// Kinds of work at which machines differ.
+/// Kinds of work whose relative speed differs between machines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum WorkKind {
-    /// Rows of pixels in vectors, close together in memory.
+    /// Vectorised loops over rows of pixels, contiguous in memory.
     Rows,
-    /// Rays that each look up scattered samples.
+    /// Rays that read samples scattered in memory.
     Rays,
-    /// Passes over planes as large as the picture.
+    /// Passes over planes of the picture's size.
     Planes,
 }
 
@@ -22,35 +23,35 @@ impl WorkKind {
 /// One term of a method's cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
-    /// What is counted.
+    /// The unit of work.
     pub name: &'static str,
-    /// Processor time of one unit, on the machine that the table of costs was measured on.
+    /// CPU time of one unit, on the machine that the costs were measured on.
     pub nanoseconds: f64,
-    /// How many units there are.
+    /// Number of units.
     pub amount: f64,
 }
 
-/// A [`Term`]: `amount` units of `name`, of `nanoseconds` each.
+/// Makes a [`Term`]: `amount` units of `name`, `nanoseconds` each.
 pub fn term(name: &'static str, nanoseconds: f64, amount: f64) -> Term {
     Term { name, nanoseconds, amount }
 }
 
-/// What carrying out a plan costs.
+/// Cost of executing a plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
     /// The kind of work.
     pub kind: WorkKind,
-    /// The terms, the same ones in the same order for every plan of a method.
+    /// The terms: the same names in the same order for every plan of a method.
     pub terms: Vec<Term>,
 }
 
 impl Cost {
-    /// A cost of one kind of work.
+    /// The cost of `terms`, all of one kind of work.
     pub fn new(kind: WorkKind, terms: impl Into<Vec<Term>>) -> Self {
         Self { kind, terms: terms.into() }
     }
 
-    /// Processor seconds on the machine that the table of costs was measured on.
+    /// CPU seconds on the machine that the costs were measured on.
     pub fn cpu_seconds(&self) -> f64 {
         self.terms.iter().map(|term| term.nanoseconds * term.amount).sum::<f64>() * 1e-9
     }

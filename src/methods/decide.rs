@@ -1,4 +1,4 @@
-//! DECIDE: what a method is to do about a scene, and why. The scene's effects and the method's own passes become one [`Plan`].
+//! DECIDE: makes the [`Plan`] for a method and a scene, with reasons, from the scene's effects and the method's own passes.
 
 use super::contract::{Method, Plan};
 use super::switches;
@@ -9,18 +9,17 @@ use crate::scene::{Effect, EffectKind, Extrapolation, Inputs, Scene, SceneStats,
 use crate::settings::{Effort, Origin, Parameters, Quality, Settings};
 use crate::stack::StackKind;
 
-/// Decides what `method` is to do about a scene with the statistics `stats`, whatever method `settings` name.
+/// Makes the plan of `method` for a scene with the statistics `stats`. The method that `settings` name is not used.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Settings`] for an aperture that is none, a parameter of the method or of extrapolated highlights out of its
-/// range, a number of views out of range, a flag that asks of the method what it cannot do, and an effect requested by name that is
-/// unknown or cannot be switched.
+/// [`crate::error::ErrorKind::Settings`] for an invalid aperture, a parameter of the method or of highlight extrapolation out of
+/// its range, a number of views out of range, and an effect requested by name that is unknown or cannot be switched.
 pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Settings) -> Result<Plan, Error> {
     let info = method.info();
     let parameters = method.parameters().read(info.name, &settings.parameters)?;
     let Sampling { views, target, reason: views_reason } = Sampling::decide(method, settings, &parameters)?;
     let method_reason = match settings.method.value.as_str() {
-        "auto" => "auto: nothing known is as accurate in as little time".to_owned(),
+        "auto" => "auto: no known method is as accurate in as little time".to_owned(),
         _ => format!("requested by {}", settings.method.origin),
     };
     let jitter = if stats.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
@@ -51,8 +50,7 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
     switches::apply(plan.with_lens_effects(), &settings.switches, stats)
 }
 
-/// The decision about every effect, in the order of [`EffectKind::ALL`]: those of the scene and the method's `own`; passes that the method
-/// lacks are off.
+/// The decisions of the scene and the method's `own`, in the order of [`EffectKind::ALL`]; passes that the method lacks are off.
 fn in_order(method: &dyn Method, of_scene: Vec<Effect>, own: Vec<Effect>) -> Vec<Effect> {
     let passes = method.info().effects;
     let decided: Vec<Effect> = of_scene.into_iter().chain(own).collect();
@@ -66,18 +64,18 @@ fn in_order(method: &dyn Method, of_scene: Vec<Effect>, own: Vec<Effect>) -> Vec
     EffectKind::ALL.into_iter().map(about).collect()
 }
 
-/// How the lens is to be sampled.
+/// How the lens is sampled.
 struct Sampling {
-    /// Lens samples a pixel; none for a method that does not sample the lens.
+    /// Lens samples per pixel; `None` for a method that does not sample the lens.
     views: Option<usize>,
-    /// What they are to reach, where their number is not given.
+    /// What they have to reach, where their number is not fixed.
     target: Option<Target>,
-    /// Why.
+    /// Reason for these.
     reason: String,
 }
 
 impl Sampling {
-    /// What `settings` ask for, as far as `method` can follow.
+    /// Lens sampling that `settings` request, as far as `method` supports it.
     fn decide(method: &dyn Method, settings: &Settings, parameters: &Parameters) -> Result<Self, Error> {
         let Some(own) = method.lens_samples(parameters) else {
             let reason = format!("{method} does not sample the lens");
@@ -99,14 +97,14 @@ impl Sampling {
         if views == 0 || views > MAX_VIEWS {
             return Err(Error::settings(format!("the number of views must be from 1 to {MAX_VIEWS}"))
                 .with("found", views.to_string())
-                .help("set it with --views, or in the preset's [method]"));
+                .help("set it with `views`, or in the preset's [method]"));
         }
         Ok(Self { views: Some(views), target, reason })
     }
 }
 
-/// Checks that `method` can follow an effort that a flag asks for; `able` are the names of methods that can search for a number of
-/// samples. A preset's effort is for whichever method can.
+/// Checks that `method` supports the effort that a flag requests. `able` are the names of methods that can search for a number of
+/// samples. A preset's effort is ignored by methods that do not support it.
 pub(super) fn check_effort(
     method: &dyn Method,
     settings: &Settings,
@@ -117,18 +115,20 @@ pub(super) fn check_effort(
     if !method.samples_lens() {
         return Err(Error::settings(format!("{method} does not sample the lens"))
             .with("found", requested.to_string())
-            .help(format!("leave it out; `thinlens methods {method}` shows what the method has")));
+            .help(format!("leave it out; `thinlens methods {method}` lists the method's parameters")));
     }
     if matches!(requested, Effort::Views(_)) || method.lens_sampling().is_some() {
         return Ok(());
     }
     let able: Vec<&str> = able.collect();
     Err(Error::settings(format!("{method} cannot search for the number of samples that {requested} takes"))
-        .help(format!("ask for a number with --views, or for a method that can: {}", able.join(", "))))
+        .help(format!("request a number with `views`, or use a method that can: {}", able.join(", "))))
 }
 
-/// `scene` with what the plan asks to be done to it before any method sees it, its statistics, and the plan by `decide`. The statistics
-/// are those of the scene as it is given back, but for [`SceneStats::light`], which the plan was decided from.
+/// Analyzes `scene`, makes its plan by `decide`, and applies highlight extrapolation where the plan has it on.
+///
+/// Returns the scene, its statistics and the plan. The statistics are those of the returned scene, except [`SceneStats::light`],
+/// which is that of the original scene: the plan was decided from it.
 ///
 /// # Errors
 /// Those of `decide`.
@@ -188,7 +188,7 @@ mod tests {
         decide(stats, &Values::default()).unwrap()
     }
 
-    /// The error of a plan with a parameter of `shear` set.
+    /// The error that a parameter of `shear` causes.
     fn parameter_refused(key: &str, value: impl Into<serde_json::Value>) -> String {
         let mut settings = Settings::resolve(&[], ParameterValues::default());
         settings.parameters.set("shear", key, value);
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_within_its_pixel_is_not_blurred() {
+    fn a_scene_within_half_a_pixel_of_focus_is_not_blurred() {
         let blurs = |range| plan(&SceneStats { coc_range_px: range, ..stats() }).does(EffectKind::Blur);
         assert_eq!(
             [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn only_point_samples_are_spread_over_the_pixel_and_resolved() {
+    fn only_point_samples_are_jittered_over_the_whole_pixel_and_resolved() {
         for (kind, jitter, fragment_px) in [
             (StackKind::PointSampled, 1.0, 1.0),
             (StackKind::Coverage, 0.5, 0.0),
@@ -223,12 +223,12 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_are_guessed_only_where_peels_are_few() {
+    fn the_disocclusion_fill_is_on_for_one_and_two_layers_only() {
         let fills = |layers| plan(&SceneStats { layers, ..stats() }).does(EffectKind::Fill);
         assert_eq!([fills(1), fills(2), fills(3), fills(4)], [true, true, false, false], "one and two");
     }
 
-    /// SceneStats with `fragments` of brightness 2 to 2.8 and one of 1000, whose discs cover 300 px each.
+    /// Statistics with `fragments` of luminance 2 to 2.8 and one of 1000, whose discs cover 300 px each.
     fn lights(fragments: usize) -> SceneStats {
         let step = |fragments| BrightStep { fragments, disc_area_px: 300.0 * fragments as f64 };
         let mut stats = stats();
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bright_area_does_not_become_a_million_discs() {
+    fn the_highlight_threshold_rises_until_a_bright_area_is_not_drawn_as_discs() {
         let few = plan(&lights(100));
         assert!(
             few.does(EffectKind::Highlights) && few.strength(EffectKind::Highlights) <= Some(2.0),
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_cannot_be_are_refused_by_name() {
+    fn values_out_of_range_are_refused_by_name() {
         let refused = |values| decide(&stats(), &values).unwrap_err().to_string();
         assert!(
             refused(Values { effort: Some(Effort::Views(0)), ..Values::default() })
@@ -264,16 +264,16 @@ mod tests {
             "two blades"
         );
         let error = parameter_refused("highlight_threshold", 0.4);
-        assert!(error.contains("brighter than white"), "{error}");
+        assert!(error.contains("must be 1 (white) or more"), "{error}");
     }
 
     #[test]
-    fn a_method_is_not_said_to_do_what_it_has_no_step_for() {
+    fn passes_that_a_method_lacks_are_off() {
         let values = Values { effort: Some(Effort::Views(32)), ..Values::default() };
         let settings = Settings::resolve(&[(Origin::Header, &values)], ParameterValues::default());
         let plan = plan_for(&Scatter, &lights(100), &settings).unwrap();
         assert!(!plan.does(EffectKind::Highlights), "no discs");
-        assert_eq!(plan.views, None, "a preset's views are not meant for it");
+        assert_eq!(plan.views, None, "a preset's views have no effect on it");
         let names: Vec<EffectKind> = plan.effects.iter().map(|effect| effect.name).collect();
         assert_eq!(names, EffectKind::ALL, "a decision about every effect, in order");
     }
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flag_that_a_method_cannot_follow_is_refused_and_a_presets_value_is_not() {
+    fn a_flag_that_a_method_does_not_support_is_refused_and_a_presets_value_is_not() {
         let checked = |method: &'static dyn Method, effort, origin| {
             let settings = Settings::resolve(&[], ParameterValues::default());
             let settings = Settings { effort: Sourced { value: Some(effort), origin }, ..settings };
@@ -303,10 +303,10 @@ mod tests {
         let refused = |method, effort| checked(method, effort, Origin::Flag).unwrap_err();
         assert!(refused(&Scatter, Effort::Views(32)).contains("scatter does not sample the lens"));
         let target = refused(&Gather, Effort::TargetDb(40.0));
-        assert!(target.contains("--target-db 40") && target.contains("shear, accumulate"), "{target}");
+        assert!(target.contains("`target_db = 40`") && target.contains("shear, accumulate"), "{target}");
         assert_eq!(checked(&Gather, Effort::Views(32), Origin::Flag), Ok(()));
         assert_eq!(checked(&PeelRays, Effort::TimeBudget(1.0), Origin::Flag), Ok(()));
         assert_eq!(checked(&Accumulate, Effort::TargetDb(40.0), Origin::Flag), Ok(()));
-        assert_eq!(checked(&Scatter, Effort::TargetDb(40.0), Origin::Header), Ok(()), "for whichever can");
+        assert_eq!(checked(&Scatter, Effort::TargetDb(40.0), Origin::Header), Ok(()), "ignored");
     }
 }

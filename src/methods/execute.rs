@@ -1,16 +1,16 @@
-//! Carrying out a plan: on the CPU, or on a GPU with the CPU to fall back on.
+//! Executes a plan: on the CPU, or on a GPU with the CPU as fallback.
 
 use super::contract::{Plan, Progress};
 use super::target::Target;
 use crate::error::Error;
-use crate::gpu::Gpu;
+use crate::gpu::{self, Gpu};
 use crate::image::Image;
 use crate::scene::{EffectKind, Scene};
 
-/// Carries out `plan`: the picture of `scene`, of its picture size.
+/// Renders `scene` by `plan` on the CPU, at the scene's picture size.
 ///
 /// # Errors
-/// Those of the method.
+/// Those of [`Method::blur`](super::Method::blur).
 pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
     if !plan.does(EffectKind::Blur) {
         return Ok(scene.into_pinhole());
@@ -18,19 +18,20 @@ pub fn render(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Imag
     plan.method.blur(scene, plan, progress)
 }
 
-/// Why `plan` cannot be carried out on a GPU, if it cannot.
-pub fn cpu_only_reason(plan: &Plan) -> Option<String> {
+/// Why `plan` has to run on the CPU; `None` if it can run on a GPU.
+pub(crate) fn cpu_only_reason(plan: &Plan) -> Option<String> {
     match plan.target {
-        _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU alone", plan.method)),
-        Some(Target::Time { .. }) => Some("the time that views take is known for the CPU only".to_owned()),
+        _ if !gpu::IS_SUPPORTED => Some(gpu::LOOKED_FOR.to_owned()),
+        _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU only", plan.method)),
+        Some(Target::Time { .. }) => Some("the time per view is known for the CPU only".to_owned()),
         _ => None,
     }
 }
 
-/// Carries out `plan` as [`render`] does, on `gpu`; where that fails, on the CPU, and says what failed.
+/// Renders `scene` by `plan` on `gpu`; if that fails, on the CPU, and returns the GPU's error with the picture.
 ///
 /// # Errors
-/// Those of the method on the CPU.
+/// Those of [`render`].
 pub fn render_on(
     gpu: &Gpu,
     scene: Scene,

@@ -1,64 +1,65 @@
-//! The laws of the blur, and what a method may say about them.
+//! The laws of the blur, and a method's declared deviations from them.
 //!
-//! `tests/laws.rs` holds every method to every law by measuring one figure in several cases. A method that breaks a law by
-//! design declares a [`Deviation`] beside its registration: its figures must then lie within what it declares, and one of
-//! them outside what the law allows, so that no declaration outlives its reason.
+//! `tests/laws.rs` checks every method against every law: it measures one figure in several cases. A method that breaks a law by
+//! design declares a [`Deviation`] in its [`MethodInfo`](super::MethodInfo). Its figures must then lie within the declared range,
+//! and at least one of them outside what the law allows, so that a declaration without need fails the test.
 
-/// A law, named by what it says.
+/// A law of the blur.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Law {
     /// A constant picture stays constant.
     Constancy,
     /// An isolated emitter keeps its energy.
     Energy,
-    /// An isolated emitter stays where it is.
+    /// An isolated emitter does not move.
     Place,
-    /// An isolated emitter spreads as the aperture does.
+    /// The blur of an isolated emitter has the variance of the aperture's shape.
     Spread,
-    /// A focused, opaque front hides a blurred back.
+    /// A focused, opaque foreground occludes a blurred background.
     Occlusion,
-    /// A blurred front lets the back show through its middle.
+    /// The background is visible through the middle of a blurred foreground.
     SeeThrough,
-    /// A focused back shows at full sharpness through a blurred front.
+    /// A focused background is fully sharp behind a blurred foreground.
     Sharpness,
-    /// Light through half a veil is halved.
+    /// A translucent layer of alpha 0.5 halves the light behind it.
     Veil,
-    /// An object before nothing leaves a picture with its own coverage.
+    /// The picture of an object without a background has the coverage of the object.
     Transparency,
-    /// A mirrored or turned scene gives the mirrored or turned picture.
+    /// A mirrored or rotated scene gives the mirrored or rotated picture.
     Symmetry,
-    /// A small change of focus makes a small change of picture.
+    /// A small change of focus changes the picture little.
     Continuity,
     /// A slanted surface has no cracks.
     NoCracks,
-    /// A surface steep across the corners of its samples has no cracks either.
+    /// A surface that is steep along the diagonal of its samples has no cracks.
     NoCracksAcrossCorners,
-    /// With many samples the picture is the reference's.
+    /// With many samples the picture converges to the reference's.
     Convergence,
-    /// A supersampled stack gives the picture that its samples stand for.
+    /// A supersampled stack gives the picture of the scene that its samples represent.
     Supersampling,
 }
 
 impl Law {
-    /// What is measured of it.
+    /// The figure that the law's test measures.
     pub fn figure(&self) -> &'static str {
         match self {
-            Self::Constancy => "largest difference of a constant picture",
+            Self::Constancy => "largest difference in a constant picture",
             Self::Energy => "energy of a lone point of light, after over before",
             Self::Place => "how far a lone point of light moves, in pixels",
             Self::Spread => "variance of a lone point's blur, over the aperture's",
-            Self::Occlusion => "largest difference of what is in focus before a blurred back",
+            Self::Occlusion => "largest difference in a focused foreground before a blurred background",
             Self::SeeThrough => {
-                "share of the back that shows through a blurred bar, 0.5 where nothing is missing"
+                "share of the background visible through a blurred bar, 0.5 where nothing is missing"
             }
-            Self::Sharpness => "largest difference of what is in focus behind a blurred front",
-            Self::Veil => "largest difference behind half a veil",
-            Self::Transparency => "coverage of an object before nothing, after over before",
+            Self::Sharpness => "largest difference in a focused background behind a blurred foreground",
+            Self::Veil => "largest difference behind a layer of alpha 0.5",
+            Self::Transparency => "coverage of an object without a background, after over before",
             Self::Symmetry => "dB between the picture of a mirrored scene and the mirrored picture",
             Self::Continuity => "dB between two pictures whose focus differs by 0.02 px",
             Self::NoCracks | Self::NoCracksAcrossCorners => {
-                "largest share of a bright wall that shows through a slanted surface"
+                "largest share of a bright wall visible through a slanted surface"
             }
             Self::Convergence => "dB from the reference",
             Self::Supersampling => "dB from the reference, for four samples a pixel",
@@ -69,10 +70,10 @@ impl Law {
 /// A law that a method breaks by design.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Deviation {
-    /// Which.
+    /// The law.
     pub law: Law,
-    /// Least and greatest figure ([`Law::figure`]) that the method reaches over all cases of the law's test.
+    /// Minimum and maximum of the figure ([`Law::figure`]) over all cases of the law's test.
     pub within: [f32; 2],
-    /// Why, as the method's source has it.
+    /// Reason, from the method's source.
     pub reason: &'static str,
 }

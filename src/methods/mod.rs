@@ -1,11 +1,11 @@
-//! DECIDE and BLUR: the methods, a folder each.
+//! DECIDE and BLUR: the methods, one folder per method.
 //!
-//! A method is one [`Method`]: its folder holds its parameters, the decisions about its own passes, its cost, its kernel and its GPU
-//! backend ([`contract`] says what the program asks of it). It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no I/O,
-//! prints nothing, and decides nothing that the plan could have decided.
+//! A method implements [`Method`] ([`contract`]). Its folder holds its parameters, the decisions about its own passes, its cost,
+//! its kernel and its GPU backend. It reads a [`Scene`](crate::scene::Scene) and a [`Plan`] and returns a picture. It does no
+//! I/O, prints nothing, and makes no decision that the plan could make.
 //!
-//! [`shear`] is the default, [`accumulate`] the reference; [`published`] are the papers' methods and their baselines. What several methods
-//! share is in [`shared`].
+//! [`shear`] is the default and [`accumulate`] the reference; [`published`] has the methods of papers and their baselines. Code
+//! that several methods use is in [`shared`].
 
 mod contract;
 mod cost;
@@ -21,12 +21,13 @@ mod published;
 mod shared;
 mod shear;
 
-pub use accumulate::Volume;
+pub(crate) use accumulate::Volume;
 pub use contract::{GpuBackend, LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 pub use cost::{Cost, Term, WorkKind, term};
 pub use decide::plan_for;
-pub use execute::{cpu_only_reason, render, render_on};
+pub(crate) use execute::cpu_only_reason;
+pub use execute::{render, render_on};
 pub use laws::{Deviation, Law};
 pub use registry::{METHODS, Registry};
-pub use switches::requested;
+pub(crate) use switches::requested;
 pub use target::Target;

@@ -1,4 +1,4 @@
-//! Which methods there are: the built-in ones, and any that a library's user adds.
+//! The registry of methods: the built-in ones, and those that a user of the library adds.
 
 use super::contract::{Method, Plan, Role};
 use super::decide::{check_effort, plan_for, prepare};
@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::scene::{Scene, SceneStats};
 use crate::settings::{Effort, ParameterValues, Quality, Settings, at, nearest};
 
-/// Every built-in method, in the order they are listed.
+/// The built-in methods, in the order of listings.
 pub static METHODS: [&dyn Method; 11] = [
     &shear::Shear,
     &accumulate::Accumulate,
@@ -22,7 +22,7 @@ pub static METHODS: [&dyn Method; 11] = [
     &published::scatter::Scatter,
 ];
 
-/// The methods that a job chooses from, by name.
+/// The methods that a job can name.
 #[derive(Debug, Clone)]
 pub struct Registry {
     methods: Vec<&'static dyn Method>,
@@ -36,7 +36,7 @@ impl Default for Registry {
 }
 
 impl Registry {
-    /// The registry with one more method; one that has the name of another replaces it.
+    /// Adds a method; it replaces a method of the same name.
     #[must_use]
     pub fn with(mut self, method: &'static dyn Method) -> Self {
         match self.methods.iter_mut().find(|known| known.name() == method.name()) {
@@ -46,23 +46,23 @@ impl Registry {
         self
     }
 
-    /// Every method, in the order they are listed.
+    /// All methods, in the order of listings.
     pub fn iter(&self) -> impl Iterator<Item = &'static dyn Method> {
         self.methods.iter().copied()
     }
 
-    /// The names of all methods that `has` holds for.
+    /// The names of the methods that satisfy `condition`.
     pub fn names_where(
         &self,
-        has: impl Fn(&'static dyn Method) -> bool,
+        condition: impl Fn(&'static dyn Method) -> bool,
     ) -> impl Iterator<Item = &'static str> {
-        self.iter().filter(move |&method| has(method)).map(|method| method.name())
+        self.iter().filter(move |&method| condition(method)).map(|method| method.name())
     }
 
-    /// The method called `name`; `auto` is the one of final quality.
+    /// The method called `name`; `auto` is the method for final quality.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one.
+    /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known name.
     pub fn by_name(&self, name: &str) -> Result<&'static dyn Method, Error> {
         if name == "auto" {
             return self.of_quality(Quality::Final);
@@ -77,10 +77,10 @@ impl Registry {
         })
     }
 
-    /// The method that `auto` is at `quality`: the reference for reference quality, else the default.
+    /// The method that `auto` selects at `quality`: the reference for reference quality, otherwise the default.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for a registry without such a method, which no built-in one is.
+    /// [`crate::error::ErrorKind::Settings`] for a registry without such a method; the built-in methods have both.
     fn of_quality(&self, quality: Quality) -> Result<&'static dyn Method, Error> {
         let role = if quality == Quality::Reference { Role::Reference } else { Role::Default };
         self.iter().find(|method| method.info().role == role).ok_or_else(|| {
@@ -89,7 +89,7 @@ impl Registry {
         })
     }
 
-    /// The method that `settings` ask for; `auto` is the one of the quality requested.
+    /// The method that `settings` request; `auto` is the method for the requested quality.
     ///
     /// # Errors
     /// Those of [`Registry::by_name`].
@@ -100,11 +100,11 @@ impl Registry {
         }
     }
 
-    /// Checks every parameter that `values` set, whichever method it is for.
+    /// Checks every parameter that `values` set, for all methods.
     ///
     /// # Errors
-    /// An unknown method or key, with the nearest known one, and a value that a parameter does not accept, each with its place in the
-    /// preset.
+    /// An unknown method or key, with the nearest known name, and a value that a parameter does not accept, each with its
+    /// position in the preset.
     pub fn check(&self, values: &ParameterValues) -> Result<(), Error> {
         values.iter().try_for_each(|value| {
             let Some(method) = self.iter().find(|method| method.name() == value.method) else {
@@ -120,18 +120,18 @@ impl Registry {
         })
     }
 
-    /// Decides what the method that `settings` ask for is to do about a scene with the statistics `stats`.
+    /// Makes the plan of the method that `settings` request, for a scene with the statistics `stats`.
     ///
     /// # Errors
-    /// Those of [`Registry::by_name`] and of [`plan_for`], and a flag that asks of the method what it cannot do.
+    /// Those of [`Registry::by_name`] and [`plan_for`], and a flag that the method does not support.
     pub fn plan(&self, stats: &SceneStats, settings: &Settings) -> Result<Plan, Error> {
         let method = self.chosen(settings)?;
         check_effort(method, settings, self.names_where(|method| method.lens_sampling().is_some()))?;
         plan_for(method, stats, settings)
     }
 
-    /// Analyzes `scene`, decides as [`Registry::plan`] does, and does to the scene what the plan asks to be done before any method sees
-    /// it.
+    /// Analyzes `scene`, makes its plan as [`Registry::plan`] does, and applies what the plan does to the scene before the method
+    /// runs (highlight extrapolation).
     ///
     /// # Errors
     /// Those of [`Registry::plan`].
@@ -145,21 +145,21 @@ mod tests {
     use super::*;
     use crate::settings::Preset;
 
-    /// What the methods say of a preset.
+    /// The result of checking a preset.
     fn checked(text: &str) -> Result<(), String> {
         let preset = Preset::parse(text, "my.toml").unwrap();
         Registry::default().check(&preset.parameters).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn the_tables_of_methods_are_read_beside_one_another() {
+    fn a_preset_may_have_tables_of_several_methods() {
         let text = "[method.shear]\nviews = 32\nfill = false
             [method.recursive-gaussian]\nlayers = 9\n[method.point-splat]\nintensity = [1, 0.5]";
         assert_eq!(checked(text), Ok(()));
     }
 
     #[test]
-    fn a_slip_in_a_table_of_a_method_is_shown_with_its_place() {
+    fn an_error_in_a_methods_table_is_shown_with_its_position() {
         for (text, expected, place) in [
             ("[method.shear]\nprefiltre = 1.0", "did you mean 'prefilter'?", "my.toml:2:1"),
             ("[method.shaer]\nviews = 2", "did you mean 'shear'?", "my.toml:1:9"),
@@ -198,13 +198,13 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_method_has_its_nearest_name() {
+    fn an_unknown_method_is_refused_with_the_nearest_name() {
         let error = Registry::default().by_name("sheer").unwrap_err().to_string();
         assert!(error.contains("did you mean 'shear'?"), "{error}");
     }
 
     #[test]
-    fn auto_is_the_default_and_at_reference_quality_the_reference() {
+    fn auto_is_the_default_method_and_the_reference_at_reference_quality() {
         let methods = Registry::default();
         let name = |quality| methods.of_quality(quality).unwrap().name();
         assert_eq!(Quality::ALL.map(name), ["shear", "shear", "shear", "accumulate"]);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_replaces_the_one_of_its_name() {
+    fn a_method_replaces_one_of_the_same_name() {
         let methods = Registry::default().with(&shear::Shear);
         assert_eq!(methods.iter().count(), METHODS.len());
     }

@@ -1,25 +1,26 @@
-//! What the number of lens samples is to reach, where it is not given.
+//! What the number of lens samples has to reach, where the number is not fixed.
 
 use crate::settings::Effort;
 use serde::Serialize;
 
-/// The most lens samples a pixel: the error of this many is below what a half float can hold.
+/// Maximum number of lens samples per pixel: the error of this many is below the precision of a half float.
 pub(super) const MAX_VIEWS: usize = 1 << 16;
 
-/// What the number of lens samples is to reach.
+/// What the number of lens samples has to reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Target {
     /// A sampling error.
     #[serde(rename = "target_db")]
     Error {
-        /// PSNR in dB against the stack's own truth.
+        /// PSNR in dB against the converged picture of the same stack.
         psnr_db: f64,
-        /// Lens samples past which the search ends.
+        /// Number of lens samples at which the search ends.
         #[serde(rename = "most_views")]
         max_views: usize,
     },
-    /// A time.
+    /// A time budget.
     #[serde(rename = "time_budget")]
     Time {
         /// Wall seconds of the blur.
@@ -28,7 +29,7 @@ pub enum Target {
 }
 
 impl Target {
-    /// The target of `effort`; none for a number of views.
+    /// The target of `effort`; `None` for a fixed number of views.
     pub(super) fn from_effort(effort: Effort) -> Option<Self> {
         match effort {
             Effort::Views(_) => None,

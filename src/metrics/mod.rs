@@ -30,6 +30,7 @@ pub type Rgb = [Plane; 3];
 
 /// All figures of one comparison.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct Score {
     /// [`psnr_db`] of sRGB values clipped to 0 … 1; 200 for equal pictures.
     pub psnr_db: f64,

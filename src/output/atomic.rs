@@ -1,10 +1,10 @@
-//! Files that appear whole or not at all.
+//! Atomic writes: a file is written completely or not at all.
 //!
-//! A file is filled under a temporary name in the folder of its destination and then renamed over it, so that a reader
-//! never sees half a picture and a failed run leaves the previous one as it was. What cannot be replaced by a rename
-//! (standard output, named `-`; devices and pipes) is filled in memory and sent in one go.
+//! A file is written under a temporary name in the folder of its destination and then renamed, so that a reader
+//! never sees an incomplete picture and a failed run does not change the previous one. Destinations that cannot be replaced by a rename
+//! (standard output, named `-`; devices and pipes) are written to memory first and then sent as a whole.
 //!
-//! Limits: no `fsync`; a power cut may lose the newest file. A process that is killed leaves `.thinlens-*.tmp`.
+//! Limits: no `fsync`; a power failure may lose the newest file. A killed process leaves `.thinlens-*.tmp`.
 
 use crate::error::Error;
 use std::fs::{File, Metadata, OpenOptions, Permissions};
@@ -12,17 +12,17 @@ use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// What a writer fills.
+/// The output that a writer writes to.
 pub trait Target: Write + Seek {}
 
 impl<T: Write + Seek> Target for T {}
 
-/// Where the bytes go.
+/// The destination of a write.
 enum Destination {
     Stdout,
-    /// Neither a file nor a folder: a device or a pipe, which a rename would destroy.
+    /// A device or a pipe, which a rename would destroy.
     Device,
-    /// A file in an existing folder, with links followed.
+    /// A file in an existing folder, with symbolic links resolved.
     File {
         path: PathBuf,
         replaced: Option<Permissions>,
@@ -31,8 +31,8 @@ enum Destination {
 
 /// Writes the file `path` with `fill`; `-` is standard output.
 ///
-/// A new file has the permissions of the process's mask, a replaced one keeps its own. If `fill` or the disk fails, the
-/// file at `path` is what it was before.
+/// A new file has the permissions of the process's umask, a replaced file keeps its own. If `fill` or the disk fails, the
+/// file at `path` is unchanged.
 ///
 /// # Errors
 /// Those of [`check_writable`], those of `fill`, and those of the disk.
@@ -67,10 +67,10 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     write(path, |target| target.write_all(text.as_bytes()).map_err(|error| failed(path, error)))
 }
 
-/// Checks, before the work begins, that [`write()`] can put a file at `path`.
+/// Checks, before any work starts, that [`write()`] can write the file `path`.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Output`] if the folder is missing, is no folder or takes no new file, and if `path` is a
+/// [`crate::error::ErrorKind::Output`] if the folder is missing, is not a folder or is not writable, and if `path` is a
 /// folder or a write-protected file.
 pub fn check_writable(path: &Path) -> Result<(), Error> {
     match destination(path)? {
@@ -85,13 +85,13 @@ pub fn check_writable(path: &Path) -> Result<(), Error> {
 pub(super) fn failed(path: &Path, error: io::Error) -> Error {
     let (what, help) = match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-            ("no space left for the output file", Some("free some space, or write to another disk with -o"))
+            ("no space left for the output file", Some("free some space, or write to another disk"))
         }
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => (
-            "the output file may not be written",
-            Some("write to another folder with -o, or change the folder's permissions"),
+            "no permission to write the output file",
+            Some("write to another folder, or change the folder's permissions"),
         ),
-        io::ErrorKind::BrokenPipe => ("the reader of the output has gone", None),
+        io::ErrorKind::BrokenPipe => ("the reader of the output has closed it", None),
         _ => ("the output file cannot be written", None),
     };
     let error = Error::output(what).in_file(path).caused_by(error);
@@ -101,7 +101,7 @@ pub(super) fn failed(path: &Path, error: io::Error) -> Error {
     }
 }
 
-/// Fills a temporary beside `file` and renames it; `path` is the name in errors.
+/// Writes a temporary file beside `file` and renames it; `path` is the name in errors.
 fn replace(
     path: &Path,
     file: &Path,
@@ -119,11 +119,11 @@ fn replace(
     temporary.persist(file).map(|_: File| ()).map_err(|error| failed(path, error.error))
 }
 
-/// An empty file in the folder of `path`, removed when dropped.
+/// An empty temporary file in the folder of `path`, removed when dropped.
 fn temporary(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".thinlens-").suffix(".tmp");
-    // The crate's own default is 0600: right for secrets, not for a frame that the rest of the farm reads.
+    // The default of `tempfile` is 0600, but other users of a render farm must be able to read the frame.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder(path))
@@ -147,7 +147,7 @@ fn destination(path: &Path) -> Result<Destination, Error> {
 }
 
 fn is_a_folder(path: &Path) -> Error {
-    Error::output("the output is a folder").in_file(path).help("give -o the name of a file in that folder")
+    Error::output("the output is a folder").in_file(path).help("name a file in that folder")
 }
 
 fn existing(path: &Path, metadata: &Metadata) -> Result<Destination, Error> {
@@ -160,14 +160,14 @@ fn existing(path: &Path, metadata: &Metadata) -> Result<Destination, Error> {
     if metadata.permissions().readonly() {
         return Err(Error::output("the output file exists and is write-protected")
             .in_file(path)
-            .help("remove it, lift its protection, or write another file with -o"));
+            .help("remove it, make it writable, or write to another file"));
     }
-    // A rename onto a link would replace the link, not the file it leads to.
+    // A rename would replace a symbolic link, not its target.
     let path = path.canonicalize().map_err(|error| failed(path, error))?;
     Ok(Destination::File { path, replaced: Some(metadata.permissions()) })
 }
 
-/// The folder that `path` lies in.
+/// The folder of `path`.
 fn folder(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -228,7 +228,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_new_file_has_the_permissions_of_the_mask_and_an_old_one_keeps_its_own() {
+    fn a_new_file_has_the_permissions_of_the_umask_and_a_replaced_one_keeps_its_own() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
@@ -259,7 +259,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_full_device_is_named_and_stays_a_device() {
+    fn a_full_device_is_an_error_and_stays_a_device() {
         let path = Path::new("/dev/full");
         let error = write(path, |target| {
             target.write_all(b"something").unwrap();
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_found_before_the_work_with_its_cure() {
+    fn a_missing_folder_is_reported_before_any_work_with_a_command_that_creates_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("missing/a.exr");
         let text = check_writable(&path).unwrap_err().to_string();
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_or_a_protected_file_is_no_output() {
+    fn a_folder_and_a_write_protected_file_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         assert!(check_writable(folder.path()).unwrap_err().to_string().contains("is a folder"));
         let named_as_one = folder.path().join("new/");
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn checking_leaves_nothing_behind() {
+    fn checking_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         check_writable(&folder.path().join("a.exr")).unwrap();
         check_writable(Path::new("-")).unwrap();
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_folder_says_what_to_do() {
+    fn the_error_of_a_folder_without_permission_has_a_help() {
         let error = failed(Path::new("a/b.exr"), io::Error::from(io::ErrorKind::PermissionDenied));
         assert!(
             error.to_string().contains("  in: a/b.exr") && error.to_string().contains("help:"),

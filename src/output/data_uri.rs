@@ -1,4 +1,6 @@
-//! Pictures as data URIs, for pages that hold everything they show.
+//! Pictures as data URIs, for self-contained pages.
+
+pub(crate) use super::png::Rgb8;
 
 use crate::error::Error;
 use base64::Engine as _;
@@ -7,25 +9,14 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageResult};
 
-/// Quality of JPEG, of 100: what it loses is not seen.
+/// JPEG quality from 1 to 100, without visible loss.
 const JPEG_QUALITY: u8 = 90;
 
-/// An opaque picture of 8 bits a value.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rgb8 {
-    /// Width in pixels.
-    pub width: usize,
-    /// Height in pixels.
-    pub height: usize,
-    /// Red, green and blue of each pixel, row by row.
-    pub bytes: Vec<u8>,
-}
-
-/// `picture` without loss, as small as it gets.
+/// `picture` as PNG, with the strongest compression.
 ///
 /// # Errors
 /// A picture without pixels, or of a size that PNG cannot hold.
-pub fn png(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn png(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive);
     encode(encoder, picture)?;
@@ -36,7 +27,7 @@ pub fn png(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// A picture without pixels, or wider or higher than 65535.
-pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn jpeg(picture: &Rgb8) -> Result<String, Error> {
     let mut file = Vec::new();
     encode(JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY), picture)?;
     Ok(uri("jpeg", &file))
@@ -46,7 +37,7 @@ pub fn jpeg(picture: &Rgb8) -> Result<String, Error> {
 ///
 /// # Errors
 /// Those of [`png`] and [`jpeg`].
-pub fn smaller(picture: &Rgb8) -> Result<String, Error> {
+pub(crate) fn smaller(picture: &Rgb8) -> Result<String, Error> {
     let [png, jpeg] = [png(picture)?, jpeg(picture)?];
     Ok(if png.len() < jpeg.len() { png } else { jpeg })
 }
@@ -57,7 +48,7 @@ fn encode(encoder: impl ImageEncoder, picture: &Rgb8) -> Result<(), Error> {
     let written: ImageResult<()> =
         encoder.write_image(&picture.bytes, width, height, ExtendedColorType::Rgb8);
     written.map_err(|cause| {
-        Error::output("a picture cannot be put into the page")
+        Error::output("a picture cannot be encoded for the page")
             .with("size", format!("{width}×{height}"))
             .caused_by(cause)
     })
@@ -82,14 +73,14 @@ mod tests {
     }
 
     #[test]
-    fn a_png_is_the_picture_bit_for_bit() {
+    fn a_png_has_the_picture_bit_for_bit() {
         let uri = png(&noise()).unwrap();
         assert!(uri.starts_with("data:image/png;base64,"), "{uri}");
         assert_eq!(decoded(&uri).into_raw(), noise().bytes);
     }
 
     #[test]
-    fn a_jpeg_is_nearly_the_picture() {
+    fn a_jpeg_is_close_to_the_picture() {
         let grey = Rgb8 { width: 9, height: 5, bytes: vec![100; 9 * 5 * 3] };
         let image = decoded(&jpeg(&grey).unwrap());
         assert_eq!(image.dimensions(), (9, 5));
@@ -97,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smaller_one_is_chosen() {
+    fn the_smaller_of_png_and_jpeg_is_chosen() {
         let flat = Rgb8 { width: 64, height: 64, bytes: vec![0; 64 * 64 * 3] };
         assert!(smaller(&flat).unwrap().starts_with("data:image/png"));
         let soft = (0..128 * 128 * 3).map(|i| noise().bytes[i / 3 % 97] / 4 + 90).collect();

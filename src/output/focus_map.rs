@@ -1,14 +1,13 @@
-//! Where focus lies, as a picture: the pinhole picture tinted by zone, with lines of equal blur and the plane of focus.
+//! The focus map: the pinhole picture tinted by focus zone, with contours of the CoC radius and the plane of focus.
 //!
-//! *Zones.* What is in focus keeps its colours; what is in front of focus is orange, what is behind it blue, stronger with every
-//! doubling of the blur: two hues that every kind of colour vision tells apart, and lines that differ in lightness as well.
+//! *Zones.* Pixels in focus keep their colours; in front of focus they are orange, behind focus blue, stronger with every
+//! doubling of the CoC radius. Every kind of colour vision distinguishes these two hues, and the lines also differ in lightness.
 //!
-//! *Lines* are drawn on surfaces, not along their edges: [`surface::continues`] says which pixels are of one.
+//! *Lines* are drawn on surfaces, not along their edges: [`surface::continues`] decides whether neighbours are on one surface.
 //!
-//! Cost: a look at the neighbours of each pixel. Memory: the picture, once. Limits: lines are as wide as pixels, however many there are.
+//! Cost: reads the neighbours of each pixel. Memory: one picture. Limits: the width of lines is fixed in pixels, whatever the resolution.
 
-use super::data_uri::Rgb8;
-use super::png;
+use super::png::{self, Rgb8};
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;
@@ -16,7 +15,7 @@ use crate::scene::{Scene, surface};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// A change of sign by less than this is rounding, on a surface that lies in the plane of focus.
+/// A smaller change across a sign change is rounding, on a surface in the plane of focus.
 const MIN_STEP_PX: f32 = 1e-3;
 
 /// Hue in front of focus: orange (an sRGB value, as all colours here).
@@ -25,13 +24,13 @@ const NEAR: [f32; 3] = [0.90, 0.50, 0.05];
 /// Hue behind focus: blue.
 const FAR: [f32; 3] = [0.05, 0.42, 0.85];
 
-/// Lines of equal blur in front of focus: dark.
+/// Contours in front of focus: dark.
 const NEAR_LINE: [f32; 3] = [0.25, 0.08, 0.0];
 
-/// Lines of equal blur behind focus: light.
+/// Contours behind focus: light.
 const FAR_LINE: [f32; 3] = [0.80, 0.93, 1.0];
 
-/// The plane of focus, the pixel before it and the one behind: black beside white shows on any picture.
+/// The pixels in front of and behind the plane of focus: black beside white is visible on any picture.
 const FOCUS_LINE: [[f32; 3]; 2] = [[0.0; 3], [1.0; 3]];
 
 /// A line through a pixel.
@@ -39,7 +38,7 @@ const FOCUS_LINE: [[f32; 3]; 2] = [[0.0; 3], [1.0; 3]];
 enum Line {
     /// The plane of focus.
     Focus,
-    /// CoC radius is 1, 2, 4, … px.
+    /// A CoC radius of 1, 2, 4, … px.
     Contour,
 }
 
@@ -65,7 +64,7 @@ fn picture(scene: &Scene, coc_px: &Plane) -> Rgb8 {
     Rgb8 { width, height, bytes: pixels.into_flattened() }
 }
 
-/// The map's colour where the picture shows `shown` at CoC radius `coc_px`, with `line` through it.
+/// The map's colour for a pixel of the pinhole picture `shown` (sRGB) with CoC radius `coc_px` and `line`.
 fn color(shown: [f32; 3], coc_px: f32, line: Option<Line>) -> [f32; 3] {
     match line {
         Some(Line::Focus) => FOCUS_LINE[usize::from(coc_px >= 0.0)],
@@ -75,31 +74,31 @@ fn color(shown: [f32; 3], coc_px: f32, line: Option<Line>) -> [f32; 3] {
     }
 }
 
-/// `shown`, darker and in the hue of its zone; as it is in focus, and where there is nothing.
+/// `shown`, darkened and tinted with the hue of its zone; unchanged in focus and without a surface.
 fn tinted(shown: [f32; 3], coc_px: f32) -> [f32; 3] {
     let doublings = level(coc_px);
     if doublings == 0 {
         return shown;
     }
     let [r, g, b] = shown;
-    // Luma of Rec. 709: how light it looks is what is left of the picture.
+    // Luma (Rec. 709): the tinted picture keeps its lightness only.
     let grey = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let strength = (0.30 + 0.05 * doublings as f32).min(0.6);
     mix([0.85 * grey; 3], if coc_px < 0.0 { NEAR } else { FAR }, strength)
 }
 
-/// `share` of `b` in `a`.
+/// Linear interpolation from `a` to `b` by `share`.
 fn mix(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
 }
 
-/// How many of the CoC radii 1, 2, 4, … px `coc_px` has reached; none for NaN.
+/// The number of the contours 1, 2, 4, … px that `coc_px` reaches; 0 for NaN.
 fn level(coc_px: f32) -> i32 {
     let doublings = (coc_px.abs() / SHARP_COC_PX).log2().floor();
     if doublings >= 0.0 { doublings as i32 + 1 } else { 0 }
 }
 
-/// The line through pixel `x, y`. That of the plane of focus is two pixels wide on either side.
+/// The line through pixel `x, y`. The line of the plane of focus is two pixels wide on each side.
 fn line(coc_px: &Plane, x: usize, y: usize) -> Option<Line> {
     let [left, right, above, below] = steps(coc_px, x, y);
     let beside = |step: Step, x: usize, y: usize| step.joined() && meets_focus(coc_px, x, y);
@@ -120,11 +119,11 @@ fn meets_focus(coc_px: &Plane, x: usize, y: usize) -> bool {
     steps(coc_px, x, y).into_iter().any(|step| step.joined() && step.crosses_focus())
 }
 
-/// The CoC radii of a pixel's neighbour on the one side, the pixel, its neighbour on the other, and the one after that.
+/// The CoC radii of four consecutive pixels; the step is from the second to the third.
 #[derive(Debug, Clone, Copy)]
 struct Step([f32; 4]);
 
-/// The steps to the left, to the right, up and down; NaN past the border.
+/// The steps from a pixel to the left, right, up and down; NaN outside the picture.
 fn steps(coc_px: &Plane, x: usize, y: usize) -> [Step; 4] {
     let at = |dx: isize, dy: isize| match (x.checked_add_signed(dx), y.checked_add_signed(dy)) {
         (Some(x), Some(y)) if x < coc_px.width() && y < coc_px.height() => coc_px.get(x, y),
@@ -135,7 +134,7 @@ fn steps(coc_px: &Plane, x: usize, y: usize) -> [Step; 4] {
 }
 
 impl Step {
-    /// Whether it stays on one surface.
+    /// Whether both pixels are on one surface.
     fn joined(self) -> bool {
         surface::continues(self.0)
     }
@@ -164,13 +163,13 @@ mod tests {
     }
 
     #[test]
-    fn the_plane_of_focus_is_a_line_where_a_surface_passes_through_it() {
+    fn a_surface_that_crosses_the_plane_of_focus_has_a_line_there() {
         let found = lines([-0.95, -0.75, -0.25, 0.25, 0.75, 0.95]);
-        assert_eq!(found, [None, FOCUS, FOCUS, FOCUS, FOCUS, None], "two pixels on either side");
+        assert_eq!(found, [None, FOCUS, FOCUS, FOCUS, FOCUS, None], "two pixels on each side");
     }
 
     #[test]
-    fn lines_of_equal_blur_stand_at_the_powers_of_two() {
+    fn contours_are_at_powers_of_two() {
         let found = lines([0.7, 0.9, 1.1, 1.5, 1.9, 2.1, 2.5]);
         let contours: Vec<usize> = (0..7).filter(|&x| found[x] == Some(Line::Contour)).collect();
         assert_eq!(contours, [1, 4], "before 1 and before 2");
@@ -181,11 +180,11 @@ mod tests {
     fn steep_surfaces_have_lines_and_edges_between_surfaces_have_none() {
         assert_eq!(lines([1.0, 3.0, 5.0, 7.0])[0], Some(Line::Contour), "a slope of 2 px a pixel");
         assert_eq!(lines([-3.0, -3.0, 5.0, 5.0]), [None; 4], "an object in front of another");
-        assert_eq!(lines([5.0, 5.0, f32::NAN, f32::NAN]), [None; 4], "an object in front of nothing");
+        assert_eq!(lines([5.0, 5.0, f32::NAN, f32::NAN]), [None; 4], "an object in front of the background");
     }
 
     #[test]
-    fn rounding_draws_no_line_on_what_lies_in_the_plane_of_focus() {
+    fn rounding_draws_no_line_on_a_surface_in_the_plane_of_focus() {
         assert_eq!(lines([1e-5, -1e-5, 1e-5, -1e-5]), [None; 4]);
     }
 
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn in_focus_colours_are_kept_and_the_zones_turn_orange_and_blue() {
+    fn colours_in_focus_are_kept_and_other_zones_are_orange_and_blue() {
         let shown = [0.2, 0.6, 0.3];
         assert_eq!(color(shown, 0.9, None), shown);
         assert_eq!(color(shown, f32::NAN, None), shown);

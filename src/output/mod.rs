@@ -1,9 +1,11 @@
-//! WRITE: pictures and reports. Knows the formats it writes and how to put a file in place whole or not at all.
+//! WRITE: pictures and reports: the output formats and atomic writes.
 //!
-//! Every writer goes through [`atomic::write()`]; none of them opens a file itself.
+//! Every writer uses [`atomic::write()`]; none of them opens a file itself.
 
+#[doc(hidden)]
 pub mod atomic;
-pub mod data_uri;
+#[cfg(feature = "cli")]
+pub(crate) mod data_uri;
 pub mod exr;
 pub mod focus_map;
 pub mod png;

@@ -1,7 +1,6 @@
-//! PNG: an 8-bit sRGB preview, for eyes. What a pipeline reads is the EXR.
+//! PNG: 8-bit sRGB previews for viewing. Pipelines read the EXR.
 
 use super::atomic;
-use super::data_uri::Rgb8;
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
 use image::codecs::png::PngEncoder;
@@ -12,10 +11,21 @@ use std::path::Path;
 /// Width of the strip between pictures side by side, in pixels.
 const GAP_PX: usize = 8;
 
-/// Grey of that strip, an 8-bit value.
+/// Grey of that strip, as an 8-bit value.
 const GAP_GREY: u8 = 32;
 
-/// 8-bit pixels, ready to encode.
+/// An opaque picture with 8 bits per value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Rgb8 {
+    /// Width in pixels.
+    pub(crate) width: usize,
+    /// Height in pixels.
+    pub(crate) height: usize,
+    /// Red, green and blue of each pixel, row by row.
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// 8-bit pixels to encode.
 struct Pixels {
     width: usize,
     height: usize,
@@ -23,10 +33,10 @@ struct Pixels {
     bytes: Vec<u8>,
 }
 
-/// Writes `image`, made brighter by `exposure_stops`, as sRGB to the file `path` (`-`: standard output).
+/// Writes `image` with an exposure of `exposure_stops` as sRGB to the file `path` (`-`: standard output).
 ///
 /// Values are clipped to 0 … 1; NaN is black. An opaque picture is written as RGB, any other as RGBA with the colour
-/// divided by alpha, because PNG keeps the two apart; light without any alpha is lost there.
+/// divided by alpha, because PNG has straight alpha; colour where alpha is 0 is lost.
 ///
 /// # Errors
 /// As [`atomic::write()`].
@@ -46,10 +56,10 @@ pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Erro
     write_pixels(path, &Pixels { width: image.width(), height: image.height(), color, bytes })
 }
 
-/// Writes `images` from left to right with a narrow grey strip between them, over black, aligned at the top.
+/// Writes `images` from left to right, over black, aligned at the top, with a narrow grey strip between them.
 ///
 /// # Errors
-/// As [`atomic::write()`], and if there is no picture.
+/// As [`atomic::write()`], and for no picture.
 pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -> Result<(), Error> {
     let gain = exposure_stops.exp2();
     let height = images.iter().map(|image| image.height()).max().unwrap_or(0);
@@ -71,17 +81,18 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
 }
 
-/// Writes `plane`, 0 … 1, as a picture in false colour: black for 0 through purple and orange to pale yellow for 1
-/// (matplotlib's magma, in which equal steps look equal).
+/// Writes `plane`, 0 … 1, in false colour: from black for 0 through purple and orange to pale yellow for 1
+/// (matplotlib's magma, which is perceptually uniform).
 ///
 /// # Errors
 /// As [`atomic::write()`].
+#[cfg(feature = "cli")]
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
 }
 
-/// Writes `plane`, 0 … 1, as a grey mask: 8 bits a value in proportion to it, not sRGB.
+/// Writes `plane`, 0 … 1, as a grey mask: 8 bits per value, linear, not sRGB.
 ///
 /// # Errors
 /// As [`atomic::write()`].
@@ -91,7 +102,7 @@ pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
     write_pixels(path, &Pixels { width, height, color: ExtendedColorType::L8, bytes })
 }
 
-/// Writes `picture` as it is.
+/// Writes `picture` unchanged.
 ///
 /// # Errors
 /// As [`atomic::write()`], and for a picture without pixels.
@@ -101,7 +112,8 @@ pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
 }
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
-pub fn false_color(plane: &Plane) -> Vec<u8> {
+#[cfg(feature = "cli")]
+pub(crate) fn false_color(plane: &Plane) -> Vec<u8> {
     let mut bytes = vec![0; plane.width() * plane.height() * 3];
     fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {
         for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {
@@ -111,7 +123,7 @@ pub fn false_color(plane: &Plane) -> Vec<u8> {
     bytes
 }
 
-/// Calls `fill` with every row in parallel. (`par_chunks` cannot cut into rows of nothing.)
+/// Calls `fill` with every row in parallel. An empty picture has no rows: `par_chunks_mut` panics at a size of 0.
 fn fill_rows(bytes: &mut [u8], row_bytes: usize, height: usize, fill: impl Fn(usize, &mut [u8]) + Sync) {
     if row_bytes * height > 0 {
         bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| fill(y, row));
@@ -137,7 +149,7 @@ fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
     })
 }
 
-/// A linear value as an 8-bit sRGB value.
+/// Encodes a linear value as 8-bit sRGB.
 fn encode(linear: f32) -> u8 {
     to_8_bit(srgb_encode(linear))
 }

@@ -1,5 +1,4 @@
-//! The report of a run, as JSON: what was read, understood, decided and spent. Other people's scripts read it, so keys are
-//! only ever added.
+//! The JSON report of a render: input, settings, decisions and costs. Scripts of users read it: keys are added, never changed.
 
 use super::atomic;
 use crate::error::Error;
@@ -14,7 +13,7 @@ use crate::usage::Seconds;
 use serde::Serialize;
 use std::path::Path;
 
-/// One run.
+/// The report of one render.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// Version of this tool.
@@ -25,58 +24,58 @@ pub struct Report {
     pub output: String,
     /// Name of the method.
     pub method: &'static str,
-    /// What the blur ran on.
+    /// The device of the blur.
     pub device: Device,
     /// The lens, each value with its origin.
     pub lens: LensReport,
-    /// The picture beside its lens, each value with its origin.
+    /// The settings of the picture, each value with its origin.
     pub picture: PictureSettings,
-    /// What was read.
+    /// The stack.
     pub stack: StackReport,
-    /// What was decided.
+    /// The plan.
     pub plan: PlanReport,
-    /// Lens samples a pixel; `null` for a method that does not sample the lens.
+    /// Lens samples per pixel; `null` for a method that does not sample the lens.
     pub views: Option<usize>,
-    /// How the number of lens samples was found, where it was not given.
+    /// How the number of lens samples was found, if it was not given.
     pub dial: Option<serde_json::Value>,
     /// Wall time by stage.
     pub seconds: Seconds,
-    /// Processor time in all.
+    /// Total processor time.
     pub cpu_seconds: f64,
     /// Processor time by stage.
     pub cpu_seconds_by_stage: Seconds,
     /// Threads of the pool.
     pub threads: usize,
-    /// The most memory held, where the system says.
+    /// Peak memory, if the system provides it.
     pub peak_memory_bytes: Option<u64>,
-    /// The measured sampling error, where one was asked for.
+    /// The measured sampling error, if requested.
     pub probe: Option<serde_json::Value>,
-    /// How much of the picture the stack knows, where that was asked for.
+    /// The confidence mask, if requested.
     pub confidence: Option<Confidence>,
-    /// Every conclusion drawn from the input.
+    /// Every finding about the input.
     pub findings: Vec<Finding>,
-    /// Texts of the findings that the user should look at.
+    /// Texts of the findings that are warnings.
     pub warnings: Vec<String>,
 }
 
-/// How much of the picture's light comes from what the stack knows.
+/// The share of the picture's light that comes from surfaces in the stack.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Confidence {
-    /// The mask that was written.
+    /// File of the mask.
     pub file: String,
     /// Its mean over all pixels, 0 … 1.
     pub mean: f64,
 }
 
 impl Confidence {
-    /// Of the mask `known`, written to `path`.
+    /// The summary of the mask `known`, written to `path`.
     pub fn new(path: &Path, known: &Plane) -> Self {
         let sum: f64 = known.values().iter().map(|&value| f64::from(value)).sum();
         Self { file: path.display().to_string(), mean: sum / known.values().len().max(1) as f64 }
     }
 }
 
-/// What the blur ran on.
+/// The device of the blur.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Device {
     /// `cpu` or `gpu`.
@@ -85,24 +84,24 @@ pub struct Device {
     pub name: String,
     /// Why it was chosen.
     pub reason: String,
-    /// What a GPU spent its time on; absent where none was at work.
+    /// GPU times by pass; absent without a GPU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu: Option<serde_json::Value>,
 }
 
-/// The lens as it was set, and what follows.
+/// The settings of the lens, and values derived from them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LensReport {
     /// Every value with its origin; an infinite f-number is `null`.
     #[serde(flatten)]
     pub settings: LensSettings,
-    /// The planar distance that came out as in focus, in depth units.
+    /// The planar focus distance in depth units.
     pub focus_distance: f32,
     /// CoC radius at infinity in pixels.
     pub c_inf: f32,
 }
 
-/// What was decided.
+/// The decisions of the plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PlanReport {
     /// Why this method.
@@ -113,7 +112,7 @@ pub struct PlanReport {
     pub parameters: serde_json::Value,
 }
 
-/// What was read.
+/// The properties of the stack.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StackReport {
     /// Width of the data window in samples.
@@ -122,11 +121,11 @@ pub struct StackReport {
     pub height: usize,
     /// Number of peels.
     pub peels: usize,
-    /// What the fragments stand for.
+    /// What the fragments represent.
     pub kind: StackKind,
-    /// Samples a picture pixel along each axis.
+    /// Samples per picture pixel along each axis.
     pub supersample: usize,
-    /// How depth is written.
+    /// The depth convention.
     pub convention: DepthConvention,
     /// Numeric type of the colour channels.
     pub precision: Precision,
@@ -168,13 +167,13 @@ impl From<&Stack> for StackReport {
 }
 
 impl Report {
-    /// The texts of `findings` that the user should look at.
+    /// The texts of the warnings in `findings`.
     pub fn warnings(findings: &[Finding]) -> Vec<String> {
         findings.iter().filter(|finding| finding.warning).map(|finding| finding.text.clone()).collect()
     }
 }
 
-/// Writes `value` as indented JSON to the file `path` (`-`: standard output). Numbers that JSON lacks become `null`.
+/// Writes `value` as indented JSON to the file `path` (`-`: standard output). Infinite and NaN values become `null`.
 ///
 /// # Errors
 /// As [`atomic::write()`].

@@ -29,13 +29,14 @@
 
 mod peels;
 
-pub use peels::{LOST_RAYS_SHARE, PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
+#[cfg(feature = "cli")]
+pub(crate) use peels::PEELS_ENOUGH_DB;
+pub use peels::{PeelsSeen, peels_seen};
 
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::Rays;
-use crate::methods::Plan;
-use crate::methods::Volume;
+use crate::methods::{Plan, Volume};
 use crate::metrics::displayed;
 use crate::scene::{EffectKind, Layer, Scene};
 use fastrand::Rng;
@@ -72,6 +73,7 @@ pub const MANY_RAYS: usize = 1024;
 
 /// The sampling error of a picture, as estimated from probes.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct ErrorEstimate {
     /// PSNR in dB of sRGB values clipped to 0 … 1 against the stack's truth; `None` if no error is measurable.
     pub psnr_db: Option<f64>,
@@ -218,7 +220,7 @@ impl Probes {
     }
 
     /// The error estimate for `image`.
-    pub fn estimate_image(&self, image: &Image) -> ErrorEstimate {
+    pub(crate) fn estimate_image(&self, image: &Image) -> ErrorEstimate {
         let width = image.width();
         let value =
             |pixel: usize| image.planes.each_ref().map(|plane| plane.get(pixel % width, pixel / width));

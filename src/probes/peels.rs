@@ -12,19 +12,18 @@
 
 use super::{PixelTracer, ProbeSites, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
-use crate::methods::Plan;
-use crate::methods::Volume;
+use crate::methods::{Plan, Volume};
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;
 
 /// PSNR in dB from which fewer layers suffice: a third of the squared error of final quality, 45 dB.
-pub const PEELS_ENOUGH_DB: f64 = 50.0;
+pub(crate) const PEELS_ENOUGH_DB: f64 = 50.0;
 
 /// Share of lost rays from which on further layers would contribute. The first two peels of a synthetic table scene lose 0.1 % and give a
 /// picture within 57 dB of that of all four, those of a fence lose 2.4 % and are within 36 dB: by proportion, 50 dB correspond to 0.5 %
 /// and to 0.1 %. The limit lies between the two.
-pub const LOST_RAYS_SHARE: f64 = 2e-3;
+pub(super) const LOST_RAYS_SHARE: f64 = 2e-3;
 
 /// Number of probed pixels. The contribution of deep peels is rare: where the whole pictures of two peels and of four differ by 57.0 dB,
 /// on a synthetic table scene, 400 pixels estimate 61.9 dB and 1600 pixels 60.3 dB.
@@ -35,6 +34,7 @@ const RAYS: usize = 64;
 
 /// The contribution of a stack's layers to the picture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct PeelsSeen {
     /// Number of layers of the stack.
     pub layers: usize,

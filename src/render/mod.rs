@@ -5,17 +5,13 @@
 
 mod paint;
 
-use crate::confidence;
 use crate::cost::{self, Calibration, Remark};
 use crate::error::Error;
 use crate::finding::Finding;
-use crate::finish;
 use crate::gpu::{self, Device, DeviceChoice, Gpu, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
-use crate::methods::{self, Progress, Registry};
-use crate::methods::{Plan, Target};
-use crate::output;
+use crate::methods::{self, Plan, Progress, Registry, Target};
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::probes::{self, ErrorEstimate};
 use crate::sample_budget::Outcome;
@@ -24,6 +20,7 @@ use crate::settings::{Border, DepthConvention, Focus, Mask, Origin, Preset, Sett
 use crate::stack::depth::DepthScale;
 use crate::stack::{self, Frame, ReadOptions, Source, Stack, Window};
 use crate::usage::{self, Stage, StageClock};
+use crate::{confidence, finish, output};
 use paint::Painted;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,6 +35,8 @@ pub struct NamedPreset {
 }
 
 /// Everything that decides one picture.
+///
+/// Fields are added with new settings: make one by [`Job::new`], or end its expression with `..Job::default()`.
 #[derive(Debug, Clone, Default)]
 pub struct Job {
     /// The stack's files.
@@ -64,8 +63,34 @@ pub struct Job {
     pub confidence: bool,
 }
 
+impl Job {
+    /// The stack in the files `sources`, with the default lens.
+    pub fn new(sources: impl IntoIterator<Item = Source>) -> Self {
+        Self { sources: sources.into_iter().collect(), ..Self::default() }
+    }
+
+    /// The job with `preset`, called `name` where origins are shown.
+    #[must_use]
+    pub fn with_preset(self, name: impl Into<String>, preset: Preset) -> Self {
+        Self { preset: Some(NamedPreset { name: name.into(), preset }), ..self }
+    }
+
+    /// The job with `values`, which outrank the preset.
+    #[must_use]
+    pub fn with_values(self, values: Values) -> Self {
+        Self { flags: values, ..self }
+    }
+
+    /// The job with `methods` to choose from.
+    #[must_use]
+    pub fn with_methods(self, methods: Registry) -> Self {
+        Self { methods, ..self }
+    }
+}
+
 /// A job up to its plan.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Prepared {
     /// What was read; its peels have moved into the scene.
     pub stack: Stack,
@@ -99,6 +124,7 @@ pub struct Prepared {
 
 /// A job carried out.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Rendered {
     /// The picture, of the size of the frame's data window.
     pub image: Image,
@@ -141,15 +167,45 @@ pub fn prepare(job: &Job) -> Result<Prepared, Error> {
 ///
 /// # Errors
 /// Those of [`prepare`].
-pub fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
+pub(crate) fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, Error> {
     let mut clock = StageClock::start();
+    let demanded = checked(job, open)?;
+    clock.skip();
+    let stack = stack::read(&job.sources, &read_options(job))?;
+    clock.lap(Stage::Read);
+    plan_stack(stack, job, clock, (demanded, open))
+}
+
+/// Decides what to do with `stack`, which was read before or made of planes in memory ([`Stack::from_peels`]).
+///
+/// What `job` says of reading does not count: its sources, its read options, and the values `convention` and `supersample`, of
+/// which the stack has its own. Focus keys need [`Job::frame`].
+///
+/// # Errors
+/// Those of the lens and of the plan; a setting out of its range, an unknown method or effect.
+pub fn prepare_stack(stack: Stack, job: &Job) -> Result<Prepared, Error> {
+    let clock = StageClock::start();
+    let demanded = checked(job, &Gpu::open)?;
+    plan_stack(stack, job, clock, (demanded, &Gpu::open))
+}
+
+/// Checks what can be checked without a stack; the GPU that the job insists on.
+fn checked(job: &Job, open: gpu::Open<'_>) -> Result<Option<Gpu>, Error> {
     user_layers(job).try_for_each(|(_, values)| values.check())?;
     check_methods(job)?;
     let demanded = gpu::demanded(job.device, open)?;
     methods::requested(&job.switches)?;
+    Ok(demanded)
+}
+
+/// The job up to its plan, from its stack on; `gpu` is the one that the job insists on, and how to open another.
+fn plan_stack(
+    mut stack: Stack,
+    job: &Job,
+    mut clock: StageClock,
+    (demanded, open): (Option<Gpu>, gpu::Open<'_>),
+) -> Result<Prepared, Error> {
     clock.skip();
-    let mut stack = stack::read(&job.sources, &read_options(job))?;
-    clock.lap(Stage::Read);
     let settings = resolve(job, &stack.camera)?;
     let summary = StackReport::from(&stack);
     let (lens, sharpness) = lens(&mut stack, &settings, frame_number(job))?;
@@ -252,6 +308,14 @@ impl Prepared {
 /// Those of [`prepare`] and of the method.
 pub fn render(job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
     prepare(job)?.blur(progress)
+}
+
+/// Carries out `job` on `stack`, which was read before or made of planes in memory.
+///
+/// # Errors
+/// Those of [`prepare_stack`] and of the method.
+pub fn render_stack(stack: Stack, job: &Job, progress: &Progress<'_>) -> Result<Rendered, Error> {
+    prepare_stack(stack, job)?.blur(progress)
 }
 
 impl Rendered {

@@ -4,8 +4,7 @@ use crate::cost::Calibration;
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice, Gpu};
 use crate::image::Image;
-use crate::methods::{self, METHODS, Progress};
-use crate::methods::{Plan, Target};
+use crate::methods::{self, METHODS, Plan, Progress, Target};
 use crate::sample_budget::{self, Outcome};
 use crate::scene::{EffectKind, Scene, SceneStats};
 

@@ -23,6 +23,7 @@ use rayon::prelude::*;
 
 /// The curve by which bright colours gain light.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Extrapolation {
     /// Display-coded luminance λ₀ above which colours gain.
     pub threshold: f32,

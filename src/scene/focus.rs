@@ -8,6 +8,7 @@ use crate::lens::SHARP_COC_PX;
 
 /// Shares of a picture's pixels by the position of their visible surface; they sum to 1, or to 0 for a picture without pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[non_exhaustive]
 pub struct FocusShares {
     /// In front of focus: CoC radius of [`SHARP_COC_PX`] or more.
     pub in_front: f64,

@@ -26,6 +26,7 @@ pub struct FrameNumber {
 
 /// A focus distance, and how it was found.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Focused {
     /// Planar distance in depth units.
     pub distance: f32,

@@ -21,7 +21,7 @@ const LIGHT_STEPS_AN_OCTAVE: usize = 16;
 
 /// Blurred fragments of one step of luminance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct LightStep {
+pub(crate) struct LightStep {
     /// Number of fragments.
     pub fragments: usize,
     /// Sum of their luminances, premultiplied by alpha.

@@ -4,7 +4,7 @@
 //! `(p + c·u, c)`. Visibility along lens rays can therefore be computed in this space, and no method needs depth.
 
 mod border;
-pub mod effects;
+pub(crate) mod effects;
 mod extrapolation;
 mod stats;
 mod fill;
@@ -14,18 +14,21 @@ mod light;
 mod merge;
 mod peel_stats;
 mod spread;
-pub mod surface;
+pub(crate) mod surface;
 mod workload;
 
-pub use effects::{Effect, EffectKind, Inputs, percent};
+pub(crate) use effects::percent;
+pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
-pub use light::LightStep;
 pub use peel_stats::PeelStats;
-pub use spread::{Block, Blocks, COC_STEPS, CocStep, Spread, coc_step};
-pub use stats::{BRIGHT_STEPS, BrightStep, SceneStats, bright_step_floor};
-pub use workload::{Depths, Discs, Workload};
+pub use stats::SceneStats;
+pub(crate) use stats::{BrightStep, bright_step_floor};
+pub(crate) use workload::Discs;
+pub use workload::Workload;
+#[cfg(test)]
+pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};

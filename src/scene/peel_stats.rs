@@ -6,6 +6,7 @@ use super::surface;
 
 /// Statistics of one peel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[non_exhaustive]
 pub struct PeelStats {
     /// Smallest and largest signed CoC radius in picture pixels; `0, 0` without fragments.
     pub coc_range_px: [f32; 2],

@@ -7,7 +7,7 @@ use super::surface;
 use std::ops::Range;
 
 /// Number of steps of [`Spread::steps`].
-pub const COC_STEPS: usize = 32;
+pub(super) const COC_STEPS: usize = 32;
 
 /// Largest number of blocks along the longer side of the picture.
 const MAX_BLOCKS: usize = 32;
@@ -23,7 +23,7 @@ const LANES: usize = 16;
 
 /// Number of fragments with CoC radii of one step of size: in front of focus, and behind it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-pub struct CocStep {
+pub(crate) struct CocStep {
     /// Of the nearest layer.
     pub front: [usize; 2],
     /// Of all other layers.
@@ -32,7 +32,7 @@ pub struct CocStep {
 
 /// How far the fragments of a scene spread.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
-pub struct Spread {
+pub(crate) struct Spread {
     /// CoC radius at infinity, in picture pixels.
     pub coc_infinity_px: f32,
     /// Fragments by the size of their CoC, see [`coc_step`].
@@ -49,7 +49,7 @@ pub struct Spread {
 }
 
 /// CoC radii of step `step` of [`Spread::steps`] in picture pixels: step 0 is below half a pixel, then there are two steps per octave.
-pub fn coc_step(step: usize) -> Range<f64> {
+pub(super) fn coc_step(step: usize) -> Range<f64> {
     let bound = |half_octaves: usize| {
         0.5 * f64::from(1_u32 << (half_octaves / 2)) * if half_octaves.is_multiple_of(2) { 1.0 } else { 1.5 }
     };
@@ -66,7 +66,7 @@ fn step_of(coc_px: f32) -> usize {
 
 /// The picture in square blocks.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     /// Side of a block in picture pixels.
     pub side_px: usize,
     /// Blocks in a row.
@@ -77,7 +77,7 @@ pub struct Blocks {
 
 /// Statistics of one block. CoC radii are signed, in picture pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
+pub(crate) struct Block {
     /// CoC radius of the nearest fragment; infinite without any.
     pub near_px: f32,
     /// CoC radius of the farthest fragment; infinite without any.

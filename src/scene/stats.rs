@@ -13,11 +13,11 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Number of half-stop steps of brightness that [`SceneStats::bright`] counts, from 1 up.
-pub const BRIGHT_STEPS: usize = 32;
+pub(crate) const BRIGHT_STEPS: usize = 32;
 
 /// Bright, blurred fragments of one half stop of brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct BrightStep {
+pub(crate) struct BrightStep {
     /// Number of fragments.
     pub fragments: usize,
     /// Sum of the areas of their discs, `π c²`, in picture pixels.
@@ -26,6 +26,7 @@ pub struct BrightStep {
 
 /// The statistics of a scene: all that a plan is decided from, apart from the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct SceneStats {
     /// Width and height of the picture in pixels.
     pub picture_size: (usize, usize),
@@ -47,16 +48,16 @@ pub struct SceneStats {
     #[serde(rename = "open_samples")]
     pub empty_samples: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
-    pub bright: [BrightStep; BRIGHT_STEPS],
+    pub(crate) bright: [BrightStep; BRIGHT_STEPS],
     /// Range of the source's colours.
     pub color_range: ColorRange,
     /// For a source that ends at white: fragments with a CoC radius over one pixel, by scene-linear luminance in the source;
     /// otherwise empty.
-    pub light: Vec<LightStep>,
+    pub(crate) light: Vec<LightStep>,
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
     /// How far fragments spread, and where.
-    pub spread: Spread,
+    pub(crate) spread: Spread,
     /// Position of the picture in the lens's field.
     #[serde(skip)]
     pub field: Field,
@@ -65,7 +66,7 @@ pub struct SceneStats {
 }
 
 /// Lower end of step `step` of [`SceneStats::bright`], in scene-linear units.
-pub fn bright_step_floor(step: usize) -> f32 {
+pub(crate) fn bright_step_floor(step: usize) -> f32 {
     (0.5 * step as f32).exp2()
 }
 

@@ -8,11 +8,11 @@
 ///
 /// A larger limit would thicken edges. It decides in `shear` which bins a fragment joins, in `accumulate` how far a fragment extends
 /// towards its neighbours, in `peel-rays` along which samples a ray continues, and in the focus map where a line may be drawn.
-pub const JOIN_PX: f32 = 0.5;
+pub(crate) const JOIN_PX: f32 = 0.5;
 
 /// Whether neighbouring samples of these CoC radii, in picture pixels, belong to one surface.
 #[inline(always)]
-pub fn joins(coc_px: f32, other_coc_px: f32) -> bool {
+pub(crate) fn joins(coc_px: f32, other_coc_px: f32) -> bool {
     (other_coc_px - coc_px).abs() < JOIN_PX
 }
 
@@ -24,7 +24,7 @@ const STEP_CHANGE_SHARE: f32 = 0.25;
 /// Whether the two middle pixels of four in a row, of these CoC radii in picture pixels, belong to one surface: the step between
 /// them is small, or similar to the step before or after it. NaN stands for no pixel. Used by the focus map, which has one radius per
 /// pixel.
-pub fn continues([before, from, to, after]: [f32; 4]) -> bool {
+pub(crate) fn continues([before, from, to, after]: [f32; 4]) -> bool {
     let step = to - from;
     let is_similar = |other: f32| (other - step).abs() <= STEP_CHANGE_SHARE * step.abs();
     step.abs() <= JOIN_PX || is_similar(from - before) || is_similar(after - to)
@@ -33,11 +33,11 @@ pub fn continues([before, from, to, after]: [f32; 4]) -> bool {
 /// Upper limit of the difference in CoC radius between neighbours whose colours may be averaged, in picture pixels.
 ///
 /// Used by `shear`'s prefilter. The statistics of a peel count the pairs that exceed it.
-pub const AVERAGE_PX: f32 = 0.6;
+pub(crate) const AVERAGE_PX: f32 = 0.6;
 
 /// Whether the colours of neighbours of these CoC radii, in picture pixels, may be averaged.
 #[inline(always)]
-pub fn may_average(coc_px: f32, other_coc_px: f32) -> bool {
+pub(crate) fn may_average(coc_px: f32, other_coc_px: f32) -> bool {
     (coc_px - other_coc_px).abs() < AVERAGE_PX
 }
 
@@ -49,7 +49,7 @@ const MERGE_SHARE: f32 = 0.02;
 
 /// The difference in CoC radius from which the next sample of a pixel belongs to another surface than a sample of this CoC radius, in
 /// picture pixels. Used to merge the samples of a supersampled stack.
-pub fn merge_gap_px(coc_px: f32) -> f32 {
+pub(crate) fn merge_gap_px(coc_px: f32) -> f32 {
     MERGE_PX.max(MERGE_SHARE * coc_px.abs())
 }
 
@@ -62,22 +62,22 @@ const DISTINCT_SHARE: f32 = 1.0 / 32.0;
 /// How different the surfaces of neighbours of these CoC radii are, from 0 to 1. Used to predict costs, which rise with the number of
 /// surfaces along a row.
 #[inline(always)]
-pub fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
+pub(crate) fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
     let distinct_px = (coc_px.abs() * DISTINCT_SHARE).max(DISTINCT_PX);
     ((next_coc_px - coc_px).abs() / distinct_px).min(1.0)
 }
 
 /// Samples of a cell of many pixels within this distance of its farthest CoC radius, in picture pixels, belong to its farthest surface.
 /// Used by the disocclusion fill. Wider than [`JOIN_PX`], because samples of a cell lie farther apart than neighbours.
-pub const CELL_PX: f32 = 1.0;
+pub(crate) const CELL_PX: f32 = 1.0;
 
 /// Fragments within this share of a surface's CoC radius belong to its level in `b-buffer`, which keeps no depth within a level and
 /// cannot separate them.
-pub const LEVEL_SHARE: f32 = 0.5;
+pub(crate) const LEVEL_SHARE: f32 = 0.5;
 
 /// The difference in CoC radius from which a fragment does not belong to the surface of CoC radius `surface_px` in `b-buffer`, in picture
 /// pixels. The parameter `same_surface_px` is its lower bound.
-pub fn level_gap_px(surface_px: f32, same_surface_px: f32) -> f32 {
+pub(crate) fn level_gap_px(surface_px: f32, same_surface_px: f32) -> f32 {
     same_surface_px.max(LEVEL_SHARE * surface_px.abs())
 }
 

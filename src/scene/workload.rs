@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 
 /// The statistics of a scene and its number of lens rays, and the figures of work that follow from them.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Workload<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,

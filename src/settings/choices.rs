@@ -1,11 +1,12 @@
 //! Settings whose value is one of a few words.
 
-use super::kind::{SettingType, Value, Word};
+use super::setting::{SettingType, Value, Word};
 use serde::{Deserialize, Serialize};
 
 /// Distance of the sensor behind the lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SensorDistance {
     /// The focal length for any focus, as in Blender and Mitsuba.
     FocalLength,
@@ -16,6 +17,7 @@ pub enum SensorDistance {
 /// The assumed content beyond the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Border {
     /// The last sample, repeated.
     Clamp,
@@ -28,6 +30,7 @@ pub enum Border {
 /// How depth is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum DepthConvention {
     /// Distance from the lens plane along the optical axis (Blender).
     Planar,

@@ -1,6 +1,19 @@
 //! Macros that turn the declaration of a setting into its field in [`super::Values`], its field with an origin, and its row in
 //! [`super::SETTINGS`].
 
+use super::origin::{Origin, Sourced};
+
+/// The value of a field in the highest of `layers` that sets it; later layers are higher.
+pub(super) fn pick<V, T: Clone>(
+    layers: &[(Origin, &V)],
+    field: impl Fn(&V) -> &Option<T>,
+) -> Option<Sourced<T>> {
+    let set = |(origin, values): &(Origin, &V)| {
+        field(values).clone().map(|value| Sourced { value, origin: origin.clone() })
+    };
+    layers.iter().rev().find_map(set)
+}
+
 /// The type of a resolved setting: its own type if it has a default, otherwise an option.
 macro_rules! resolved_type {
     ($type:ty) => { Option<$type> };
@@ -48,6 +61,7 @@ macro_rules! group {
     ) => {
         $(#[doc = $about])+
         #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[non_exhaustive]
         pub struct $name {
             $( $(#[doc = $plain_doc])+ pub $plain: Sourced<$plain_type>, )?
             $( $(#[doc = $doc])+ pub $key: Sourced<resolved_type!($type $(= $default)?)>, )+
@@ -119,6 +133,8 @@ macro_rules! settings {
         } )+ }
     ) => {
         /// One layer of settings; an unset value is `None`.
+        ///
+        /// Every new setting adds a field: end an expression with `..Values::default()`.
         #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Values {
             /// What is in focus.
@@ -154,31 +170,45 @@ macro_rules! settings {
         pub static SETTINGS: &[Setting] = &[
             $( Setting {
                 field: "focus",
-                get: |values| match &values.focus {
-                    Some(Focus::$variant(focus)) => Some(focus.to_value()),
-                    _ => None,
-                },
-                set: |values, value| values.focus = SettingType::from_value(value).map(Focus::$variant),
                 ..row(stringify!($focus_key), $focus_table, concat!($($focus_doc, "\n"),+), $focus_row)
             }, )+
             $( $( Setting {
                 default: default_of!($lens_type $(= $lens_default)?),
-                get: |values| values.$lens.as_ref().map(SettingType::to_value),
-                set: |values, value| values.$lens = SettingType::from_value(value),
                 ..row(stringify!($lens), $lens_table, concat!($($lens_doc, "\n"),+), $lens_row)
             }, )+ )+
-            $( Setting {
-                get: |values| values.$reading.as_ref().map(SettingType::to_value),
-                set: |values, value| values.$reading = SettingType::from_value(value),
-                ..row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row)
-            }, )+
+            $( row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row), )+
             $( $( Setting {
                 default: default_of!($picture_type = $picture_default),
-                get: |values| values.$picture.as_ref().map(SettingType::to_value),
-                set: |values, value| values.$picture = SettingType::from_value(value),
                 ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
             }, )+ )+
         ];
+
+        impl Setting {
+            /// Its value in `values`.
+            pub fn get(&self, values: &Values) -> Option<Value> {
+                match self.key {
+                    $( stringify!($focus_key) => match &values.focus {
+                        Some(Focus::$variant(focus)) => Some(focus.to_value()),
+                        _ => None,
+                    }, )+
+                    $( $( stringify!($lens) => values.$lens.as_ref().map(SettingType::to_value), )+ )+
+                    $( stringify!($reading) => values.$reading.as_ref().map(SettingType::to_value), )+
+                    $( $( stringify!($picture) => values.$picture.as_ref().map(SettingType::to_value), )+ )+
+                    _ => None,
+                }
+            }
+
+            /// Stores `value`, which is of [`Setting::kind`], in `values`; a value of another kind unsets it.
+            pub fn set(&self, values: &mut Values, value: &Value) {
+                match self.key {
+                    $( stringify!($focus_key) => values.focus = SettingType::from_value(value).map(Focus::$variant), )+
+                    $( $( stringify!($lens) => values.$lens = SettingType::from_value(value), )+ )+
+                    $( stringify!($reading) => values.$reading = SettingType::from_value(value), )+
+                    $( $( stringify!($picture) => values.$picture = SettingType::from_value(value), )+ )+
+                    _ => {}
+                }
+            }
+        }
     };
 }
 

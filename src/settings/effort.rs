@@ -6,6 +6,7 @@ use std::fmt;
 /// What decides the number of lens samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Effort {
     /// The number itself, per pixel.
     Views(usize),
@@ -36,6 +37,7 @@ impl fmt::Display for Effort {
 /// A named target for the sampling error, with a largest number of lens samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Quality {
     /// Shows where the blur lies.
     Draft,

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 /// What the lens is focused on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Focus {
     /// Planar distance in the stack's depth units.
     Distance(f32),
@@ -32,6 +33,7 @@ pub struct FocusKey {
 /// Interpolation of the focus from one key to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Easing {
     /// Constant speed.
     Linear,

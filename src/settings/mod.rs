@@ -10,29 +10,28 @@ mod choices;
 mod declare;
 mod effort;
 mod focus;
-mod kind;
-mod nearest;
 mod origin;
 mod parameters;
 mod preset;
+mod setting;
 mod table;
 
 pub use choices::{Border, DepthConvention, SensorDistance};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
-pub use kind::{Kind, Range, Value, Word};
-pub use nearest::nearest;
 pub use origin::{Origin, Sourced};
-pub(crate) use parameters::at;
 pub use parameters::{
-    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters, Place,
+    Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
 };
+pub(crate) use parameters::{Place, at};
 pub use preset::{BUILT_IN, BuiltIn, Preset};
 #[doc(hidden)]
 pub use serde;
-pub use table::{CommandLine, LensSettings, Listed, PictureSettings, SETTINGS, Setting, Values};
+pub use serde_json::Value as Json;
+pub use setting::{CommandLine, Kind, Range, Setting, Value, Word};
+pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
 
-use origin::pick;
+use declare::pick;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -51,6 +50,7 @@ pub struct Mask {
 
 /// All values, each with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Settings {
     /// Lens, aperture and depth.
     pub lens: LensSettings,
@@ -76,6 +76,19 @@ pub struct Switches {
     pub force: Vec<String>,
     /// Effects that are left out.
     pub without: Vec<String>,
+}
+
+/// The candidate that `word` most likely stands for; `None` if none is similar.
+pub(crate) fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
+    /// Jaro-Winkler similarity from which a word counts as a misspelling of another.
+    const MIN_SIMILARITY: f64 = 0.8;
+    let similarity = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
+    candidates
+        .iter()
+        .map(|candidate| (similarity(candidate.as_ref()), candidate.as_ref()))
+        .filter(|(similarity, _)| *similarity >= MIN_SIMILARITY)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
 }
 
 impl Settings {

@@ -1,4 +1,4 @@
-//! Values with their origin, and layers of values.
+//! Values with their origin.
 
 use serde::Serialize;
 use std::fmt;
@@ -6,6 +6,7 @@ use std::fmt;
 /// The origin of a value.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "from", content = "name")]
+#[non_exhaustive]
 pub enum Origin {
     /// The built-in default.
     Default,
@@ -47,15 +48,4 @@ impl<T> Sourced<T> {
     pub(super) fn into_option(self) -> Sourced<Option<T>> {
         Sourced { value: Some(self.value), origin: self.origin }
     }
-}
-
-/// The value of a field in the highest of `layers` that sets it; later layers are higher.
-pub(super) fn pick<V, T: Clone>(
-    layers: &[(Origin, &V)],
-    field: impl Fn(&V) -> &Option<T>,
-) -> Option<Sourced<T>> {
-    let set = |(origin, values): &(Origin, &V)| {
-        field(values).clone().map(|value| Sourced { value, origin: origin.clone() })
-    };
-    layers.iter().rev().find_map(set)
 }

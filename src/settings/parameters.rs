@@ -7,7 +7,7 @@
 //! [`ParameterValues`] are the user's values, by method and not yet checked. [`ParameterTable::read`] checks them against the
 //! declaration and returns the method's own type, wrapped as [`Parameters`].
 
-use super::nearest::nearest;
+use super::nearest;
 use crate::error::Error;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,7 @@ pub struct Parameter {
 /// The values that a parameter accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ParameterKind {
     /// `true` or `false`.
     Flag,
@@ -154,12 +155,12 @@ pub struct ParameterValue {
     pub value: Json,
     /// Its location in a preset, for errors.
     #[serde(skip)]
-    pub place: Option<Place>,
+    pub(crate) place: Option<Place>,
 }
 
 /// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Location of the method's name, `[method.NAME]`.
     pub method: String,
     /// Location of the key.

@@ -7,59 +7,14 @@
 //! A new setting needs one row, and its use. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
 use super::choices::{Border, DepthConvention, SensorDistance};
-use super::declare::{back, default_of, group, resolved, resolved_type, settings};
+use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
-use super::kind::{Kind, Range, SettingType, Value};
-use super::origin::{Origin, Sourced, pick};
+use super::origin::{Origin, Sourced};
+use super::setting::{Kind, Range, Setting, SettingType, Value};
 use crate::error::Error;
 use serde::Serialize;
 use std::path::PathBuf;
-
-/// One setting: a row of [`super::SETTINGS`].
-#[derive(Debug, Clone, Copy)]
-pub struct Setting {
-    /// Its key in the library, which errors and findings use in backquotes.
-    pub key: &'static str,
-    /// The field of [`Values`] that holds it. Settings of one field exclude one another.
-    pub field: &'static str,
-    /// Its table in a preset.
-    pub table: &'static str,
-    /// Its key in that table.
-    pub preset_key: &'static str,
-    /// Its name in words.
-    pub name: &'static str,
-    /// Its unit, such as `mm`; empty for a number without a unit.
-    pub unit: &'static str,
-    /// The values that it accepts.
-    pub kind: Kind,
-    /// The meaning of its numbers, where the unit does not give it; may be empty.
-    pub scale: &'static str,
-    /// Its attribute in file headers.
-    pub attribute: Option<&'static str>,
-    /// How it is set on a command line.
-    pub command_line: CommandLine,
-    /// What applies where it is not set and has no default value; may be empty.
-    pub otherwise: &'static str,
-    text: &'static str,
-    default: fn() -> Option<Value>,
-    get: fn(&Values) -> Option<Value>,
-    set: fn(&mut Values, &Value),
-}
-
-/// How a setting is set on a command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CommandLine {
-    /// By a flag.
-    Flag {
-        /// The flag without its dashes.
-        name: &'static str,
-        /// The name of its value in the help.
-        value_name: &'static str,
-    },
-    /// It has no flag, for this reason.
-    Never(&'static str),
-}
 
 /// A number within `range`, called `name` in words.
 const fn number(name: &'static str, range: Range) -> Setting {
@@ -227,137 +182,9 @@ settings! {
     }
 }
 
-impl Setting {
-    /// A setting of `kind` with empty optional parts, for the methods below to fill. The table adds key, accessors and text.
-    const fn new(kind: Kind, name: &'static str) -> Self {
-        Self {
-            key: "",
-            field: "",
-            table: "",
-            preset_key: "",
-            name,
-            unit: "",
-            kind,
-            scale: "",
-            attribute: None,
-            command_line: CommandLine::Never(""),
-            otherwise: "",
-            text: "",
-            default: || None,
-            get: |_| None,
-            set: |_, _| {},
-        }
-    }
-
-    /// With a unit.
-    const fn unit(self, unit: &'static str) -> Self {
-        Self { unit, ..self }
-    }
-
-    /// With the meaning of its numbers.
-    const fn scale(self, scale: &'static str) -> Self {
-        Self { scale, ..self }
-    }
-
-    /// With an attribute of headers.
-    const fn attribute(self, name: &'static str) -> Self {
-        Self { attribute: Some(name), ..self }
-    }
-
-    /// With a flag.
-    const fn flag(self, name: &'static str, value_name: &'static str) -> Self {
-        Self { command_line: CommandLine::Flag { name, value_name }, ..self }
-    }
-
-    /// Without a flag, for this reason.
-    const fn no_flag(self, reason: &'static str) -> Self {
-        Self { command_line: CommandLine::Never(reason), ..self }
-    }
-
-    /// With another key in presets than in the library.
-    const fn preset_key(self, key: &'static str) -> Self {
-        Self { preset_key: key, ..self }
-    }
-
-    /// With what applies where it is not set.
-    const fn otherwise(self, words: &'static str) -> Self {
-        Self { otherwise: words, ..self }
-    }
-
-    /// The setting with the key `key`.
-    pub fn by_key(key: &str) -> Option<&'static Self> {
-        SETTINGS.iter().find(|setting| setting.key == key)
-    }
-
-    /// Its value in `values`.
-    pub fn get(&self, values: &Values) -> Option<Value> {
-        (self.get)(values)
-    }
-
-    /// Stores `value`, which is of [`Self::kind`], in `values`; a value of another kind unsets it.
-    pub fn set(&self, values: &mut Values, value: &Value) {
-        (self.set)(values, value);
-    }
-
-    /// What it does, in one line without a full stop.
-    pub fn summary(&self) -> String {
-        self.paragraphs().next().unwrap_or_default()
-    }
-
-    /// Further paragraphs about it.
-    pub fn details(&self) -> Vec<String> {
-        self.paragraphs().skip(1).collect()
-    }
-
-    fn paragraphs(&self) -> impl Iterator<Item = String> {
-        self.text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "))
-    }
-
-    /// Its default value; `None` if it has none: see [`Self::otherwise`].
-    pub fn default_value(&self) -> Option<Value> {
-        (self.default)()
-    }
-
-    /// The default in words: the default value, or what applies where the setting is not set.
-    pub fn default_in_words(&self) -> String {
-        self.default_value().map_or_else(|| self.otherwise.to_owned(), |value| value.to_string())
-    }
-
-    /// The expected value, as in "must be …".
-    pub fn expected(&self) -> String {
-        let kind = self.kind.in_words();
-        if self.scale.is_empty() { kind } else { format!("{kind}: {}", self.scale) }
-    }
-
-    /// `value` with its unit.
-    pub fn in_words(&self, value: &Value) -> String {
-        let text = match (self.kind, value) {
-            (Kind::RedBlue(_), Value::Pair([red, blue])) => format!("red {red}, blue {blue}"),
-            (Kind::Count { zero, .. }, Value::Whole(0)) => zero.to_owned(),
-            _ => value.to_string(),
-        };
-        match self.unit {
-            "" => text,
-            "°" => format!("{text}°"),
-            unit => format!("{text} {unit}"),
-        }
-    }
-
-    /// Checks that it accepts `value`.
-    ///
-    /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] if it does not, with the expected value.
-    pub fn check(&self, value: &Value) -> Result<(), Error> {
-        if self.kind.allows(value) {
-            return Ok(());
-        }
-        let what = format!("`{}` must be {}", self.key, self.expected());
-        Err(Error::settings(what).with("found", value.to_string()))
-    }
-}
-
 /// A setting with its value and the value's origin.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Listed<'a> {
     /// The setting.
     pub setting: &'static Setting,
@@ -365,6 +192,13 @@ pub struct Listed<'a> {
     pub value: Option<Value>,
     /// The origin of the value.
     pub origin: &'a Origin,
+}
+
+impl Setting {
+    /// The setting with the key `key`.
+    pub fn by_key(key: &str) -> Option<&'static Self> {
+        SETTINGS.iter().find(|setting| setting.key == key)
+    }
 }
 
 impl PartialEq for Setting {

@@ -1,14 +1,14 @@
-//! Camera data in the header of an OpenEXR file: ours first (`thinlens.…`), then the standard attributes.
+//! Camera data in the header of an OpenEXR file: attributes of thinlens first (`thinlens.…`), then the standard attributes.
 //!
-//! Which attributes are ours, and what they may be, is in the table of settings.
+//! The table of settings declares the attributes of thinlens and their ranges.
 
 use crate::finding::Finding;
 use crate::settings::{Focus, Kind, SETTINGS, Setting, Value, Values};
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Text};
 
-/// Attributes that stand in for ours where those are missing, the most trusted first, by the key of the setting. The `focus` of
-/// the standard is in metres, and read apart.
+/// Standard attributes that are used if the `thinlens.…` attribute is missing, in order of preference, by the key of the setting. The
+/// standard `focus` is in metres and is read separately.
 const STANDARD: [(&str, &[&str]); 3] = [
     ("focal_length_mm", &["effectiveFocalLength", "nominalFocalLength"]),
     ("f_number", &["aperture"]),
@@ -21,15 +21,15 @@ struct Lookup<'a> {
     findings: Vec<Finding>,
 }
 
-/// The settings that `attributes` hold. What a setting does not allow is left out, with a warning.
+/// The settings in `attributes`. Values that a setting does not allow are left out, with a warning.
 pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Finding>) {
     let mut from = Lookup { attributes, findings: Vec::new() };
     let mut values = Values::default();
     for setting in SETTINGS {
-        let ours = setting.attribute.and_then(|name| from.setting(name, setting, false));
+        let own = setting.attribute.and_then(|name| from.setting(name, setting, false));
         let standard =
             STANDARD.iter().find(|(key, _)| *key == setting.key).map_or(&[][..], |(_, names)| names);
-        let found = ours.or_else(|| standard.iter().find_map(|name| from.setting(name, setting, true)));
+        let found = own.or_else(|| standard.iter().find_map(|name| from.setting(name, setting, true)));
         if let Some(value) = found {
             setting.set(&mut values, &value);
         }
@@ -40,7 +40,7 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
     (values, from.findings)
 }
 
-/// The attributes of a header that hold `values`, to be read back by this module. What has no attribute is left out.
+/// The header attributes for `values`, as this module reads them. Settings without an attribute are left out.
 pub fn camera_attributes(values: &Values) -> Vec<(Text, AttributeValue)> {
     let attribute = |(name, value): (&'static str, Value)| {
         let value = match value {
@@ -55,7 +55,7 @@ pub fn camera_attributes(values: &Values) -> Vec<(Text, AttributeValue)> {
     values.attributes().into_iter().filter_map(attribute).collect()
 }
 
-/// The text of attribute `name`, if it has one.
+/// The text of attribute `name`; `None` if it is missing or not a text.
 pub(super) fn text(attributes: &[(Text, AttributeValue)], name: &str) -> Option<String> {
     attributes.iter().find(|(found, _)| found.eq(name)).and_then(|(_, value)| match value {
         AttributeValue::Text(text) => Some(text.to_string()),
@@ -64,7 +64,7 @@ pub(super) fn text(attributes: &[(Text, AttributeValue)], name: &str) -> Option<
 }
 
 impl Lookup<'_> {
-    /// The value of attribute `name`, if `setting` allows it; `finite`, if it must not be infinite either.
+    /// The value of attribute `name`, if `setting` allows it; with `finite`, infinite values are not allowed.
     fn setting(&mut self, name: &str, setting: &Setting, finite: bool) -> Option<Value> {
         let (_, found) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
         let value = match setting.kind {
@@ -87,7 +87,7 @@ impl Lookup<'_> {
         value
     }
 
-    /// The focus of the standard, which is in metres.
+    /// The standard `focus` attribute, converted from metres to depth units.
     fn standard_focus(&mut self, metres_per_unit: f32) -> Option<Focus> {
         let setting = Setting::by_key("focus_distance")?;
         match self.setting("focus", setting, true) {
@@ -96,15 +96,15 @@ impl Lookup<'_> {
         }
     }
 
-    fn ignore(&mut self, name: &str, found: &AttributeValue, wanted: &str) {
+    fn ignore(&mut self, name: &str, found: &AttributeValue, expected: &str) {
         let found = match found {
             AttributeValue::Text(text) => text.to_string(),
             AttributeValue::FloatVec2(pair) => format!("{},{}", pair.x(), pair.y()),
-            found => number(found).map_or_else(|| "no number".to_owned(), |number| number.to_string()),
+            found => number(found).map_or_else(|| "not a number".to_owned(), |number| number.to_string()),
         };
         self.findings.push(Finding::warning(
             "camera",
-            format!("{name} = {found} in the header is ignored: it must be {wanted}"),
+            format!("{name} = {found} in the header is ignored: it must be {expected}"),
         ));
     }
 }
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn our_own_attributes_beat_the_standard_ones() {
+    fn attributes_of_thinlens_override_the_standard_ones() {
         let (values, findings) = read(&[
             ("aperture", AttributeValue::F32(8.0)),
             ("thinlens.f_number", AttributeValue::F32(1.4)),
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn an_aperture_that_cannot_be_is_ignored_with_a_warning() {
+    fn an_impossible_number_of_blades_is_ignored_with_a_warning() {
         for (blades, expected) in
             [(0, Some(0)), (1, None), (2, None), (3, Some(3)), (100, Some(100)), (101, None)]
         {
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn camera_data_that_makes_no_sense_is_ignored_with_a_warning() {
+    fn invalid_camera_data_is_ignored_with_a_warning() {
         let (values, findings) = read(&[
             ("thinlens.focal_length_mm", AttributeValue::F32(f32::NAN)),
             ("aperture", AttributeValue::F32(-2.0)),

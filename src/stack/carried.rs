@@ -1,4 +1,4 @@
-//! What is handed on from input to output: the channels no peel uses, and the attributes that still hold.
+//! Data copied from input to output: channels that no peel uses, and attributes that are still valid.
 
 use super::decode::Decoded;
 use super::header::ExrFile;
@@ -8,7 +8,7 @@ use crate::finding::Finding;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 
-/// Attributes that describe how the pixels lay in the input file, or what is no longer true of the output.
+/// Attributes that describe the storage of the input file, or that are not valid for the output.
 const NOT_CARRIED: [&str; 19] = [
     "channels",
     "chunkCount",
@@ -32,8 +32,8 @@ const NOT_CARRIED: [&str; 19] = [
 ];
 
 impl Carried {
-    /// Puts the attributes into the headers of a file to write: the standard ones into their own fields, where the
-    /// encoder wants them, all others among `other`.
+    /// Adds the attributes to the headers of an output file: standard ones to their own fields, as the encoder requires,
+    /// all others to `other`.
     pub fn apply_attributes(&self, shared: &mut ImageAttributes, own: &mut LayerAttributes) {
         for (name, value) in &self.attributes {
             if !(set_shared(shared, name, value) || set_text(own, name, value) || set_other(own, name, value))
@@ -44,7 +44,7 @@ impl Carried {
     }
 }
 
-/// Sets what all parts of a file must share.
+/// Sets an attribute that all parts of a file share.
 fn set_shared(shared: &mut ImageAttributes, name: &Text, value: &AttributeValue) -> bool {
     match (name.as_slice(), value) {
         (standard::TIME_CODE, AttributeValue::TimeCode(value)) => shared.time_code = Some(*value),
@@ -99,7 +99,7 @@ fn set_other(own: &mut LayerAttributes, name: &Text, value: &AttributeValue) -> 
         (standard::ORIGINAL_DATA_WINDOW, AttributeValue::IntegerBounds(value)) => {
             own.original_data_window = Some(*value);
         }
-        // A standard name with a value of another type has no place in a header.
+        // A header cannot hold a standard name with a value of another type.
         (name, _) => return standard::ALL.contains(&name),
     }
     true
@@ -125,27 +125,31 @@ fn number_field<'a>(own: &'a mut LayerAttributes, name: &Text) -> Option<&'a mut
     })
 }
 
-/// Which channels of `file` travel, as places in its list, and what is said of those left behind; among them are those of `mattes`,
-/// whatever `carry` says.
+/// Indices of the channels of `file` to copy, and a finding about those that cannot be copied. The channels of `mattes` are included
+/// with every value of `carry`.
 ///
-/// Only channels as large as the picture can: `data` is the picture's data window.
+/// Only channels with the picture's data window `data` can be copied.
 pub(super) fn choose(
     file: &ExrFile,
     used: &[usize],
     (carry, mattes): (Carry, &[Cryptomatte]),
     data: Window,
 ) -> (Vec<usize>, Vec<Finding>) {
-    let wanted = |place: &usize| match carry {
-        Carry::Unused => !used.contains(place),
+    let requested = |index: &usize| match carry {
+        Carry::Unused => !used.contains(index),
         Carry::All => true,
         Carry::None => false,
     };
-    let is_matte = |place: &usize| mattes.iter().any(|matte| matte.has(&file.channels[*place].name));
-    let all = (0..file.channels.len()).filter(|place| wanted(place) || is_matte(place));
+    let is_matte = |index: &usize| mattes.iter().any(|matte| matte.has(&file.channels[*index].name));
+    let all = (0..file.channels.len()).filter(|index| requested(index) || is_matte(index));
     let (fitting, others): (Vec<_>, Vec<_>) =
-        all.partition(|&place| file.frame(file.channels[place].part).data == data);
-    let text =
-        || format!("{} channels have another data window than the picture: not handed on", others.len());
+        all.partition(|&index| file.frame(file.channels[index].part).data == data);
+    let text = || {
+        format!(
+            "{} channels have another data window than the picture: not copied to the output",
+            others.len()
+        )
+    };
     let findings = if others.is_empty() { Vec::new() } else { vec![Finding::warning("channels", text())] };
     (fitting, findings)
 }
@@ -165,17 +169,18 @@ pub(super) fn channels(
         .collect()
 }
 
-/// The attributes that still hold for the output, each name once.
+/// The attributes that are valid for the output.
 pub(super) fn attributes(all: &[(Text, AttributeValue)]) -> Vec<(Text, AttributeValue)> {
     let keep = |name: &Text| !NOT_CARRIED.iter().any(|left| name.eq(left));
     all.iter().filter(|(name, _)| keep(name)).cloned().collect()
 }
 
-/// Drops channels of a stack whose samples are not the output's pixels.
+/// Removes the channels of a supersampled stack, whose samples are not the output's pixels.
 pub(super) fn drop_supersampled(carried: &mut Carried) -> (Vec<CarriedChannel>, Option<Finding>) {
     let dropped = std::mem::take(&mut carried.channels);
     let count = dropped.len();
-    let text = format!("{count} other channels are supersampled, the picture will not be: not handed on");
+    let text =
+        format!("{count} other channels are supersampled, the output is not: not copied to the output");
     let finding = (count > 0).then(|| Finding::warning("channels", text));
     (dropped, finding)
 }

@@ -1,6 +1,6 @@
-//! The compressed blocks of an OpenEXR file, one after the other in file order.
+//! The compressed blocks of an OpenEXR file, in file order.
 //!
-//! Reads them by itself, because the decoder's reader allocates what a block claims before it looks at the file's length.
+//! The EXR library's reader is not used: it allocates the size that a block claims before it checks the file's length.
 
 use super::header::decoder_error;
 use super::input::Input;
@@ -13,31 +13,31 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use std::io::{self, Read, Seek};
 
-/// Counters at the start of a DWA block, eight bytes each.
+/// Number of counters at the start of a DWA block, eight bytes each.
 const DWA_COUNTERS: usize = 11;
 
-/// Where the blocks lie, and the input they are read from.
+/// The positions of the blocks, and the input.
 #[derive(Debug)]
 pub(super) struct Chunks {
     input: Input,
     /// Length of the input in bytes.
     len: u64,
-    /// Where the input stands.
+    /// Current position in the input.
     position: u64,
-    /// Where the blocks start, first in the file first.
+    /// Offsets of the blocks, in file order.
     offsets: std::vec::IntoIter<u64>,
 }
 
 impl Chunks {
-    /// The blocks of the largest level of the parts for which `wanted` holds. `input` stands behind the header.
+    /// The blocks of the largest resolution level of the parts for which `requested` returns true. `input` is positioned after the header.
     ///
     /// # Errors
-    /// The table of blocks is cut short.
+    /// The table of block offsets is truncated.
     pub(super) fn new(
         mut input: Input,
         len: u64,
         meta_data: &MetaData,
-        wanted: impl Fn(usize) -> bool,
+        requested: impl Fn(usize) -> bool,
     ) -> Result<Self, Error> {
         let mut offsets = Vec::new();
         let mut position = input.stream_position().map_err(cut_short)?;
@@ -52,7 +52,7 @@ impl Chunks {
             let table = table.as_chunks().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
             let blocks = header.blocks_increasing_y_order();
             let largest = table.zip(blocks).filter(|(_, tile)| tile.location.is_largest_resolution_level());
-            offsets.extend(largest.map(|(offset, _)| offset).filter(|_| wanted(part)));
+            offsets.extend(largest.map(|(offset, _)| offset).filter(|_| requested(part)));
         }
         offsets.sort_unstable();
         Ok(Self { input, len, position, offsets: offsets.into_iter() })
@@ -61,7 +61,7 @@ impl Chunks {
     /// The next block; `None` after the last.
     ///
     /// # Errors
-    /// The block lies outside the file, or belongs to no part.
+    /// The block is outside the file, or belongs to no part.
     pub(super) fn next(&mut self, meta_data: &MetaData) -> Option<Result<Chunk, Error>> {
         let offset = self.offsets.next()?;
         Some(self.read_at(offset, meta_data))
@@ -69,28 +69,28 @@ impl Chunks {
 
     fn read_at(&mut self, offset: u64, meta_data: &MetaData) -> Result<Chunk, Error> {
         if offset == 0 {
-            return Err(Error::input("some blocks of pixels were never written")
+            return Err(Error::input("some blocks of pixels were not written")
                 .help("the render was stopped or is still running: render it again"));
         }
         if offset >= self.len {
             return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
         }
-        // Both are lengths within a file, so they fit; a short way is covered within the buffer.
+        // Both are positions within a file, so they fit into 64 bits. A short distance stays within the buffer.
         self.input.seek_relative(offset as i64 - self.position as i64).map_err(cut_short)?;
         self.position = offset;
-        let part = if meta_data.requirements.is_multilayer() { self.word()? } else { 0 };
+        let part = if meta_data.requirements.is_multilayer() { self.read_i32()? } else { 0 };
         let layer_index = usize::try_from(part).ok().filter(|&part| part < meta_data.headers.len());
         let layer_index = layer_index.ok_or_else(|| damaged("it belongs to no part"))?;
         let compressed_block = match meta_data.headers[layer_index].blocks {
             BlockDescription::ScanLines => {
-                let y_coordinate = self.word()?;
+                let y_coordinate = self.read_i32()?;
                 CompressedBlock::ScanLine(CompressedScanLineBlock {
                     y_coordinate,
                     compressed_pixels_le: self.content()?,
                 })
             }
             BlockDescription::Tiles(_) => {
-                let words = [self.word()?, self.word()?, self.word()?, self.word()?];
+                let words = [self.read_i32()?, self.read_i32()?, self.read_i32()?, self.read_i32()?];
                 let [x, y, level_x, level_y] =
                     words.map(|word| usize::try_from(word).map_err(|_| damaged("its place is negative")));
                 let coordinates =
@@ -104,7 +104,7 @@ impl Chunks {
         Ok(Chunk { layer_index, compressed_block })
     }
 
-    fn word(&mut self) -> Result<i32, Error> {
+    fn read_i32(&mut self) -> Result<i32, Error> {
         let mut bytes = [0; 4];
         self.input.read_exact(&mut bytes).map_err(cut_short)?;
         self.position += 4;
@@ -112,7 +112,7 @@ impl Chunks {
     }
 
     fn content(&mut self) -> Result<Vec<u8>, Error> {
-        let size = u64::try_from(self.word()?).map_err(|_| damaged("its length is negative"))?;
+        let size = u64::try_from(self.read_i32()?).map_err(|_| damaged("its length is negative"))?;
         if size > self.len.saturating_sub(self.position) {
             return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
         }
@@ -132,23 +132,23 @@ pub(super) fn content(chunk: &Chunk) -> &[u8] {
     }
 }
 
-/// Checks what a DWA block claims of its parts: the decoder allocates it unseen.
+/// Checks the sizes in the head of a DWA block: the decoder allocates them without a check.
 ///
 /// # Errors
 /// A counter is larger than the block's pixels allow.
 pub(super) fn check_dwa(content: &[u8], header: &Header) -> Result<(), Error> {
     let size = header.max_block_pixel_size();
-    // Nothing in a block is larger than its 8×8 cells, eight bytes a sample.
+    // No size exceeds the block's 8×8 cells at eight bytes per sample.
     let [width, height] = [size.width(), size.height()].map(|side| side.next_multiple_of(8));
     let limit = width.saturating_mul(height).saturating_mul(header.channels.list.len()).saturating_mul(8);
     let (counters, _) = content.as_chunks();
-    // The first counter is a version, the last a method.
+    // The first counter is a version, the last one a compression method.
     let sizes = counters.iter().take(DWA_COUNTERS - 1).skip(1).map(|bytes| u64::from_le_bytes(*bytes));
     let raw = content.len() == size.area() * header.channels.bytes_per_pixel;
     if raw || sizes.into_iter().all(|size| size <= limit as u64) {
         Ok(())
     } else {
-        Err(damaged("its counters lie"))
+        Err(damaged("its sizes exceed its pixels"))
     }
 }
 
@@ -157,7 +157,7 @@ fn damaged(why: &'static str) -> Error {
 }
 
 fn cut_short(error: io::Error) -> Error {
-    Error::input("the file ends before its pixels do")
+    Error::input("the file is truncated: pixels are missing")
         .caused_by(error)
-        .help("it is cut short or still being written: copy or render it again")
+        .help("copy or render it again; it may still be being written")
 }

@@ -1,17 +1,17 @@
-//! Which depth convention a stack is written in, and why that is believed.
+//! Detection of a stack's depth convention, with the reason.
 
 use super::camera;
-use super::kind::SceneStats;
+use super::kind::StackStats;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
 
-/// What the file says about its depth.
+/// Everything that indicates the depth convention of a file.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence<'a> {
-    /// What the user says.
+    /// The convention requested by the user.
     pub(super) chosen: Option<DepthConvention>,
-    /// `thinlens.depth_convention`.
+    /// The header attribute `thinlens.depth_convention`.
     pub(super) header: Option<DepthConvention>,
     /// All attributes.
     pub(super) attributes: &'a [(Text, AttributeValue)],
@@ -19,53 +19,53 @@ pub(super) struct Evidence<'a> {
     pub(super) depth_channel: &'a str,
 }
 
-/// A convention, and whether it is more than a guess.
+/// A convention, and whether it is a guess.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Conclusion {
     /// How depth is written.
     pub(super) convention: DepthConvention,
-    /// Nothing in the file speaks for it.
+    /// Whether nothing in the file indicates it.
     pub(super) guessed: bool,
 }
 
-/// The convention by what was asked for, else by the header, else by who wrote the file.
+/// The requested convention, else that of the header, else that of the program that wrote the file.
 pub(super) fn conclude(evidence: Evidence<'_>) -> (Conclusion, Finding) {
-    let said = |convention, reason: String| {
+    let known = |convention, reason: String| {
         let text = format!("{}: {reason}", described(convention));
         (Conclusion { convention, guessed: false }, Finding::note("depth", text))
     };
     if let Some(convention) = evidence.chosen {
-        return said(convention, "as asked for".to_owned());
+        return known(convention, "as requested".to_owned());
     }
     if let Some(convention) = evidence.header {
-        return said(convention, "thinlens.depth_convention in the header".to_owned());
+        return known(convention, "thinlens.depth_convention in the header".to_owned());
     }
     if let Some(writer) =
         camera::text(evidence.attributes, "generatedBy").filter(|by| by.starts_with("Mitsuba"))
     {
-        return said(DepthConvention::Ray, format!("written by {writer}"));
+        return known(DepthConvention::Ray, format!("written by {writer}"));
     }
     let ending = evidence.depth_channel.rsplit('.').next().unwrap_or_default();
     if ending == "T" {
-        return said(
+        return known(
             DepthConvention::Ray,
             format!("the channel is called {} (Mitsuba)", evidence.depth_channel),
         );
     }
     if evidence.attributes.iter().any(|(name, _)| name.eq("BlenderMultiChannel")) {
-        return said(DepthConvention::Planar, "written by Blender".to_owned());
+        return known(DepthConvention::Planar, "written by Blender".to_owned());
     }
-    let text = format!("{}: assumed, the file does not say", described(DepthConvention::Planar));
+    let text = format!("{}: assumed, the file does not specify it", described(DepthConvention::Planar));
     (Conclusion { convention: DepthConvention::Planar, guessed: true }, Finding::note("depth", text))
 }
 
-/// A doubt about a guessed convention, from the values themselves.
-pub(super) fn doubt(conclusion: Conclusion, stats: &SceneStats) -> Option<Finding> {
+/// A warning if the values contradict a guessed convention.
+pub(super) fn doubt(conclusion: Conclusion, stats: &StackStats) -> Option<Finding> {
     let [nearest, farthest] = stats.depth_range?;
     (conclusion.guessed && farthest <= 1.0).then(|| {
         let text = format!(
-            "all depths lie between {nearest} and {farthest}, which looks normalised or inverse; taken as planar: \
-             say which with `convention`"
+            "all depths are between {nearest} and {farthest}, as in normalised or inverse depth; assumed planar: \
+             set `convention`"
         );
         Finding::warning("depth", text)
     })
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn the_convention_asked_for_beats_what_the_file_says() {
+    fn the_requested_convention_overrides_the_file() {
         let chosen = concluded(&[("generatedBy", "Mitsuba")], "depth.T", Some(DepthConvention::Inverse));
         assert_eq!(chosen.convention, DepthConvention::Inverse);
     }

@@ -2,13 +2,13 @@
 //!
 //! As specified by Friedman & Jones, "Fully Automatic ID Mattes with Support for Motion Blur and Transparency" (2015), version 1.2: the
 //! channels `NAME00.R G B A`, `NAME01.R …` are pairs of an id and its coverage, best first; the header's `cryptomatte/…/name` says
-//! NAME, and `cryptomatte/…/manifest` has the ids of all names as JSON. Hosts differ in what they make of it, and all of this is
-//! read: a view layer before NAME (Blender), `.r` or `.red` for `.R`, parts of their own, channels whose header was lost.
-//! An id is the hash of its object's name ([`murmur`]), which finds objects where there is no manifest, or one that cannot be read.
-//! Ids are compared as bits: they stand in float channels, and may be any float.
-//! Limits: of several peels' cryptomattes only those of the first, which say what the camera sees. A manifest in a file of its own
-//! is not opened. Channels of 16 bits have lost their ids.
-//! Cost: a read of two channels a rank. Memory: a float a sample.
+//! NAME, and `cryptomatte/…/manifest` has the ids of all names as JSON. Programs deviate from it, and these variants are
+//! read: a view layer before NAME (Blender), `.r` or `.red` for `.R`, parts of their own, channels without a header.
+//! An id is the hash of its object's name ([`murmur`]), which is used if the manifest is missing or cannot be read.
+//! Ids are compared as bits: they are stored in float channels and may be any float.
+//! Limits: only the cryptomattes of the first peel are read, which has what the camera sees. A manifest in a separate file
+//! is not opened. 16-bit channels cannot hold ids.
+//! Cost: reading two channels per rank. Memory: one float per sample.
 
 use super::header::ExrFile;
 use super::{CarriedChannel, Stack, Window, murmur};
@@ -21,80 +21,83 @@ use serde_json::Value as Json;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// What an attribute of a cryptomatte starts with.
+/// Prefix of the attributes of cryptomattes.
 const ATTRIBUTES: &str = "cryptomatte/";
-/// What the channels of a cryptomatte are mostly called; tells where the header does not.
+/// Usual prefix of the channels of a cryptomatte, which identifies them without a header.
 const USUAL_NAME: &str = "crypto";
-/// Digits of a rank in a channel's name.
+/// Number of digits of a rank in a channel's name.
 const RANK_DIGITS: usize = 2;
-/// Names in an error before the rest is only counted.
+/// Maximum number of names in an error; the rest is counted.
 const SHOWN_NAMES: usize = 16;
-/// Places in `R G B A` that hold ids; the others hold coverage.
-const IDS: [usize; 2] = [0, 2];
-/// The id of no object.
-const NOTHING: u32 = 0;
+/// Indices in `R G B A` of the ids; the others are coverage.
+const ID_CHANNELS: [usize; 2] = [0, 2];
+/// The id of pixels without an object.
+const NO_OBJECT: u32 = 0;
 
 /// One cryptomatte of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Cryptomatte {
-    /// What its channels are called, without their numbers: `ViewLayer.CryptoObject`.
+    /// The name of its channels without their numbers: `ViewLayer.CryptoObject`.
     pub name: String,
-    /// Names of the channels with ids and with their coverage, best first; at least one pair.
+    /// Names of the channels with ids and with their coverage, largest coverage first; at least one pair.
     ranks: Vec<[String; 2]>,
-    /// Where the names of its objects are.
+    /// The names of its objects.
     manifest: Manifest,
 }
 
-/// Where the names of a cryptomatte's objects are.
+/// The names of a cryptomatte's objects and their ids.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 enum Manifest {
-    /// Nowhere.
+    /// Missing.
     #[default]
     Absent,
-    /// In this JSON, not yet parsed.
+    /// JSON text, not yet parsed.
     Text(String),
-    /// In a file of this name.
+    /// In a file of this name, which is not read.
     File(String),
 }
 
-/// What the header says of one cryptomatte.
+/// The header's description of one cryptomatte.
 #[derive(Debug, Default)]
 struct Described {
     name: String,
     manifest: Manifest,
 }
 
-/// What a picture shows of one object.
+/// The coverage of one object in a picture.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ObjectMatte<'a> {
     /// The cryptomatte that it was found in.
     pub cryptomatte: &'a str,
-    /// The share of each sample of the data window, 0 … 1, row by row.
+    /// Coverage of each sample of the data window, 0 … 1, row by row.
     pub coverage: Vec<f32>,
 }
 
-/// The objects of one cryptomatte that a picture shows.
+/// The objects of one cryptomatte that are visible in a picture.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Objects {
-    /// What the cryptomatte is called.
+    /// The name of the cryptomatte.
     pub cryptomatte: String,
     /// The objects' names, the one with the largest area first.
     pub names: Vec<String>,
-    /// How many more there are, whose names are not known.
+    /// Number of visible objects without a known name.
     pub unnamed: usize,
-    /// Why names are not known, if it is for the manifest.
+    /// Why the manifest cannot be used; `None` if it can.
     pub doubt: Option<String>,
 }
 
-/// The cryptomattes of `file` whose channels have the data window `data`, objects before materials; not those of `deeper` peels,
-/// which are given by their prefixes.
+/// The cryptomattes of `file` whose channels have the data window `data`, objects before materials. `deeper` are the prefixes of
+/// the peels whose cryptomattes are left out.
 pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptomatte> {
     let described = described(file);
     let mut groups: BTreeMap<&str, BTreeMap<&str, [Option<&str>; 4]>> = BTreeMap::new();
     for channel in &file.channels {
         if let Some((name, rank, role)) = rank_channel(&channel.name)
             && file.frame(channel.part).data == data
-            && (!IDS.contains(&role) || channel.sample_type == SampleType::F32)
+            && (!ID_CHANNELS.contains(&role) || channel.sample_type == SampleType::F32)
         {
             groups.entry(name).or_default().entry(rank).or_default()[role].get_or_insert(&channel.name);
         }
@@ -117,7 +120,7 @@ pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptom
     found
 }
 
-/// What the headers of all parts say of cryptomattes.
+/// The descriptions of cryptomattes in the headers of all parts.
 fn described(file: &ExrFile) -> Vec<Described> {
     let mut described: BTreeMap<String, Described> = BTreeMap::new();
     for (name, value) in file.attributes_of_all_parts() {
@@ -125,7 +128,7 @@ fn described(file: &ExrFile) -> Vec<Described> {
         let key = name.strip_prefix(ATTRIBUTES).and_then(|rest| rest.rsplit_once('/'));
         if let (Some((id, key)), AttributeValue::Text(text)) = (key, value) {
             let matte = described.entry(id.to_owned()).or_default();
-            // Names of channels have been read one byte a letter, names of objects are UTF-8.
+            // The EXR library decodes text as one byte per character; names of objects are UTF-8.
             let utf8 = || String::from_utf8_lossy(text.as_slice()).into_owned();
             match key {
                 "name" => matte.name = text.to_string(),
@@ -140,7 +143,7 @@ fn described(file: &ExrFile) -> Vec<Described> {
     described.into_values().filter(|matte| !matte.name.is_empty()).collect()
 }
 
-/// Of a channel called `NAME00.R`: NAME, the rank, and the place in `R G B A`.
+/// The parts of a channel name `NAME00.R`: NAME, the rank, and the index in `R G B A`.
 fn rank_channel(channel: &str) -> Option<(&str, &str, usize)> {
     const ROLES: [[&str; 2]; 4] = [["r", "red"], ["g", "green"], ["b", "blue"], ["a", "alpha"]];
     let (head, ending) = channel.rsplit_once('.')?;
@@ -150,25 +153,25 @@ fn rank_channel(channel: &str) -> Option<(&str, &str, usize)> {
     (is_rank && !name.is_empty()).then_some((name, rank, role))
 }
 
-/// Id and coverage, twice a rank.
+/// The two pairs of id and coverage of a rank.
 fn pairs([red, green, blue, alpha]: [Option<&str>; 4]) -> impl Iterator<Item = [String; 2]> {
     let pair = |id: Option<&str>, coverage: Option<&str>| Some([id?.to_owned(), coverage?.to_owned()]);
     [pair(red, green), pair(blue, alpha)].into_iter().flatten()
 }
 
-/// Whether header and channels mean one cryptomatte: a view layer or a part may stand before either's name.
+/// Whether the names in header and channels are of one cryptomatte: either may have a view layer or part as a prefix.
 fn is_same(described: &str, channels: &str) -> bool {
-    let ends_so = |long: &str, short: &str| {
+    let has_suffix = |long: &str, short: &str| {
         long.strip_suffix(short).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
     };
-    ends_so(described, channels) || ends_so(channels, described)
+    has_suffix(described, channels) || has_suffix(channels, described)
 }
 
 fn last_part(name: &str) -> &str {
     name.rsplit('.').next().unwrap_or(name)
 }
 
-/// Sort key: objects, what else there may be, materials.
+/// Sort key: objects, then other cryptomattes, then materials.
 fn order(name: &str) -> (u8, String) {
     let last = last_part(name).to_ascii_lowercase();
     let rank = match (last.contains("object"), last.contains("material")) {
@@ -183,7 +186,7 @@ impl Manifest {
     /// Names with their ids.
     ///
     /// # Errors
-    /// Why there are none.
+    /// The reason why they are not known.
     fn names(&self) -> Result<BTreeMap<String, u32>, String> {
         let text = match self {
             Self::Absent => return Err("no manifest in the file".to_owned()),
@@ -198,12 +201,12 @@ impl Manifest {
 }
 
 impl Cryptomatte {
-    /// Whether `channel` is one of its own.
+    /// Whether `channel` is one of its channels.
     pub(super) fn has(&self, channel: &str) -> bool {
         self.ranks.iter().flatten().any(|name| name == channel)
     }
 
-    /// The id of the object called `name`; `None` for one that the manifest lacks.
+    /// The id of the object called `name`; `None` if the manifest does not have it.
     fn id(&self, name: &str) -> Option<u32> {
         match self.manifest.names() {
             Ok(names) => names.get(name).copied(),
@@ -213,12 +216,11 @@ impl Cryptomatte {
 }
 
 impl Stack {
-    /// What the picture shows of the object called `name`. The channels must have been kept: see
-    /// [`super::ReadOptions::objects`].
+    /// The coverage of the object called `name`. Requires [`super::ReadOptions::objects`].
     ///
     /// # Errors
-    /// No cryptomatte; an unknown name, with the nearest known one and those that the picture shows; a known name that it does not
-    /// show.
+    /// No cryptomatte; an unknown name, with the nearest known one and a list of the visible objects; a known object that is not
+    /// visible.
     pub fn object(&self, name: &str) -> Result<ObjectMatte<'_>, Error> {
         if self.cryptomattes.is_empty() {
             return Err(no_cryptomatte(name));
@@ -237,7 +239,7 @@ impl Stack {
         Err(unseen.map_or_else(|| self.no_such_object(name), |matte| not_seen(name, matte)))
     }
 
-    /// The objects that the picture shows, a list a cryptomatte.
+    /// The visible objects of each cryptomatte.
     pub fn objects(&self) -> Vec<Objects> {
         self.cryptomattes.iter().map(|matte| self.objects_of(matte)).collect()
     }
@@ -271,12 +273,12 @@ impl Stack {
         })
     }
 
-    /// The share of each sample that shows the object `id`, 0 … 1.
+    /// The coverage of the object `id` at each sample, 0 … 1.
     fn coverage(&self, matte: &Cryptomatte, id: u32) -> Vec<f32> {
         let mut sum = vec![0.0; self.width() * self.height()];
         for (ids, coverages) in self.ranks(matte) {
             for ((sum, found), &coverage) in sum.iter_mut().zip(ids).zip(coverages.iter()) {
-                // NaN and what is below 0 add nothing.
+                // NaN and negative coverage are ignored.
                 if found.to_bits() == id && coverage > 0.0 {
                     *sum = (*sum + coverage).min(1.0);
                 }
@@ -285,24 +287,24 @@ impl Stack {
         sum
     }
 
-    /// The area of every object that the picture shows, in samples.
+    /// The area of every visible object, in samples.
     fn areas(&self, matte: &Cryptomatte) -> BTreeMap<u32, f64> {
         let mut areas = BTreeMap::new();
         for (ids, coverages) in self.ranks(matte) {
-            // Neighbours show the same object mostly: one look into the map a run of them.
-            let mut run = (NOTHING, 0.0);
+            // Neighbours mostly belong to the same object: one map access per span of equal ids.
+            let mut span = (NO_OBJECT, 0.0);
             let mut add = |(id, area): (u32, f64)| {
-                if id != NOTHING && area > 0.0 {
+                if id != NO_OBJECT && area > 0.0 {
                     *areas.entry(id).or_insert(0.0) += area;
                 }
             };
             for (id, &coverage) in ids.iter().map(|id| id.to_bits()).zip(coverages.iter()) {
-                if id != run.0 {
-                    add(std::mem::replace(&mut run, (id, 0.0)));
+                if id != span.0 {
+                    add(std::mem::replace(&mut span, (id, 0.0)));
                 }
-                run.1 += f64::from(coverage.max(0.0));
+                span.1 += f64::from(coverage.max(0.0));
             }
-            add(run);
+            add(span);
         }
         areas
     }
@@ -315,24 +317,25 @@ impl Stack {
                 None if names.is_empty() => "no object".to_owned(),
                 None => listed(names, SHOWN_NAMES),
                 Some(doubt) => {
-                    format!("{unnamed} objects without names: {doubt}, so names are found by their hash")
+                    format!(
+                        "{unnamed} objects without names: {doubt}; objects are found by the hash of their name"
+                    )
                 }
             };
             error = error.with("found", format!("in {cryptomatte}: {found}"));
         }
         let names: Vec<&String> = objects.iter().flat_map(|objects| &objects.names).collect();
-        let holds =
+        let containing =
             || names.iter().find(|known| !name.is_empty() && known.contains(name)).map(|name| name.as_str());
-        match nearest(name, &names).or_else(holds) {
+        match nearest(name, &names).or_else(containing) {
             Some(near) => error.help(format!("did you mean '{near}'?")),
-            None => error.help(
-                "names are written as in the scene, in full; `focus_point = [X, Y]` focuses on a pixel",
-            ),
+            None => error
+                .help("write the full name as in the scene, or focus on a pixel with `focus_point = [X, Y]`"),
         }
     }
 }
 
-/// Samples as floats.
+/// The samples, converted to floats.
 fn floats(samples: &FlatSamples) -> Cow<'_, [f32]> {
     match samples {
         FlatSamples::F32(values) => Cow::Borrowed(values),
@@ -341,29 +344,29 @@ fn floats(samples: &FlatSamples) -> Cow<'_, [f32]> {
     }
 }
 
-/// The first `most` names of a list, and how many more there are.
-pub fn listed(names: &[String], most: usize) -> String {
-    let shown = names.iter().take(most).map(String::as_str).collect::<Vec<_>>().join(", ");
-    match names.len().saturating_sub(most) {
+/// The first `max` names of a list, and the number of the others.
+pub(crate) fn listed(names: &[String], max: usize) -> String {
+    let shown = names.iter().take(max).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(max) {
         0 => shown,
         more => format!("{shown} and {more} more"),
     }
 }
 
 fn no_cryptomatte(name: &str) -> Error {
-    Error::settings(format!("the file has no cryptomatte to find the object '{name}' by"))
-        .with("looked for", "32-bit channels CryptoObject00.R G B A or such, as large as the picture's")
+    Error::settings(format!("the file has no cryptomatte: the object '{name}' cannot be found"))
+        .with("looked for", "32-bit channels such as CryptoObject00.R G B A, with the picture's data window")
         .help("render with a Cryptomatte pass, or focus on a pixel with `focus_point = [X, Y]`")
 }
 
 fn not_seen(name: &str, matte: &Cryptomatte) -> Error {
-    Error::settings(format!("the picture does not show the object '{name}'"))
+    Error::settings(format!("the object '{name}' is not visible in the picture"))
         .with("found", format!("its name in the manifest of {}, but no pixel with its id", matte.name))
-        .help("it may be hidden or outside of the frame; `focus_point = [X, Y]` focuses on a pixel, `focus_distance` on a distance")
+        .help("it may be hidden or outside the frame; focus on a pixel with `focus_point = [X, Y]`, or at a distance with `focus_distance`")
 }
 
-/// Of `channels` those of `mattes`.
-pub(super) fn of(channels: Vec<CarriedChannel>, mattes: &[Cryptomatte]) -> Vec<CarriedChannel> {
+/// The channels that belong to `mattes`.
+pub(super) fn matte_channels(channels: Vec<CarriedChannel>, mattes: &[Cryptomatte]) -> Vec<CarriedChannel> {
     let is_matte = |channel: &CarriedChannel| mattes.iter().any(|matte| matte.has(&channel.name));
     channels.into_iter().filter(is_matte).collect()
 }

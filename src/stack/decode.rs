@@ -1,8 +1,8 @@
 //! OpenEXR pixels: compressed blocks in, planes out.
 //!
-//! Blocks are read in file order and decompressed in the caller's thread pool, a few at a time, each straight into its
-//! rows of the planes; so memory is the planes and a few blocks. Only channels that are asked for are converted.
-//! Limits: the largest resolution level only.
+//! Blocks are read in file order and decompressed in the caller's thread pool, a batch at a time, each into its
+//! rows of the planes. Memory: the planes and one batch of blocks. Only requested channels are converted.
+//! Limits: only the largest resolution level is read.
 
 use super::chunks::{self, Chunks};
 use super::guard;
@@ -21,34 +21,34 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// Compressed bytes held at once, unless a single block is larger.
+/// Maximum compressed bytes of a batch; a batch has at least one block.
 const BATCH_BYTES: usize = 32 << 20;
 
-/// What a channel is read for.
+/// The use of a channel, which determines its conversion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Red, green or blue: made finite.
+    /// Red, green or blue: values that are not finite are replaced.
     Color,
     /// Coverage or opacity: clamped to 0 … 1.
     Alpha,
-    /// Depth: every value kept.
+    /// Depth: every value is kept.
     Depth,
-    /// To be handed on in its own type.
+    /// Copied to the output in its own type.
     Carry,
 }
 
-/// A channel as it was decoded.
+/// A decoded channel.
 #[derive(Debug)]
 pub(super) enum Decoded {
-    /// Of a peel, converted to `f32`.
+    /// A channel of a peel, converted to `f32`.
     Plane(Plane),
-    /// For [`Use::Carry`].
+    /// A channel for [`Use::Carry`].
     Samples(FlatSamples),
 }
 
-/// The rows of one wanted channel that one row of blocks covers.
+/// The rows of one requested channel within one row of blocks.
 struct Strip<'a> {
-    /// Place in the part's channel list.
+    /// Index in the part's channel list.
     channel: usize,
     usage: Use,
     rows: Rows<'a>,
@@ -60,7 +60,7 @@ enum Rows<'a> {
     Uint(&'a mut [u32]),
 }
 
-/// How a part is cut into blocks.
+/// The division of a part into blocks.
 #[derive(Clone, Copy)]
 struct Grid {
     width: usize,
@@ -70,7 +70,7 @@ struct Grid {
 }
 
 impl Grid {
-    fn of(header: &Header) -> Self {
+    fn from_header(header: &Header) -> Self {
         let (width, height) = (header.layer_size.width(), header.layer_size.height());
         let (block_width, block_height) = match header.blocks {
             BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block()),
@@ -88,35 +88,35 @@ impl Grid {
     }
 }
 
-/// Decodes the `wanted` channels (indices into [`ExrFile::channels`]), in that order.
+/// Decodes the `requested` channels (indices into [`ExrFile::channels`]), in that order.
 ///
 /// # Errors
-/// More memory than `max_bytes` ([`Error::limits`]); damaged or missing blocks.
+/// [`Error::limits`] if more than `max_bytes` are required; damaged or missing blocks.
 pub(super) fn decode(
     file: ExrFile,
-    wanted: &[(usize, Use)],
+    requested: &[(usize, Use)],
     max_bytes: Option<u64>,
 ) -> Result<(Vec<Decoded>, Replaced), Error> {
     let name = file.name.clone();
-    decode_unnamed(file, wanted, max_bytes).map_err(|error| error.in_file(&name))
+    decode_unnamed(file, requested, max_bytes).map_err(|error| error.in_file(&name))
 }
 
 fn decode_unnamed(
     file: ExrFile,
-    wanted: &[(usize, Use)],
+    requested: &[(usize, Use)],
     max_bytes: Option<u64>,
 ) -> Result<(Vec<Decoded>, Replaced), Error> {
-    check_budget(&file, wanted, max_bytes)?;
+    check_budget(&file, requested, max_bytes)?;
     let mut decoded: Vec<Decoded> =
-        wanted.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
-    let grids: Vec<Grid> = file.meta_data.headers.iter().map(Grid::of).collect();
+        requested.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
+    let grids: Vec<Grid> = file.meta_data.headers.iter().map(Grid::from_header).collect();
     let mut bands: Vec<Vec<Mutex<Vec<Strip<'_>>>>> = grids.iter().map(|_| Vec::new()).collect();
-    for (&(channel, usage), target) in wanted.iter().zip(&mut decoded) {
+    for (&(channel, usage), output) in requested.iter().zip(&mut decoded) {
         let channel = &file.channels[channel];
         let grid = grids[channel.part];
         let part_bands = &mut bands[channel.part];
         part_bands.resize_with(grid.bands(), Mutex::default);
-        for (band, rows) in part_bands.iter_mut().zip(cut(target, grid.block_height * grid.width)) {
+        for (band, rows) in part_bands.iter_mut().zip(cut(output, grid.block_height * grid.width)) {
             let strips = band.get_mut().unwrap_or_else(PoisonError::into_inner);
             strips.push(Strip { channel: channel.index, usage, rows });
         }
@@ -126,9 +126,9 @@ fn decode_unnamed(
     Ok((decoded, replaced))
 }
 
-fn check_budget(file: &ExrFile, wanted: &[(usize, Use)], max_bytes: Option<u64>) -> Result<(), Error> {
+fn check_budget(file: &ExrFile, requested: &[(usize, Use)], max_bytes: Option<u64>) -> Result<(), Error> {
     let limit = max_bytes.unwrap_or_else(guard::default_max_bytes);
-    let bytes = wanted.iter().fold(0u64, |sum, &(channel, _)| {
+    let bytes = requested.iter().fold(0u64, |sum, &(channel, _)| {
         let size = file.header(file.channels[channel].part).layer_size;
         let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
         sum.saturating_add(pixels.saturating_mul(4))
@@ -136,10 +136,10 @@ fn check_budget(file: &ExrFile, wanted: &[(usize, Use)], max_bytes: Option<u64>)
     if bytes <= limit {
         return Ok(());
     }
-    let size = wanted.first().map(|&(channel, _)| file.header(file.channels[channel].part).layer_size);
+    let size = requested.first().map(|&(channel, _)| file.header(file.channels[channel].part).layer_size);
     let (width, height) = size.map_or((0, 0), |size| (size.width(), size.height()));
-    Err(Error::limits("the picture takes more memory than it may")
-        .with("found", format!("{width}×{height} pixels, {} channels: {} MiB", wanted.len(), bytes >> 20))
+    Err(Error::limits("the picture requires more memory than the limit")
+        .with("found", format!("{width}×{height} pixels, {} channels: {} MiB", requested.len(), bytes >> 20))
         .with("limit", format!("{} MiB", limit >> 20))
         .help("crop or scale the picture, or leave out channels that are not needed"))
 }
@@ -164,7 +164,7 @@ fn cut(decoded: &mut Decoded, len: usize) -> Box<dyn Iterator<Item = Rows<'_>> +
     }
 }
 
-/// Reads all blocks of the parts that have bands, and writes them into the strips.
+/// Decodes all blocks of the parts that have bands into the strips.
 fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> Result<Replaced, Error> {
     let ExrFile { input, len, meta_data, .. } = file;
     let mut seen: Vec<Vec<bool>> =
@@ -200,7 +200,7 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> 
     Ok(replaced)
 }
 
-/// Column and band of a block; each may come once.
+/// Column and band of a block. Each may occur only once.
 fn locate(
     chunk: &Chunk,
     meta_data: &MetaData,
@@ -228,7 +228,7 @@ fn locate(
             *slot = true;
             Ok(place)
         }
-        _ => Err(Error::input("a block of pixels lies where none belongs")
+        _ => Err(Error::input("a block of pixels has an invalid or repeated position")
             .help("the file is damaged: render or copy it again")),
     }
 }
@@ -286,7 +286,7 @@ fn place(
     Ok(replaced)
 }
 
-/// One row of samples in native byte order, as `f32`. `half_row` is scratch of the same length.
+/// Converts one row of samples in native byte order to `f32`. `half_row` is scratch memory of the same length.
 fn read_floats(bytes: &[u8], sample_type: SampleType, half_row: &mut [u16], values: &mut [f32]) {
     match sample_type {
         SampleType::F32 => bytemuck::cast_slice_mut::<f32, u8>(values).copy_from_slice(bytes),

@@ -1,36 +1,36 @@
-//! Depth conventions, and what each of them says in planar depth.
+//! Depth conventions and their conversion to planar depth.
 //!
 //! | convention | planar depth of a value `v` | background |
 //! | --- | --- | --- |
 //! | planar | `v` | `v >= 1e9` (Blender writes 1e10), `v <= 0`, infinite, NaN |
 //! | ray | `v · F / √(F² + x² + y²) + near_clip` | as planar: Mitsuba writes 0 |
 //! | inverse | `1 / v` | `v < 1e-9`, infinite, NaN |
-//! | normalised | `near + min(v, 1) · (far − near)`: 1 and beyond stay the far plane | `v < 0`, infinite, NaN |
+//! | normalised | `near + min(v, 1) · (far − near)`: values above 1 are the far plane | `v < 0`, infinite, NaN |
 //!
 //! A planar depth that is not in front of the lens (`z <= 0`) is background as well.
 
 use crate::settings::DepthConvention;
 use std::ops::Range;
 
-/// From here on a depth means "nothing was hit".
+/// Depths from this value on are background: the ray hit nothing.
 pub const BACKGROUND: f32 = 1e9;
 
-/// What converting a depth needs beside the convention.
+/// The parameters of the conversion to planar depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthScale {
-    /// How the depth is written.
+    /// The convention of the input depth.
     pub convention: DepthConvention,
-    /// Depth units that the renderer leaves out in front of its first count ([`DepthConvention::Ray`]).
+    /// Distance of the near clipping plane, which ray depth is measured from ([`DepthConvention::Ray`]).
     pub near_clip: f32,
     /// Planar depth of 0 and of 1 ([`DepthConvention::Normalised`]).
     pub near_far: [f32; 2],
-    /// Distance of the sensor in samples, `focal length / sensor width · display width` ([`DepthConvention::Ray`]).
+    /// Distance of the sensor in samples: `focal length / sensor width · display width` ([`DepthConvention::Ray`]).
     pub focal_px: f32,
 }
 
-/// The values that are no background in `convention`; NaN is in no range, so it is background.
+/// The range of values that are not background in `convention`. NaN is in no range and therefore background.
 pub(super) fn foreground(convention: DepthConvention) -> Range<f32> {
-    /// The smallest positive number: a range from here leaves out 0.
+    /// The smallest positive number: a range that starts here excludes 0.
     const ABOVE_ZERO: f32 = f32::from_bits(1);
     match convention {
         DepthConvention::Planar | DepthConvention::Ray => ABOVE_ZERO..BACKGROUND,
@@ -39,13 +39,13 @@ pub(super) fn foreground(convention: DepthConvention) -> Range<f32> {
     }
 }
 
-/// Whether `value` says "nothing was hit" in `convention`.
+/// Whether `value` is background in `convention`.
 pub fn is_background(convention: DepthConvention, value: f32) -> bool {
     !foreground(convention).contains(&value)
 }
 
 impl DepthScale {
-    /// Planar depth of `value`, found at `x`, `y` samples from the optical axis; `+∞` for background (module head).
+    /// Planar depth of `value` at `x`, `y` samples from the optical axis; `+∞` for background (module head).
     pub fn planar(&self, value: f32, x_from_centre_px: f32, y_from_centre_px: f32) -> f32 {
         if is_background(self.convention, value) {
             return f32::INFINITY;
@@ -61,9 +61,9 @@ impl DepthScale {
         in_front(z)
     }
 
-    /// [`DepthScale::planar`] of a row of samples in place; the first lies `x0_from_centre` from the optical axis.
+    /// [`DepthScale::planar`] of a row of samples, in place. The first sample is at `x0_from_centre` from the optical axis.
     pub fn planar_row(&self, depth: &mut [f32], y_from_centre: f32, x0_from_centre: f32) {
-        // One loop a convention, without branches inside: each becomes vector code.
+        // One loop per convention without branches inside, so that each is vectorized.
         let foreground = foreground(self.convention);
         let known =
             |value: f32, z: f32| if foreground.contains(&value) { in_front(z) } else { f32::INFINITY };
@@ -78,7 +78,7 @@ impl DepthScale {
             DepthConvention::Ray => {
                 let y_squared = y_from_centre * y_from_centre;
                 for (i, value) in depth.iter_mut().enumerate() {
-                    // i32 converts to f32 in vector code, usize does not.
+                    // Conversion from i32 to f32 is vectorized, from usize it is not.
                     let x = x0_from_centre + i as i32 as f32;
                     *value = known(*value, self.planar_of_ray(*value, x, y_squared));
                 }
@@ -97,7 +97,7 @@ impl DepthScale {
     }
 }
 
-/// `z` if it lies in front of the lens, else `+∞`.
+/// `z` if it is in front of the lens, else `+∞`.
 fn in_front(z: f32) -> f32 {
     if z > 0.0 { z } else { f32::INFINITY }
 }
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn distance_along_the_ray_shrinks_by_the_cosine_and_starts_at_the_near_clip() {
+    fn ray_depth_is_multiplied_by_the_cosine_and_starts_at_the_near_clip() {
         // x = 40, F = 30: the ray is 50 long, cosθ = 3/5. 10 · 3/5 + 0.5 = 6.5.
         assert_eq!(scale(DepthConvention::Ray).planar(10.0, 40.0, 0.0), 6.5);
         assert_eq!(scale(DepthConvention::Ray).planar(10.0, 0.0, 0.0), 10.5);
@@ -132,13 +132,13 @@ mod tests {
     }
 
     #[test]
-    fn normalised_depth_beyond_one_stays_the_far_plane() {
+    fn normalised_depth_above_one_is_the_far_plane() {
         assert_eq!(scale(DepthConvention::Normalised).planar(1.0, 0.0, 0.0), 12.0);
         assert_eq!(scale(DepthConvention::Normalised).planar(3.0, 0.0, 0.0), 12.0);
     }
 
     #[test]
-    fn every_way_to_write_background_is_infinitely_far() {
+    fn every_encoding_of_background_is_infinitely_far() {
         for convention in ALL {
             for value in [f32::INFINITY, f32::NAN, f32::NEG_INFINITY, -1.0] {
                 assert_eq!(
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_converts_as_its_values_do() {
+    fn a_row_is_converted_as_its_single_values() {
         let values = [0.3, 7.0, 0.0, f32::NAN, 1e10, -2.0, 1.0, 2e-10, 55.5];
         for convention in ALL {
             let mut row = values;

@@ -1,23 +1,20 @@
-//! The number of a frame, from the names of its files.
+//! The frame number, from the names of the input files.
 //!
-//! It is the last group of digits before the extension, in all files' names where there are several: `peel0.0042.exr` and
+//! It is the last group of digits before the extension that occurs in the names of all files: `peel0.0042.exr` and
 //! `peel1.0042.exr` are frame 42. Digits after a letter `v` are a version (`shot_v002.exr`), never a frame.
 
 use super::Source;
 use std::path::Path;
 
-/// The number of the frame that `sources` are, by their names.
-pub fn frame_number(sources: &[Source]) -> Option<i64> {
-    let mut numbers = sources.iter().map(|source| match source {
-        Source::File(path) => numbers(path),
-        Source::Embedded { name, .. } => numbers(Path::new(name)),
-    });
+/// The frame number in the names of `sources`, if they have one.
+pub(crate) fn frame_number(sources: &[Source]) -> Option<i64> {
+    let mut numbers = sources.iter().map(|source| numbers(source.name()));
     let first = numbers.next()?;
     let others: Vec<Vec<i64>> = numbers.collect();
     first.into_iter().rev().find(|number| others.iter().all(|other| other.contains(number)))
 }
 
-/// The numbers in a file's name that may be a frame's.
+/// The numbers in a file name that can be a frame number.
 fn numbers(path: &Path) -> Vec<i64> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let mut numbers = Vec::new();
@@ -51,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn a_version_is_no_frame() {
+    fn a_version_is_not_a_frame_number() {
         assert_eq!(number(&["v2_beauty.exr"]), None);
         assert_eq!(number(&["shot_V002.exr"]), None);
         assert_eq!(number(&["shot.0042_v003.exr"]), Some(42));
@@ -59,14 +56,14 @@ mod tests {
     }
 
     #[test]
-    fn files_of_one_frame_agree_on_its_number() {
+    fn the_number_occurs_in_the_names_of_all_files() {
         assert_eq!(number(&["peel0.0042.exr", "peel1.0042.exr"]), Some(42));
         assert_eq!(number(&["a.0042.peel0.exr", "a.0042.peel1.exr"]), Some(42));
         assert_eq!(number(&["peel0.exr", "peel1.exr"]), None, "peels are not frames");
     }
 
     #[test]
-    fn digits_that_no_frame_can_have_are_passed_over() {
+    fn numbers_that_do_not_fit_are_skipped() {
         assert_eq!(number(&["shot.0042_99999999999999999999.exr"]), Some(42));
         assert_eq!(number(&[]), None);
     }

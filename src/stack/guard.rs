@@ -1,32 +1,32 @@
-//! The header guard: what an OpenEXR header claims is checked before anything is allocated for it.
+//! The header guard: checks the sizes in an OpenEXR header before memory is allocated for them.
 //!
-//! Reads the raw header by itself, because the decoder accepts any size (a 1 KB file can claim 40 GB) and rejects what it
-//! does not know (deep parts, new codecs) without saying what it was. Cost: one pass over the header.
-//! Limits: a claim is believed if the file is long enough for its codec's best case; the budget in bytes is checked
-//! later, when it is known which channels are wanted, and before they are allocated.
+//! Parses the raw header, because the EXR library accepts any size (a 1 KB file can claim 40 GB) and rejects unknown features
+//! (deep parts, new codecs) without naming them. Cost: one pass over the header.
+//! Limits: a size is accepted if the file is long enough for its codec's best compression ratio. The memory limit is checked
+//! later, when the requested channels are known, and before they are allocated.
 
 use super::input::Opened;
 use crate::error::Error;
 use std::io::{self, BufRead, Read, Seek};
 
 /// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
-const COORDINATE_LIMIT: i64 = 1 << 30;
-/// A display window this many times the data window's area is damage, not a crop.
-const LARGEST_CROP: u64 = 4096;
-/// What to do about a damaged header.
+pub(super) const COORDINATE_LIMIT: i64 = 1 << 30;
+/// A display window of more than this many times the data window's area is an error, not a crop.
+const MAX_DISPLAY_RATIO: u64 = 4096;
+/// The help for a damaged header.
 const DAMAGED: &str = "the header is damaged: render or copy the file again";
-/// Longest value of an attribute that is looked at here; others are skipped unread.
-const LOOKED_AT_BYTES: u64 = 16 << 20;
-/// No known writer makes tiles wider than this.
-const TILE_LIMIT: u32 = 1 << 16;
-/// Deflate never expands by more than 1032; PXR24 restores a fourth byte to every three.
+/// Maximum size of an attribute value that is read here; larger ones are skipped.
+const MAX_VALUE_BYTES: u64 = 16 << 20;
+/// Maximum tile size; no known program writes larger tiles.
+const MAX_TILE_SIZE: u32 = 1 << 16;
+/// Deflate expands by at most 1032; PXR24 adds a fourth byte to every three.
 const DEFLATE_RATIO: u64 = 1400;
-/// RLE makes at most 128 bytes of 2.
+/// RLE expands 2 bytes to at most 128.
 const RLE_RATIO: u64 = 64;
-/// Least bytes a chunk takes: its offset, its own header, one byte of content.
-const CHUNK_BYTES: u64 = 17;
+/// Minimum size of a chunk: its offset, its own header, one byte of content.
+const MIN_CHUNK_BYTES: u64 = 17;
 
-/// One part's header, as far as the guard looks at it.
+/// The fields of a part's header that the guard checks.
 #[derive(Debug, Default)]
 struct RawPart {
     kind: Option<String>,
@@ -49,7 +49,7 @@ struct RawChannel {
 ///
 /// # Errors
 /// Deep data, unknown codecs and subsampled channels are [`Error::unsupported`], impossible sizes [`Error::limits`],
-/// anything that is no header [`Error::input`].
+/// anything that is not a header [`Error::input`].
 pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
     let found = scan(opened).and_then(|(deep, parts)| {
         if deep {
@@ -61,7 +61,7 @@ pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
     opened.input.rewind().map_err(|error| cut_short().in_file(&opened.name).caused_by(error))
 }
 
-/// Half of the machine's memory, or 8 GiB where that is not known.
+/// Half of the machine's memory, or 8 GiB if that is not known.
 pub(super) fn default_max_bytes() -> u64 {
     let total_kib = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
@@ -71,18 +71,18 @@ pub(super) fn default_max_bytes() -> u64 {
 }
 
 fn cut_short() -> Error {
-    Error::input("the file ends before its header does").help("it is cut short: copy or render it again")
+    Error::input("the file is truncated within its header").help("copy or render it again")
 }
 
 fn deep_data() -> Error {
-    Error::unsupported("deep data is not read yet")
-        .with("found", "deep samples (several fragments a pixel)")
+    Error::unsupported("deep data is not supported")
+        .with("found", "deep samples (several fragments per pixel)")
         .help(
             "flatten it to a few peels, or to one picture with depth, and save it as a ZIP scanline OpenEXR",
         )
 }
 
-/// The headers of all parts, and whether any is deep.
+/// Whether any part is deep, and the headers of all parts.
 fn scan(opened: &mut Opened) -> Result<(bool, Vec<RawPart>), Error> {
     let read = |opened: &mut Opened| -> io::Result<(u32, Vec<RawPart>)> {
         let input = &mut opened.input;
@@ -133,7 +133,7 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
             name.as_str(),
             "channels" | "compression" | "dataWindow" | "displayWindow" | "tiles" | "type"
         );
-        if known && size <= LOOKED_AT_BYTES {
+        if known && size <= MAX_VALUE_BYTES {
             let mut value = Vec::new();
             (&mut opened.input).take(size).read_to_end(&mut value)?;
             part.note(&name, &value)?;
@@ -143,7 +143,7 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
     }
 }
 
-/// A text that ends with a zero byte.
+/// A null-terminated text.
 fn text(input: &mut impl BufRead) -> io::Result<String> {
     let mut bytes = Vec::new();
     input.take(257).read_until(0, &mut bytes)?;
@@ -161,14 +161,14 @@ impl RawPart {
             "type" => self.kind = Some(String::from_utf8_lossy(value).into_owned()),
             "dataWindow" => self.data_window = Some(corners(&mut value)?),
             "displayWindow" => self.display_window = Some(corners(&mut value)?),
-            "tiles" => self.tile = Some([word(&mut value)?, word(&mut value)?]),
+            "tiles" => self.tile = Some([read_u32(&mut value)?, read_u32(&mut value)?]),
             _ => {
                 self.channels.clear();
                 while value.first().is_some_and(|&byte| byte != 0) {
                     let name = text(&mut value)?;
-                    let sample_type = word(&mut value)? as i32;
-                    word(&mut value)?;
-                    let sampling = [word(&mut value)? as i32, word(&mut value)? as i32];
+                    let sample_type = read_u32(&mut value)? as i32;
+                    read_u32(&mut value)?;
+                    let sampling = [read_u32(&mut value)? as i32, read_u32(&mut value)? as i32];
                     self.channels.push(RawChannel { name, sample_type, sampling });
                 }
             }
@@ -181,18 +181,18 @@ impl RawPart {
     }
 }
 
-fn word(value: &mut &[u8]) -> io::Result<u32> {
+fn read_u32(value: &mut &[u8]) -> io::Result<u32> {
     let mut bytes = [0; 4];
     value.read_exact(&mut bytes)?;
     Ok(u32::from_le_bytes(bytes))
 }
 
 fn corners(value: &mut &[u8]) -> io::Result<[i32; 4]> {
-    let words = [word(value)?, word(value)?, word(value)?, word(value)?];
+    let words = [read_u32(value)?, read_u32(value)?, read_u32(value)?, read_u32(value)?];
     Ok(words.map(|word| word as i32))
 }
 
-/// What a codec is called, its rows a chunk, and its best possible compression; `None` if this tool does not read it.
+/// Rows per chunk and best compression ratio of a codec; `None` if it is not supported.
 fn codec(number: u8) -> Option<(u64, u64)> {
     Some(match number {
         0 => (1, 1),
@@ -210,8 +210,8 @@ fn codec(number: u8) -> Option<(u64, u64)> {
 fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     if let Some(channel) = part.channels.iter().find(|channel| channel.sampling != [1, 1]) {
         let [x, y] = channel.sampling;
-        return Err(Error::unsupported("subsampled channels are not read")
-            .with("found", format!("channel {} at one sample every {x}×{y} pixels", channel.name))
+        return Err(Error::unsupported("subsampled channels are not supported")
+            .with("found", format!("channel {} with one sample per {x}×{y} pixels", channel.name))
             .help("save the picture as RGBA instead of luminance and chroma"));
     }
     let number = part.compression.ok_or_else(|| missing("compression"))?;
@@ -219,42 +219,42 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     let [width, height] = window_size(part.data_window.ok_or_else(|| missing("dataWindow"))?, "data")?;
     let [display_width, display_height] =
         window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
-    if display_width * display_height > (width * height).saturating_mul(LARGEST_CROP).max(1 << 26) {
-        return Err(Error::limits("the display window is far larger than the picture")
+    if display_width * display_height > (width * height).saturating_mul(MAX_DISPLAY_RATIO).max(1 << 26) {
+        return Err(Error::limits("the display window is too large for the data window")
             .with(
                 "found",
-                format!("{width}×{height} pixels of a picture of {display_width}×{display_height}"),
+                format!("data window of {width}×{height} pixels, display window of {display_width}×{display_height}"),
             )
             .help(DAMAGED));
     }
     let [chunks_x, chunks_y] = match part.tile {
         Some(tile) if part.kind.as_deref().is_none_or(|kind| kind.starts_with("tile")) => {
-            if tile.iter().any(|&side| side == 0 || side > TILE_LIMIT) {
+            if tile.iter().any(|&side| side == 0 || side > MAX_TILE_SIZE) {
                 let found = format!("{}×{} pixels", tile[0], tile[1]);
-                return Err(Error::limits("the tile size is impossible").with("found", found));
+                return Err(Error::limits("the tile size is invalid").with("found", found));
             }
             [width.div_ceil(u64::from(tile[0])), height.div_ceil(u64::from(tile[1]))]
         }
         _ => [1, height.div_ceil(chunk_rows)],
     };
     let bytes = (width * height).saturating_mul(part.bytes_per_pixel());
-    let chunk_bytes = (chunks_x * chunks_y).saturating_mul(CHUNK_BYTES);
+    let chunk_bytes = (chunks_x * chunks_y).saturating_mul(MIN_CHUNK_BYTES);
     if bytes / ratio > file_bytes || chunk_bytes > file_bytes {
-        return Err(Error::limits("the header claims more pixels than the file can hold")
+        return Err(Error::limits("the header has more pixels than the file can contain")
             .with(
                 "found",
                 format!("{width}×{height} pixels, {} channels, in {file_bytes} bytes", part.channels.len()),
             )
-            .help("the file is damaged or cut short: render or copy it again"));
+            .help("the file is damaged or truncated: render or copy it again"));
     }
     Ok(())
 }
 
-/// Width and height of a window given by its corners, both inclusive. Their product fits in 64 bits.
+/// Width and height of the window between two inclusive corners. Their product fits into 64 bits.
 fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
     let [x0, y0, x1, y1] = corners.map(i64::from);
     if corners.iter().any(|c| i64::from(*c).abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
-        return Err(Error::limits(format!("the {which} window is impossible"))
+        return Err(Error::limits(format!("the {which} window is invalid"))
             .with("found", format!("({x0}, {y0}) to ({x1}, {y1})"))
             .help(DAMAGED));
     }
@@ -272,8 +272,8 @@ fn unknown_codec(number: u8) -> Error {
         12 => "ZSTD".to_owned(),
         _ => format!("codec number {number}"),
     };
-    Error::unsupported("this compression is not read")
+    Error::unsupported("this compression is not supported")
         .with("found", found)
-        .with("looked for", "none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB")
+        .with("expected", "none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB")
         .help("save the file again with ZIP (scanline) compression")
 }

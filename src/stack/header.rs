@@ -1,8 +1,7 @@
-//! An OpenEXR file whose header is understood and checked, before any pixel is read.
+//! An OpenEXR file with a parsed and checked header, before any pixel is read.
 
-use super::guard;
 use super::input::{Input, Opened};
-use super::{Frame, Window};
+use super::{Frame, Window, guard};
 use crate::error::Error;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
@@ -15,9 +14,9 @@ use std::path::PathBuf;
 pub(super) struct Channel {
     /// Full name: dotted prefix and, in files of several parts, the part's name.
     pub(super) name: String,
-    /// Which part it is in.
+    /// Index of its part.
     pub(super) part: usize,
-    /// Its place in the part's channel list.
+    /// Its index in the part's channel list.
     pub(super) index: usize,
     /// Its numeric type.
     pub(super) sample_type: SampleType,
@@ -28,9 +27,9 @@ pub(super) struct Channel {
 /// A file with its header read.
 #[derive(Debug)]
 pub(super) struct ExrFile {
-    /// The path or name to show.
+    /// The path or name for messages.
     pub(super) name: PathBuf,
-    /// At the first byte after the headers.
+    /// Positioned at the first byte after the headers.
     pub(super) input: Input,
     /// Length of the file in bytes.
     pub(super) len: u64,
@@ -44,11 +43,11 @@ impl ExrFile {
     /// Reads and checks the header.
     ///
     /// # Errors
-    /// See [`guard::check`]; and what the decoder rejects.
+    /// Those of [`guard::check`], and headers that the EXR library rejects.
     pub(super) fn open(mut opened: Opened) -> Result<Self, Error> {
         guard::check(&mut opened)?;
         let Opened { name, len, mut input } = opened;
-        let fail = |error| decoder_error("the OpenEXR header cannot be understood", error).in_file(&name);
+        let fail = |error| decoder_error("the OpenEXR header cannot be read", error).in_file(&name);
         let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
         MetaData::validate(&meta_data.headers, false).map_err(fail)?;
         let channels = list_channels(&meta_data.headers);
@@ -65,7 +64,7 @@ impl ExrFile {
         self.channels.iter().map(|channel| channel.name.as_str()).collect()
     }
 
-    /// Where the pixels of part `part` lie.
+    /// Data window, display window and pixel aspect of part `part`.
     pub(super) fn frame(&self, part: usize) -> Frame {
         let shared = &self.header(part).shared_attributes;
         Frame {
@@ -75,7 +74,7 @@ impl ExrFile {
         }
     }
 
-    /// The attributes of all parts, known and unknown; one of each name a part.
+    /// The custom attributes of all parts.
     pub(super) fn attributes_of_all_parts(&self) -> impl Iterator<Item = (Text, &AttributeValue)> {
         let others = self.meta_data.headers.iter().flat_map(|header| &header.own_attributes.other);
         others.map(|(name, value)| (name.clone(), value))
@@ -88,7 +87,7 @@ impl ExrFile {
     }
 }
 
-/// What the decoder said, as this library's error.
+/// The EXR library's error as an error of this library.
 pub(super) fn decoder_error(what: &str, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::NotSupported(_) => {
@@ -96,7 +95,7 @@ pub(super) fn decoder_error(what: &str, error: exr::error::Error) -> Error {
         }
         _ => Error::input(what)
             .caused_by(error)
-            .help("the file is damaged or cut short: render or copy it again"),
+            .help("the file is damaged or truncated: render or copy it again"),
     }
 }
 

@@ -1,27 +1,28 @@
-//! Where bytes come from: a file on disk or one embedded in the program.
+//! Input bytes: a file on disk or one embedded in the program.
 
 use super::Source;
 use crate::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The first bytes of every OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Bytes to read and to seek in.
+/// A seekable byte stream.
 #[derive(Debug)]
 pub(super) enum Input {
     /// A file.
     File(BufReader<File>),
     /// Memory.
-    Memory(Cursor<&'static [u8]>),
+    Memory(Cursor<Arc<[u8]>>),
 }
 
-/// An opened source, at its first byte.
+/// An opened source, positioned at its first byte.
 #[derive(Debug)]
 pub(super) struct Opened {
-    /// The path or name to show.
+    /// The path or name for messages.
     pub(super) name: PathBuf,
     /// Length in bytes.
     pub(super) len: u64,
@@ -67,24 +68,24 @@ impl Opened {
     /// Opens `source`.
     ///
     /// # Errors
-    /// No such file, a directory, an empty file, no permission.
+    /// A missing file, a folder, an empty file, no permission.
     pub(super) fn open(source: &Source) -> Result<Self, Error> {
         let opened = match source {
             Source::File(path) => open_file(path)?,
-            Source::Embedded { name, bytes } => Self {
+            Source::Memory { name, bytes } => Self {
                 name: PathBuf::from(name),
                 len: bytes.len() as u64,
-                input: Input::Memory(Cursor::new(bytes)),
+                input: Input::Memory(Cursor::new(Arc::clone(bytes))),
             },
         };
         if opened.len == 0 {
-            let help = "the program that wrote it may have failed or still be writing: render it again";
+            let help = "the program that wrote it may have failed or may still be writing: render it again";
             return Err(Error::input("the file is empty").in_file(&opened.name).help(help));
         }
         Ok(opened)
     }
 
-    /// Whether the bytes start like an OpenEXR file; leaves the position at the first byte.
+    /// Whether the file starts with the OpenEXR magic number; leaves the position at the first byte.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -115,11 +116,11 @@ fn open_file(path: &Path) -> Result<Opened, Error> {
     })?;
     let metadata = file.metadata().map_err(|error| fail("the file cannot be read", error))?;
     if metadata.is_dir() {
-        let help = "name the picture files inside it";
-        return Err(Error::input("this is a directory, not a picture").in_file(path).help(help));
+        let help = "name the picture files in it";
+        return Err(Error::input("this is a folder, not a picture").in_file(path).help(help));
     }
     if !metadata.is_file() {
-        let help = "pipes and devices cannot be read: save the picture to a file";
+        let help = "pipes and devices are not supported: save the picture to a file";
         return Err(Error::input("this is not a regular file").in_file(path).help(help));
     }
     Ok(Opened {

@@ -1,4 +1,4 @@
-//! One file's peels, before they are put together with those of other files.
+//! The peels of one file, before they are combined with those of other files.
 
 use super::decode::{Decoded, Use, decode};
 use super::header::ExrFile;
@@ -21,56 +21,56 @@ pub(super) struct Layer {
     pub(super) alpha: Plane,
     /// Depth, if the file has it.
     pub(super) depth: Option<Plane>,
-    /// Where the planes lie.
+    /// Data window of the planes.
     pub(super) window: Window,
-    /// What the peel is called in the file; may be empty.
+    /// Name of the peel in the file; may be empty.
     pub(super) prefix: String,
     /// Full name of its depth channel, if any.
     pub(super) depth_channel: String,
-    /// The channels it was found among, to show.
+    /// The channels with its prefix, for errors.
     pub(super) found: String,
 }
 
-/// What one file holds.
+/// The content of one file.
 #[derive(Debug)]
 pub(super) struct Layers {
-    /// The path or name to show.
+    /// The path or name for messages.
     pub(super) name: PathBuf,
     /// The peels, nearest first; at least one.
     pub(super) peels: Vec<Layer>,
-    /// Where the first peel lies.
+    /// Frame of the first peel.
     pub(super) frame: Frame,
-    /// Of the colour channels.
+    /// Numeric type of the colour channels.
     pub(super) precision: Precision,
-    /// How bright colours can be.
+    /// Range of the colours.
     pub(super) color_range: ColorRange,
     /// The header's attributes.
     pub(super) attributes: Vec<(Text, AttributeValue)>,
-    /// Channels to hand on.
+    /// Channels to copy to the output, and requested cryptomattes.
     pub(super) channels: Vec<CarriedChannel>,
     /// The cryptomattes of the first peel.
     pub(super) cryptomattes: Vec<Cryptomatte>,
-    /// Doubts and decisions.
+    /// Warnings and decisions.
     pub(super) findings: Vec<Finding>,
-    /// Values that had to be replaced.
+    /// Counts of replaced values.
     pub(super) replaced: Replaced,
 }
 
-/// Decodes the peels of an OpenEXR file, and the channels that `options` ask for.
+/// Decodes the peels of an OpenEXR file, and the other channels that `options` request.
 ///
 /// # Errors
-/// No colour; damaged pixels; more memory than allowed.
+/// No colour, damaged pixels, more memory than allowed.
 pub(super) fn read_exr(file: ExrFile, options: &ReadOptions) -> Result<Layers, Error> {
     let names = file.names();
     let mut assigned = names::assign(&names, options).map_err(|error| error.in_file(&file.name))?;
-    // A depth file replaces what depth there is.
+    // A depth file replaces the depth of this file.
     if options.depth_file.is_some() {
         assigned.peels.iter_mut().for_each(|peel| peel.depth = None);
     }
     read_assigned(file, assigned, options)
 }
 
-/// Decodes the main picture of an OpenEXR file alone.
+/// Decodes only the main picture of an OpenEXR file.
 ///
 /// # Errors
 /// As [`read_exr`].
@@ -81,15 +81,15 @@ pub(super) fn read_exr_picture(file: ExrFile) -> Result<Layers, Error> {
     read_assigned(file, Assigned { peels: vec![peel], findings: Vec::new() }, &options)
 }
 
-/// Decodes one channel of an OpenEXR file, as depth, and says its name.
+/// Decodes one channel of an OpenEXR file as depth, and returns its name.
 ///
 /// # Errors
 /// As [`read_exr`].
 pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String), Error> {
-    let wanted = options.depth_channel.as_deref();
-    let place = names::depth_alone(&file.names(), wanted).map_err(|error| error.in_file(&file.name))?;
-    let name = file.channels[place].name.clone();
-    let (decoded, _) = decode(file, &[(place, Use::Depth)], options.max_bytes)?;
+    let requested = options.depth_channel.as_deref();
+    let index = names::depth_alone(&file.names(), requested).map_err(|error| error.in_file(&file.name))?;
+    let name = file.channels[index].name.clone();
+    let (decoded, _) = decode(file, &[(index, Use::Depth)], options.max_bytes)?;
     Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name))
 }
 
@@ -100,29 +100,30 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
         .try_for_each(|peel| check_one_part(&file, peel))
         .map_err(|error| error.in_file(&file.name))?;
     let Some(first) = peels.first() else {
-        return Err(Error::input("there is no peel").in_file(&file.name));
+        return Err(Error::input("the file has no peel").in_file(&file.name));
     };
     let frame = file.frame(file.channels[first.color[0]].part);
-    let used: Vec<usize> = peels.iter().flat_map(wanted_of).map(|(place, _)| place).collect();
+    let used: Vec<usize> = peels.iter().flat_map(requested_channels).map(|(index, _)| index).collect();
     let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
     let cryptomattes = cryptomatte::find(&file, frame.data, &deeper);
-    let asked_for = if options.objects { cryptomattes.as_slice() } else { &[] };
-    let (handed_on, left) = carried::choose(&file, &used, (options.carry, asked_for), frame.data);
-    findings.extend(left);
-    let mut wanted: Vec<(usize, Use)> = peels.iter().flat_map(wanted_of).collect();
-    wanted.extend(handed_on.iter().map(|&place| (place, Use::Carry)));
+    let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
+    let (kept, finding) = carried::choose(&file, &used, (options.carry, requested_mattes), frame.data);
+    findings.extend(finding);
+    let mut requested: Vec<(usize, Use)> = peels.iter().flat_map(requested_channels).collect();
+    requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
-    let named = |&place: &usize| (file.channels[place].name.clone(), file.channels[place].quantize_linearly);
-    let carried_names: Vec<(String, bool)> = handed_on.iter().map(named).collect();
+    let named = |&index: &usize| (file.channels[index].name.clone(), file.channels[index].quantize_linearly);
+    let carried_names: Vec<(String, bool)> = kept.iter().map(named).collect();
     let is_half =
         |peel: &PeelChannels| peel.color.iter().all(|&c| file.channels[c].sample_type == SampleType::F16);
     let precision = if peels.iter().all(is_half) { Precision::Half } else { Precision::Float };
     let (name, attributes) = (file.name.clone(), file.attributes());
-    let described: Vec<Described> = peels.into_iter().map(|peel| Described::of(&file, peel)).collect();
+    let described: Vec<Described> =
+        peels.into_iter().map(|peel| Described::from_channels(&file, peel)).collect();
 
-    let (decoded, replaced) = decode(file, &wanted, options.max_bytes)?;
+    let (decoded, replaced) = decode(file, &requested, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
-    let peels = described.into_iter().map(|peel| peel.take(&mut decoded)).collect();
+    let peels = described.into_iter().map(|peel| peel.into_layer(&mut decoded)).collect();
     let channels = carried::channels(carried_names, decoded);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {
@@ -139,27 +140,27 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     })
 }
 
-/// The channels of one peel in the order they are decoded.
-fn wanted_of(peel: &PeelChannels) -> impl Iterator<Item = (usize, Use)> + use<> {
-    let color = peel.color.into_iter().map(|place| (place, Use::Color));
+/// The channels of one peel, in the order in which they are decoded.
+fn requested_channels(peel: &PeelChannels) -> impl Iterator<Item = (usize, Use)> + use<> {
+    let color = peel.color.into_iter().map(|index| (index, Use::Color));
     color
-        .chain(peel.alpha.map(|place| (place, Use::Alpha)))
-        .chain(peel.depth.map(|place| (place, Use::Depth)))
+        .chain(peel.alpha.map(|index| (index, Use::Alpha)))
+        .chain(peel.depth.map(|index| (index, Use::Depth)))
 }
 
-/// Two parts may share a name, but a picture's channels must be in one of them.
+/// Checks that the channels of a picture are in one part: several parts may have the same name.
 fn check_one_part(file: &ExrFile, peel: &PeelChannels) -> Result<(), Error> {
     let part = file.channels[peel.color[0]].part;
     let mut all = peel.color.iter().chain(&peel.alpha);
-    if all.all(|&place| file.channels[place].part == part) {
+    if all.all(|&index| file.channels[index].part == part) {
         return Ok(());
     }
-    Err(Error::input("the channels of one picture are spread over several parts")
+    Err(Error::input("the channels of one picture are in several parts")
         .with("found", names::shown(&file.names()))
-        .help("give each part of the file a name of its own"))
+        .help("give each part of the file a unique name"))
 }
 
-/// What is known of a peel before its pixels are.
+/// The description of a peel, before its pixels are decoded.
 struct Described {
     channels: PeelChannels,
     window: Window,
@@ -169,21 +170,22 @@ struct Described {
 }
 
 impl Described {
-    fn of(file: &ExrFile, channels: PeelChannels) -> Self {
-        let window_of = |place: usize| file.frame(file.channels[place].part).data;
+    fn from_channels(file: &ExrFile, channels: PeelChannels) -> Self {
+        let window_of = |index: usize| file.frame(file.channels[index].part).data;
         let window = window_of(channels.color[0]);
         let all = file.names();
-        let near: Vec<&str> = all.iter().copied().filter(|name| name.starts_with(&channels.prefix)).collect();
+        let same_prefix: Vec<&str> =
+            all.iter().copied().filter(|name| name.starts_with(&channels.prefix)).collect();
         Self {
             window,
             depth_window: channels.depth.map_or(window, window_of),
-            depth_channel: channels.depth.map_or_else(String::new, |place| all[place].to_owned()),
-            found: names::shown(&near),
+            depth_channel: channels.depth.map_or_else(String::new, |index| all[index].to_owned()),
+            found: names::shown(&same_prefix),
             channels,
         }
     }
 
-    fn take(self, decoded: &mut impl Iterator<Item = Decoded>) -> Layer {
+    fn into_layer(self, decoded: &mut impl Iterator<Item = Decoded>) -> Layer {
         let Self { channels, window, depth_window, depth_channel, found } = self;
         let mut next = || planes(decoded.by_ref()).next().unwrap_or_default();
         let color = [next(), next(), next()];
@@ -203,13 +205,13 @@ fn planes(decoded: impl Iterator<Item = Decoded>) -> impl Iterator<Item = Plane>
     })
 }
 
-/// `plane`, which lies in window `from`, as a plane of window `to`; `outside` where it has no pixels.
+/// `plane` of window `from` as a plane of window `to`, with `outside` where it has no pixels.
 pub(super) fn place(plane: Plane, from: Window, to: Window, outside: f32) -> Plane {
     if from == to {
         return plane;
     }
     let mut placed = Plane::filled(to.width, to.height, outside);
-    // Coordinates are below 2^30 (guard), so their differences fit.
+    // Coordinates are below 2^30 (see `guard`), so their differences fit into 32 bits.
     let left = from.x.max(to.x);
     let right = (from.x + from.width as i32).min(to.x + to.width as i32);
     if left >= right {
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_crop_lands_at_its_place_and_nothing_lies_around_it() {
+    fn a_crop_is_placed_in_the_larger_window_and_surrounded_by_the_outside_value() {
         let crop = Window { x: -1, y: 5, width: 1, height: 1 };
         let whole = Window { x: -2, y: 4, width: 3, height: 2 };
         let placed = place(Plane::filled(1, 1, 7.0), crop, whole, 0.0);

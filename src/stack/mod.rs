@@ -1,8 +1,7 @@
 //! READ: files in, a [`Stack`] out.
 //!
-//! Knows every file format and naming convention of the input, and nothing of lenses: depth stays in the convention it
-//! was written in, with a note of which one that is ([`Stack::convention`]). Nothing here guesses without saying so: every
-//! conclusion drawn from a file is a [`Finding`].
+//! This module has all file formats and naming conventions of the input, and nothing about lenses: depth stays in the convention of
+//! the file ([`Stack::convention`]). Every conclusion that a file does not state is reported as a [`Finding`].
 
 mod camera;
 mod carried;
@@ -10,6 +9,7 @@ mod chunks;
 mod convention;
 mod cryptomatte;
 mod decode;
+#[doc(hidden)]
 pub mod depth;
 mod frame_number;
 mod guard;
@@ -21,12 +21,16 @@ mod murmur;
 mod names;
 mod options;
 mod picture;
+mod planes;
 mod read;
 mod sanitise;
 
+#[doc(hidden)]
 pub use camera::camera_attributes;
-pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects, listed};
-pub use frame_number::frame_number;
+#[cfg(feature = "cli")]
+pub(crate) use cryptomatte::listed;
+pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
+pub(crate) use frame_number::frame_number;
 pub use options::{Carry, ReadOptions, Source};
 pub use read::{read, read_picture};
 
@@ -35,18 +39,18 @@ use crate::image::Plane;
 use crate::settings::{DepthConvention, Values};
 use std::fmt;
 
-/// One depth-peel layer: what a ray through each pixel centre meets at its `n`-th hit.
+/// One depth-peel layer: the n-th hit of the ray through each pixel centre.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Peel {
     /// Red, green, blue: scene-linear, premultiplied by `alpha`.
     pub color: [Plane; 3],
     /// Coverage or opacity, 0 … 1. Where it is 0 the peel is empty.
     pub alpha: Plane,
-    /// Depth in the stack's convention and units, as it stood in the file.
+    /// Depth in the convention and units of the file.
     pub depth: Plane,
 }
 
-/// A rectangle of pixels; `x`, `y` is its top left corner and may be negative.
+/// A rectangle of pixels. Its top left corner `x`, `y` may be negative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// Left edge.
@@ -59,36 +63,38 @@ pub struct Window {
     pub height: usize,
 }
 
-/// Where the pixels lie: the planes of a stack are the data window, the sensor is the display window.
+/// Data and display window: the planes of a stack cover the data window, the sensor covers the display window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// The pixels present, overscan and crop included.
+    /// The window of the stored pixels: larger than the display window with overscan, smaller for a crop.
     pub data: Window,
-    /// The picture's frame, as wide as the sensor.
+    /// The frame of the picture, as wide as the sensor.
     pub display: Window,
     /// Width of a pixel divided by its height.
     pub pixel_aspect: f32,
 }
 
-/// What a stack's fragments stand for.
+/// What the fragments of a stack represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StackKind {
-    /// One anti-aliased picture with one depth sample a pixel; nothing is known behind it.
+    /// One anti-aliased picture with one depth sample per pixel, without surfaces behind it.
     BeautyDepth,
-    /// Peels with one sample a pixel: alpha is 0 or 1.
+    /// Peels with one sample per pixel: alpha is 0 or 1.
     PointSampled,
     /// Peels whose alpha is the share of the pixel they cover.
     Coverage,
     /// Point-sampled peels at a multiple of the picture's resolution.
     Supersampled,
-    /// A renderer's own anti-aliased peels: peel 0 mixes front with back, deeper peels have alpha without depth.
+    /// A renderer's own anti-aliased peels: peel 0 mixes foreground and background, deeper peels have alpha without depth.
     RendererAntialiased,
 }
 
 /// Numeric type of the input's colour channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Precision {
     /// 16-bit floating point.
     Half,
@@ -96,69 +102,73 @@ pub enum Precision {
     Float,
 }
 
-/// How bright the colours of an input can be.
+/// Range of the colours of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ColorRange {
-    /// Scene-linear floats: whatever was there.
+    /// Scene-linear floats, without a maximum.
     Unbounded,
-    /// Integers of a picture made for a display: all that was brighter was clipped to white.
+    /// Integers of a display-referred picture: values above white are clipped.
     UpToWhite,
 }
 
-/// A channel that is neither colour nor depth of a peel, kept as it was to be written beside the picture.
+/// A channel that is neither colour nor depth of a peel, to be written unchanged beside the picture.
 #[derive(Debug, Clone)]
 pub struct CarriedChannel {
     /// Full name, dotted prefix included.
     pub name: String,
-    /// Samples of the data window in their own type.
+    /// Samples of the data window, in the type of the file.
+    #[doc(hidden)]
     pub samples: exr::image::FlatSamples,
     /// Whether the samples are perceptually linear (an EXR channel flag).
     pub quantize_linearly: bool,
 }
 
-/// What travels from input to output untouched.
+/// Data copied unchanged from input to output.
 #[derive(Debug, Clone, Default)]
 pub struct Carried {
     /// Channels that no peel uses.
     pub channels: Vec<CarriedChannel>,
-    /// Header attributes, known and unknown, that still hold for the output.
+    /// Header attributes, known and unknown, that are valid for the output.
+    #[doc(hidden)]
     pub attributes: Vec<(exr::meta::attribute::Text, exr::meta::attribute::AttributeValue)>,
 }
 
-/// A depth-peel stack as it was read.
+/// A depth-peel stack as read from its files.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Stack {
     /// The peels, nearest first, all of the data window's size.
     pub peels: Vec<Peel>,
     /// Data and display window, in the pixels of the planes.
     pub frame: Frame,
-    /// How [`Peel::depth`] is to be read.
+    /// The convention of [`Peel::depth`].
     pub convention: DepthConvention,
-    /// What the fragments stand for.
+    /// What the fragments represent.
     pub kind: StackKind,
-    /// Samples a picture pixel along each axis: 1, or S for [`StackKind::Supersampled`].
+    /// Samples per picture pixel along each axis: 1, or more for [`StackKind::Supersampled`].
     pub supersample: usize,
     /// Numeric type of the colour channels.
     pub precision: Precision,
-    /// How bright colours can be.
+    /// Range of the colours.
     pub color_range: ColorRange,
-    /// Camera data found in the header; a layer of settings below the preset.
+    /// Camera data of the header: settings that the preset overrides.
     pub camera: Values,
-    /// Channels and attributes to hand on.
+    /// Channels and attributes to copy to the output.
     pub carried: Carried,
     /// The cryptomattes of the picture, objects first.
     pub cryptomattes: Vec<Cryptomatte>,
-    /// Their channels where these are not handed on but asked for: see [`ReadOptions::objects`].
+    /// Channels of cryptomattes that are requested but not copied to the output: see [`ReadOptions::objects`].
     pub mattes: Vec<CarriedChannel>,
-    /// What was concluded while reading.
+    /// Conclusions and warnings of reading.
     pub findings: Vec<Finding>,
 }
 
 impl Window {
-    /// Whether `inner` lies within this window.
+    /// Whether `inner` is within this window.
     pub fn contains(&self, inner: Self) -> bool {
-        // 64 bits hold any sum of an `i32` and a size.
+        // The sum of an `i32` and a size fits into 64 bits.
         let end = |start: i32, size: usize| i64::from(start) + size as i64;
         inner.x >= self.x
             && inner.y >= self.y
@@ -174,7 +184,13 @@ impl fmt::Display for Window {
 }
 
 impl Frame {
-    /// Place of the data window's first pixel centre, from the centre of the display window, in pixels right and down.
+    /// The frame of a picture of `width` × `height` square pixels, without overscan or crop.
+    pub fn from_size(width: usize, height: usize) -> Self {
+        let window = Window { x: 0, y: 0, width, height };
+        Self { data: window, display: window, pixel_aspect: 1.0 }
+    }
+
+    /// Position of the data window's first pixel centre relative to the centre of the display window, in pixels right and down.
     pub fn data_origin_from_centre(&self) -> [f32; 2] {
         let (data, display) = (self.data, self.display);
         [

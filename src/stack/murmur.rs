@@ -1,8 +1,8 @@
-//! From a name to a cryptomatte's id: `MurmurHash3` (x86, 32 bits, seed 0), kept from being a float that no picture can hold.
+//! The cryptomatte id of a name: `MurmurHash3` (x86, 32 bits, seed 0), modified so that its bits are a normal float.
 
-/// The id of `name`, as the bits of the float that stands in the channels.
+/// The id of `name`, as the bits of the float in the channels.
 ///
-/// The exponent is kept from 0 and 255, so that the float is neither denormal nor infinite nor NaN.
+/// Exponents 0 and 255 are changed, so that the float is neither denormal nor infinite nor NaN.
 pub(super) fn id(name: &str) -> u32 {
     const EXPONENT: u32 = 0x7f80_0000;
     let hash = murmur3(name.as_bytes());
@@ -16,22 +16,22 @@ pub(super) fn id(name: &str) -> u32 {
 fn murmur3(bytes: &[u8]) -> u32 {
     let (blocks, tail) = bytes.as_chunks::<4>();
     let mut hash = blocks.iter().fold(0u32, |hash, block| {
-        let mixed = (hash ^ scrambled(u32::from_le_bytes(*block))).rotate_left(13);
+        let mixed = (hash ^ mix_block(u32::from_le_bytes(*block))).rotate_left(13);
         mixed.wrapping_mul(5).wrapping_add(0xe654_6b64)
     });
     let mut last = [0; 4];
     last[..tail.len()].copy_from_slice(tail);
-    hash ^= scrambled(u32::from_le_bytes(last));
-    // The length counts modulo 2^32.
-    finished(hash ^ bytes.len() as u32)
+    hash ^= mix_block(u32::from_le_bytes(last));
+    // MurmurHash3 uses the length modulo 2^32.
+    finalize(hash ^ bytes.len() as u32)
 }
 
-fn scrambled(block: u32) -> u32 {
+fn mix_block(block: u32) -> u32 {
     block.wrapping_mul(0xcc9e_2d51).rotate_left(15).wrapping_mul(0x1b87_3593)
 }
 
-/// Every bit of `hash` mixed into every other.
-fn finished(mut hash: u32) -> u32 {
+/// The finalizer, which mixes every bit of `hash` into every other.
+fn finalize(mut hash: u32) -> u32 {
     hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
     hash = (hash ^ (hash >> 13)).wrapping_mul(0xc2b2_ae35);
     hash ^ (hash >> 16)
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn the_hash_is_murmur3() {
-        // Values that every implementation of MurmurHash3_x86_32 is checked by: no, one, two and three bytes left over.
+        // Published test values of MurmurHash3_x86_32, with 0 to 3 remaining bytes.
         assert_eq!(murmur3(b""), 0);
         assert_eq!(murmur3(b"test"), 0xba6b_d213);
         assert_eq!(murmur3(b"Hello, world!"), 0xc036_3e43);
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_are_those_of_cryptomattes_own_tests_and_pictures() {
+    fn ids_are_those_of_the_cryptomatte_repository() {
         // nuke/cryptomatte_utilities_tests.py, in https://github.com/Psyop/Cryptomatte.
         let relative = |name: &str, float: f64| (f64::from(f32::from_bits(id(name))) / float - 1.0).abs();
         for (name, float) in [
@@ -69,17 +69,18 @@ mod tests {
     }
 
     #[test]
-    fn no_id_is_a_float_that_a_picture_cannot_hold() {
+    fn every_id_is_a_normal_float() {
         let names: Vec<String> = (0..5000).map(|i| format!("object{i}")).collect();
-        let saved = names.iter().filter(|name| !f32::from_bits(murmur3(name.as_bytes())).is_normal()).count();
-        assert!(saved > 0, "some hashes are no normal floats");
+        let changed =
+            names.iter().filter(|name| !f32::from_bits(murmur3(name.as_bytes())).is_normal()).count();
+        assert!(changed > 0, "some hashes are not normal floats");
         for name in &names {
             let (id, hash) = (id(name), murmur3(name.as_bytes()));
             assert!(f32::from_bits(id).is_normal(), "{name}");
             assert_eq!(
                 id & !0x0080_0000,
                 hash & !0x0080_0000,
-                "{name}: only the last bit of the exponent moves"
+                "{name}: only the last bit of the exponent changes"
             );
         }
     }

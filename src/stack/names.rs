@@ -1,43 +1,43 @@
-//! The naming table: which channel names mean which role of which peel.
+//! The naming table: the peel and the role of each channel name.
 //!
 //! | source | colour | depth | peels |
 //! | --- | --- | --- | --- |
-//! | view layer a peel (Blender) | `Peel0.Combined.R G B A`, any prefix | `Peel0.Depth.Z` or `.V` | by the number in the prefix |
+//! | one view layer per peel (Blender) | `Peel0.Combined.R G B A`, any prefix | `Peel0.Depth.Z` or `.V` | by the number in the prefix |
 //! | one view layer (Blender) | `ViewLayer.Combined.R G B A` | `ViewLayer.Depth.Z` or `.V` | one |
 //! | integrator with peels (Mitsuba) | `peel0.R G B A` | `peel0.depth`, `.depth.T`, `.Z`, `.T` | by the number |
 //! | one picture | `R G B A` | `depth.T`, `Depth.Z`, `depth.Y`, `depth`, `Z` | one |
-//! | a part a peel | part `peel0`: `R G B A` | part `peel0`: `Z` or `depth` | by the number |
-//! | a part a pass | part `rgba`: `R G B A` | part `depth`: `Z`, the only depth there is | one |
+//! | one part per peel | part `peel0`: `R G B A` | part `peel0`: `Z` or `depth` | by the number |
+//! | one part per pass | part `rgba`: `R G B A` | part `depth`: `Z`, the only depth of the file | one |
 //! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
 //! | grey | `Y` | as one picture | one |
 //!
-//! Case does not matter. The first row of this order that fits decides: `Combined`, `peelN`, root, groups with depth of
-//! their own, a group alone. Everything else is carried: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
-//! cryptomattes, vectors (`P.X Y Z`, whose `Z` is no depth). Colour without alpha has alpha 1.
+//! Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
+//! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
+//! cryptomattes, vectors (`P.X Y Z`, whose `Z` is not depth). Colour without alpha has alpha 1.
 
 use super::options::ReadOptions;
 use crate::error::Error;
 use crate::finding::Finding;
 use std::collections::BTreeMap;
 
-/// What a depth channel is called after its prefix, best first.
+/// Names of depth channels after their prefix, in order of preference.
 const DEPTH_ENDINGS: [&str; 8] =
     ["depth.z", "depth.v", "depth.t", "depth.y", "depth.depth", "depth", "z", "t"];
-/// What a colour group of a view layer is called.
+/// Name of the colour group of a view layer.
 const COMBINED: &str = "combined";
-/// A view layer's name that is not a view layer: Blender puts the compositor's result there.
+/// Name under which Blender writes the compositor's result, which is not a view layer.
 const COMPOSITE: &str = "composite";
-/// Colour groups that are not the picture.
+/// Prefixes of colour groups that are not the picture.
 const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
-/// Colour groups that are the picture, if there is any doubt.
+/// Names of colour groups that are preferred if several could be the picture.
 const THE_PICTURE: [&str; 5] = ["rgba", "beauty", "rgb", "color", "img"];
-/// Names shown in an error before the rest is only counted.
+/// Maximum number of names in an error; the rest is counted.
 const SHOWN_NAMES: usize = 24;
 
-/// The channels of one peel, as places in the list of names.
+/// The channels of one peel, as indices in the list of names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PeelChannels {
-    /// What the peel is called; empty at the root.
+    /// Name of the peel; empty at the root.
     pub(super) prefix: String,
     /// Red, green, blue.
     pub(super) color: [usize; 3],
@@ -47,12 +47,12 @@ pub(super) struct PeelChannels {
     pub(super) depth: Option<usize>,
 }
 
-/// What the table made of a file's names.
+/// The peels found in a file's channel names.
 #[derive(Debug, Default)]
 pub(super) struct Assigned {
     /// The peels, nearest first.
     pub(super) peels: Vec<PeelChannels>,
-    /// Doubts.
+    /// Warnings.
     pub(super) findings: Vec<Finding>,
 }
 
@@ -63,11 +63,11 @@ struct Group {
     channels: [Option<usize>; 5],
 }
 
-/// Everything the names offer.
-struct Offer<'a> {
-    /// Colour groups by full prefix.
+/// The channels of a file, grouped by prefix.
+struct ChannelGroups<'a> {
+    /// Colour channels by full prefix.
     colors: BTreeMap<&'a str, Group>,
-    /// Rank and place of the best depth by prefix.
+    /// Rank and index of the preferred depth channel, by prefix.
     depths: BTreeMap<&'a str, (usize, usize)>,
 }
 
@@ -87,28 +87,28 @@ impl Group {
     }
 }
 
-/// Finds the peels among `names`. A peel's depth may be absent: another file may have it.
+/// Finds the peels in `names`. A peel's depth may be missing: it may be in another file.
 ///
 /// # Errors
-/// No colour, or more than one picture and no way to tell which; a name in `options` that is not there.
+/// No colour, several possible pictures, or a name in `options` that does not exist.
 pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, Error> {
-    let offer = Offer::of(names);
+    let groups = ChannelGroups::from_names(names);
     let prefixes = match &options.color_channel {
-        Some(wanted) => offer.named_colors(wanted, names)?,
-        None => offer.pictures(names)?,
+        Some(requested) => groups.named_colors(requested, names)?,
+        None => groups.pictures(names)?,
     };
-    let mut peels: Vec<PeelChannels> = prefixes.iter().filter_map(|prefix| offer.peel(prefix)).collect();
+    let mut peels: Vec<PeelChannels> = prefixes.iter().filter_map(|prefix| groups.peel(prefix)).collect();
     peels.sort_by_cached_key(|peel| order(&peel.prefix));
     match &options.depth_channel {
-        Some(wanted) => name_depths(&mut peels, names, wanted)?,
-        None => offer.only_depth(&mut peels),
+        Some(requested) => name_depths(&mut peels, names, requested)?,
+        None => groups.only_depth(&mut peels),
     }
     let mut findings = Vec::new();
     let stems: Vec<String> = peels.iter().map(|peel| order(&peel.prefix).0).collect();
     if stems.windows(2).any(|pair| pair[0] != pair[1]) {
         let list: Vec<&str> = peels.iter().map(|peel| peel.prefix.as_str()).collect();
         let text = format!(
-            "{} taken as peels in this order, by name only: number them nearest first",
+            "{} are used as peels in this order, by name only: number them nearest first",
             list.join(", ")
         );
         findings.push(Finding::warning("peels", text));
@@ -116,36 +116,36 @@ pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, 
     Ok(Assigned { peels, findings })
 }
 
-/// The one picture among `names`, for comparing: root first, then `Combined`, then a group alone.
+/// The main picture in `names`, for comparing: root first, then `Combined`, then a single group.
 ///
 /// # Errors
-/// No colour, or several pictures.
+/// No colour, or several possible pictures.
 pub(super) fn picture(names: &[&str]) -> Result<PeelChannels, Error> {
-    let offer = Offer::of(names);
-    let root = offer.colors.get("").and_then(Group::color).map(|_| "");
+    let groups = ChannelGroups::from_names(names);
+    let root = groups.colors.get("").and_then(Group::color).map(|_| "");
     let prefix = match root {
         Some(root) => root,
-        None => offer.pictures(names)?.into_iter().min_by_key(|prefix| order(prefix)).unwrap_or_default(),
+        None => groups.pictures(names)?.into_iter().min_by_key(|prefix| order(prefix)).unwrap_or_default(),
     };
-    offer.peel(prefix).ok_or_else(|| no_color(names))
+    groups.peel(prefix).ok_or_else(|| no_color(names))
 }
 
-/// The channel that holds depth in a file that is there for its depth: by name, else a depth, else the only one or red.
+/// Index of the depth channel in a depth file: the requested name, else a known depth name, else the only channel, grey or red.
 ///
 /// # Errors
-/// No such channel, or none that could be depth.
-pub(super) fn depth_alone(names: &[&str], wanted: Option<&str>) -> Result<usize, Error> {
-    if let Some(wanted) = wanted {
+/// The requested channel does not exist, or no channel can be depth.
+pub(super) fn depth_alone(names: &[&str], requested: Option<&str>) -> Result<usize, Error> {
+    if let Some(requested) = requested {
         return names
             .iter()
-            .position(|name| *name == wanted)
-            .ok_or_else(|| no_such("depth channel", wanted, names));
+            .position(|name| *name == requested)
+            .ok_or_else(|| no_such("depth channel", requested, names));
     }
-    let offer = Offer::of(names);
-    let best = offer.depths.iter().min_by_key(|(prefix, (rank, _))| (order(prefix), *rank));
-    let grey = || offer.colors.get("").and_then(|group| group.channels[4].or(group.channels[0]));
+    let groups = ChannelGroups::from_names(names);
+    let best = groups.depths.iter().min_by_key(|(prefix, (rank, _))| (order(prefix), *rank));
+    let grey = || groups.colors.get("").and_then(|group| group.channels[4].or(group.channels[0]));
     let alone = || (names.len() == 1).then_some(0);
-    best.map(|(_, &(_, place))| place).or_else(alone).or_else(grey).ok_or_else(|| {
+    best.map(|(_, &(_, index))| index).or_else(alone).or_else(grey).ok_or_else(|| {
         Error::input("the depth file has no depth channel")
             .with("found", shown(names))
             .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z, or a single channel")
@@ -155,44 +155,44 @@ pub(super) fn depth_alone(names: &[&str], wanted: Option<&str>) -> Result<usize,
 
 /// Whether `names` hold a colour picture.
 pub(super) fn has_color(names: &[&str]) -> bool {
-    Offer::of(names).colors.values().any(Group::is_rgb)
+    ChannelGroups::from_names(names).colors.values().any(Group::is_rgb)
 }
 
-/// The names as one line, cut where it gets long.
+/// The names as one line, truncated if there are many.
 pub(super) fn shown(names: &[&str]) -> String {
     let mut line = names.iter().take(SHOWN_NAMES).copied().collect::<Vec<_>>().join(" ");
     if names.len() > SHOWN_NAMES {
         line.push_str(&format!(" and {} more", names.len() - SHOWN_NAMES));
     }
-    if line.is_empty() { "no channel".to_owned() } else { line }
+    if line.is_empty() { "no channels".to_owned() } else { line }
 }
 
-impl<'a> Offer<'a> {
-    fn of(names: &[&'a str]) -> Self {
+impl<'a> ChannelGroups<'a> {
+    fn from_names(names: &[&'a str]) -> Self {
         let mut colors: BTreeMap<&str, Group> = BTreeMap::new();
         let mut depths: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-        // A prefix with an X channel is a vector: its Y is no grey and its Z no depth.
+        // A prefix with an X channel is a vector: its Y is not grey and its Z is not depth.
         let vectors: std::collections::BTreeSet<&str> =
             names.iter().filter_map(|name| strip_ending(name, "x")).collect();
-        for (place, &name) in names.iter().enumerate() {
+        for (index, &name) in names.iter().enumerate() {
             let depth = DEPTH_ENDINGS.iter().enumerate().find_map(|(rank, ending)| {
                 strip_ending(name, ending)
                     .filter(|prefix| ending.len() > 1 || !vectors.contains(prefix))
                     .map(|prefix| (prefix, rank))
             });
             if let Some((prefix, rank)) = depth {
-                let best = depths.entry(prefix).or_insert((rank, place));
-                *best = (*best).min((rank, place));
+                let best = depths.entry(prefix).or_insert((rank, index));
+                *best = (*best).min((rank, index));
             } else if let Some((prefix, role)) = color_role(name)
                 && !vectors.contains(prefix)
             {
-                colors.entry(prefix).or_default().channels[role].get_or_insert(place);
+                colors.entry(prefix).or_default().channels[role].get_or_insert(index);
             }
         }
         Self { colors, depths }
     }
 
-    /// The prefixes of the peels' colours, by the table's order.
+    /// The prefixes of the peels' colour groups, in the order of the table.
     fn pictures(&self, names: &[&str]) -> Result<Vec<&'a str>, Error> {
         let rgb: Vec<&str> =
             self.colors.iter().filter(|(_, group)| group.is_rgb()).map(|(prefix, _)| *prefix).collect();
@@ -228,53 +228,53 @@ impl<'a> Offer<'a> {
                 Some(grey) => Ok(vec![grey]),
                 None => Err(no_color(names)),
             },
-            _ => Err(Error::input("several groups of channels could be the picture")
+            _ => Err(Error::input("several channel groups could be the picture")
                 .with("found", likely.join(" "))
                 .with("looked for", "Combined, peelN, or R G B without a prefix")
                 .help("name it with `color_channel`")),
         }
     }
 
-    /// The groups called `wanted`: in full, else by the last part of their name.
-    fn named_colors(&self, wanted: &str, names: &[&str]) -> Result<Vec<&'a str>, Error> {
-        let wanted = wanted.trim_end_matches('.');
+    /// The prefixes of the groups called `name`: the full prefix, else its last part.
+    fn named_colors(&self, name: &str, names: &[&str]) -> Result<Vec<&'a str>, Error> {
+        let name = name.trim_end_matches('.');
         let pick = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a str> {
             let groups = self.colors.iter().filter(|(prefix, group)| group.color().is_some() && fits(prefix));
             groups.map(|(prefix, _)| *prefix).collect()
         };
-        let exact = pick(&|prefix| prefix == wanted);
+        let exact = pick(&|prefix| prefix == name);
         let found =
-            if exact.is_empty() { pick(&|prefix| prefix.ends_with(&format!(".{wanted}"))) } else { exact };
-        if found.is_empty() { Err(no_such("colour group", wanted, names)) } else { Ok(found) }
+            if exact.is_empty() { pick(&|prefix| prefix.ends_with(&format!(".{name}"))) } else { exact };
+        if found.is_empty() { Err(no_such("colour group", name, names)) } else { Ok(found) }
     }
 
     /// The peel with the colour group `prefix`.
     fn peel(&self, prefix: &str) -> Option<PeelChannels> {
         let group = self.colors.get(prefix)?;
         let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
-        // Another pass of a layer (`ViewLayer.DiffCol`) shares the layer's depth.
+        // Another pass of a layer (`ViewLayer.DiffCol`) has the layer's depth.
         let outer = layer.rsplit_once('.').map(|(outer, _)| outer);
         let depth = self.depths.get(layer).or_else(|| outer.and_then(|outer| self.depths.get(outer)));
         Some(PeelChannels {
             prefix: layer.to_owned(),
             color: group.color()?,
             alpha: group.channels[3],
-            depth: depth.map(|&(_, place)| place),
+            depth: depth.map(|&(_, index)| index),
         })
     }
 
-    /// A single picture without depth of its own takes the file's depth: the root's, or the only one.
+    /// Gives a single picture without depth the file's depth: that of the root, or the only one.
     fn only_depth(&self, peels: &mut [PeelChannels]) {
         if let [peel] = peels
             && peel.depth.is_none()
         {
             let only = (self.depths.len() == 1).then(|| self.depths.values().next()).flatten();
-            peel.depth = self.depths.get("").or(only).map(|&(_, place)| place);
+            peel.depth = self.depths.get("").or(only).map(|&(_, index)| index);
         }
     }
 }
 
-/// `name` without `ending` and the dot before it, if it ends so as whole parts; case does not matter.
+/// `name` without `ending` and the dot before it, if `ending` is its last part or parts; case is ignored.
 fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
     let at = name.len().checked_sub(ending.len())?;
     let tail = name.get(at..)?;
@@ -283,7 +283,7 @@ fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
     (whole && tail.eq_ignore_ascii_case(ending)).then(|| head.strip_suffix('.').unwrap_or(head))
 }
 
-/// Prefix and place in [`Group::channels`] of a colour channel.
+/// Prefix and index in [`Group::channels`] of a colour channel.
 fn color_role(name: &str) -> Option<(&str, usize)> {
     const ENDINGS: [&[&str]; 5] = [&["r", "red"], &["g", "green"], &["b", "blue"], &["a", "alpha"], &["y"]];
     ENDINGS.iter().enumerate().find_map(|(role, endings)| {
@@ -300,7 +300,7 @@ fn is_other(prefix: &str) -> bool {
     NOT_THE_PICTURE.iter().any(|start| last.starts_with(start))
 }
 
-/// Sort key of a peel: its name without the number at the end, and that number; no number comes first.
+/// Sort key of a peel: its name without the number at the end, and that number, −1 if there is none.
 fn order(prefix: &str) -> (String, i64) {
     let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
     let stem = layer.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -308,30 +308,30 @@ fn order(prefix: &str) -> (String, i64) {
     (stem.trim_end_matches(['_', ' ', '-', '.']).to_owned(), number)
 }
 
-/// Gives every peel the depth called `wanted`: in full, else within the peel's prefix.
-fn name_depths(peels: &mut [PeelChannels], names: &[&str], wanted: &str) -> Result<(), Error> {
+/// Gives every peel the depth channel `requested`: the full name, else the name after the peel's prefix.
+fn name_depths(peels: &mut [PeelChannels], names: &[&str], requested: &str) -> Result<(), Error> {
     let find = |full: &str| names.iter().position(|name| *name == full);
     for peel in &mut *peels {
-        peel.depth = find(&format!("{}.{wanted}", peel.prefix));
+        peel.depth = find(&format!("{}.{requested}", peel.prefix));
     }
     if let [peel] = &mut *peels {
-        peel.depth = find(wanted).or(peel.depth);
+        peel.depth = find(requested).or(peel.depth);
     }
     if peels.iter().all(|peel| peel.depth.is_none()) {
-        Err(no_such("depth channel", wanted, names))
+        Err(no_such("depth channel", requested, names))
     } else {
         Ok(())
     }
 }
 
-fn no_such(what: &str, wanted: &str, names: &[&str]) -> Error {
-    Error::input(format!("there is no {what} called {wanted}"))
+fn no_such(what: &str, name: &str, names: &[&str]) -> Error {
+    Error::input(format!("there is no {what} called {name}"))
         .with("found", shown(names))
-        .help("give the name without .R, .G, .B for colour, in full for depth")
+        .help("write the name of colour without .R, .G, .B, and the full name of depth")
 }
 
 fn no_color(names: &[&str]) -> Error {
-    Error::input("there is no colour")
+    Error::input("there are no colour channels")
         .with("found", shown(names))
         .with("looked for", "R G B, Combined.R G B, peel0.R G B, Y")
         .help("enable the Combined pass, or name the group with `color_channel`")

@@ -1,51 +1,73 @@
-//! What is to be read, and how.
+//! Input files and options of reading.
 
 use crate::settings::DepthConvention;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Which channels of the input travel to the output.
+/// Which channels of the input are copied to the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Carry {
-    /// Those that no peel uses.
+    /// Channels that no peel uses.
     #[default]
     Unused,
-    /// All, the peels included.
+    /// All channels, those of the peels included.
     All,
-    /// None.
+    /// No channels.
     None,
 }
 
-/// What the caller knows better than the files.
+/// Options that override what the files state, and limits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadOptions {
-    /// How depth is written; detected when `None`.
+    /// The depth convention; detected if `None`.
     pub convention: Option<DepthConvention>,
-    /// Samples a picture pixel along each axis; from the header, else 1, when `None`.
+    /// Samples per picture pixel along each axis; if `None`, from the header, else 1.
     pub supersample: Option<usize>,
-    /// Name of the colour channel group (`Combined`, `peel0` …), when the naming table does not know it.
+    /// Name of the colour channel group (`Combined`, `peel0` …), if the naming table does not have it.
     pub color_channel: Option<String>,
-    /// Name of the depth channel, when the naming table does not know it.
+    /// Name of the depth channel, if the naming table does not have it.
     pub depth_channel: Option<String>,
-    /// A file that holds the depth of a colour picture without any.
+    /// A file with the depth of the colour picture.
     pub depth_file: Option<PathBuf>,
-    /// Which channels travel to the output.
+    /// Which channels are copied to the output.
     pub carry: Carry,
-    /// Whether the channels of cryptomattes are kept beside those that travel: [`super::Stack::object`] looks into them.
+    /// Whether the channels of cryptomattes are read as well, as [`super::Stack::object`] requires.
     pub objects: bool,
-    /// Refuse inputs that would take more than this many bytes once decoded; half the machine's memory when `None`.
+    /// Maximum size of the decoded input in bytes; half of the machine's memory if `None`.
     pub max_bytes: Option<u64>,
 }
 
-/// Where the bytes come from.
+/// An input file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Source {
-    /// A file.
+    /// A file on disk.
     File(PathBuf),
-    /// A file embedded in the program.
-    Embedded {
-        /// The name to show.
-        name: &'static str,
-        /// Its content.
-        bytes: &'static [u8],
+    /// The content of a file, in memory.
+    Memory {
+        /// The name for messages.
+        name: String,
+        /// The file's bytes.
+        bytes: Arc<[u8]>,
     },
+}
+
+impl Source {
+    /// The file at `path`.
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self::File(path.into())
+    }
+
+    /// The bytes of a file, called `name` in messages.
+    pub fn memory(name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> Self {
+        Self::Memory { name: name.into(), bytes: bytes.into() }
+    }
+
+    /// The path or name to show.
+    pub(super) fn name(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Memory { name, .. } => Path::new(name),
+        }
+    }
 }

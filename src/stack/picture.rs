@@ -1,14 +1,13 @@
 //! Pictures that are not OpenEXR: PNG, TIFF, Radiance HDR, JPEG.
 //!
-//! Integer samples are sRGB-coded with straight alpha, as these formats have it: decoded to linear, then premultiplied.
-//! Float samples are taken as linear and premultiplied. Integer depth is 0 … 1, as the numbers are.
+//! Integer samples are sRGB with straight alpha: they are decoded to linear light, then premultiplied.
+//! Float samples are assumed linear and premultiplied. Integer depth is scaled to 0 … 1, without decoding.
 
-use super::guard;
 use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{ColorRange, Frame, Precision, Window};
+use super::{ColorRange, Frame, Precision, Window, guard};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -17,7 +16,7 @@ use image::{DynamicImage, ImageReader, Limits};
 /// A picture without depth.
 ///
 /// # Errors
-/// Not a known format; damaged; larger than allowed.
+/// An unknown format, a damaged file, a picture above the memory limit.
 pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers, Error> {
     let name = opened.name.clone();
     let picture = load(opened, options)?;
@@ -34,8 +33,8 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
     sanitise::alpha(alpha.values_mut(), &mut replaced);
     let mut findings = Vec::new();
     if let Some(depth) = coded {
-        let straight = if has_alpha { " and multiplied by its alpha" } else { "" };
-        let text = format!("{depth} colour taken as sRGB, decoded to linear light{straight}");
+        let premultiplied = if has_alpha { " and premultiplied" } else { "" };
+        let text = format!("{depth} colour is assumed sRGB, decoded to linear light{premultiplied}");
         findings.push(Finding::note("colour", text));
     }
     let color_range = if coded.is_some() { ColorRange::UpToWhite } else { ColorRange::Unbounded };
@@ -59,7 +58,7 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
     })
 }
 
-/// The red or only channel of a picture, as depth.
+/// The red or only channel of a picture as depth.
 ///
 /// # Errors
 /// As [`read_color`].
@@ -71,7 +70,8 @@ pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane
     let values = plane.values_mut();
     match picture.color().bytes_per_pixel() / picture.color().channel_count() {
         1 => {
-            let text = "depth has 8 bits: 256 steps, blur will show them; save it with 16 or as OpenEXR";
+            let text =
+                "depth has 8 bits: its 256 steps are visible in the blur; save it with 16 bits or as OpenEXR";
             findings.push(Finding::warning("depth", text));
             fill(values, picture.into_rgb8().pixels().map(|pixel| f32::from(pixel[0]) / 255.0));
         }
@@ -91,13 +91,15 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
     let fail = |error: image::ImageError| {
         let (what, help) = match &error {
             image::ImageError::Limits(_) => {
-                return Error::limits("the picture takes more memory than it may")
+                return Error::limits("the picture requires more memory than the limit")
                     .in_file(&name)
                     .caused_by(error)
                     .help("crop or scale the picture");
             }
-            image::ImageError::Unsupported(_) => ("this picture is not read", "save it again as OpenEXR"),
-            _ => ("the picture cannot be read", "the file is damaged or cut short: copy or save it again"),
+            image::ImageError::Unsupported(_) => {
+                ("this kind of picture is not supported", "save it as OpenEXR")
+            }
+            _ => ("the picture cannot be read", "the file is damaged or truncated: copy or save it again"),
         };
         let kind = if matches!(error, image::ImageError::Unsupported(_)) {
             Error::unsupported
@@ -108,12 +110,15 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
     };
     if image::guess_format(&head).is_err() {
         let claims_exr = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-        let what =
-            if claims_exr { "this is not an OpenEXR file" } else { "this is not a picture this tool reads" };
+        let what = if claims_exr {
+            "this is not an OpenEXR file"
+        } else {
+            "this is not a picture in a supported format"
+        };
         return Err(Error::input(what)
             .in_file(&name)
             .with("found", format!("a file that starts with {:?}", String::from_utf8_lossy(&head)))
-            .with("looked for", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG"));
+            .with("expected", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG"));
     }
     let mut limits = Limits::default();
     limits.max_alloc = Some(options.max_bytes.unwrap_or_else(guard::default_max_bytes));

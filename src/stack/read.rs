@@ -1,12 +1,14 @@
-//! Reading: from paths to a [`Stack`].
+//! Reading: from input files to a [`Stack`].
 
 use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{self, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
-use super::{Carried, ColorRange, Frame, Peel, Stack, StackKind, Window};
-use super::{camera, carried, cryptomatte, kind, names, picture};
+use super::{
+    Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, camera, carried, cryptomatte, kind, names,
+    picture,
+};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::{Image, Plane};
@@ -14,16 +16,16 @@ use crate::settings::Values;
 use exr::meta::attribute::{AttributeValue, Text};
 use std::path::Path;
 
-/// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file a peel nearest first, or one picture with
+/// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file per peel nearest first, or one picture with
 /// its depth.
 ///
-/// Blocks are decompressed in the rayon pool this is called in.
+/// Blocks are decompressed in the rayon pool of the caller.
 ///
 /// # Errors
-/// What is missing or wrong, where, and how to name it by flag.
+/// Missing or invalid input, with the file and the setting that helps.
 pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     let Some((first, others)) = sources.split_first() else {
-        return Err(Error::input("there is nothing to read").help("name a picture file"));
+        return Err(Error::input("there is no input file").help("name a picture file"));
     };
     let mut stack = read_layers(first, options)?;
     match (others, &options.depth_file) {
@@ -34,16 +36,16 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         }
         (peels, None) => peels.iter().try_for_each(|source| add_peels(&mut stack, source, options))?,
         (_, Some(path)) => {
-            return Err(Error::settings("a depth file goes with a single picture")
+            return Err(Error::settings("a depth file requires a single colour picture")
                 .with("found", format!("{} pictures and the depth file {}", sources.len(), path.display())));
         }
     }
     finish(stack, options)
 }
 
-/// Reads the main picture of a file of any known format, scene-linear: what `score` compares.
+/// Reads the main picture of a file of any supported format, scene-linear, as `score` compares it.
 ///
-/// In an EXR that is `R G B A` at the root, else `Combined`, else the only group with `R G B`.
+/// In an EXR this is `R G B A` at the root, else `Combined`, else the only group with `R G B`.
 ///
 /// # Errors
 /// As [`read`].
@@ -55,7 +57,7 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
         picture::read_color(opened, &ReadOptions::default())?
     };
     let Some(Layer { color: [red, green, blue], alpha, .. }) = layers.peels.into_iter().next() else {
-        return Err(Error::input("there is no colour").in_file(path));
+        return Err(Error::input("there are no colour channels").in_file(path));
     };
     Ok(Image { planes: [red, green, blue, alpha] })
 }
@@ -65,7 +67,7 @@ impl Layers {
         self.peels.len() == 1 && self.peels[0].depth.is_none()
     }
 
-    /// Calls a file's only peel as the file: view layers of one name in several files tell nothing.
+    /// Names a file's only peel after the file: view layers have the same name in all files.
     fn name_after_file(&mut self) {
         if let [peel] = self.peels.as_mut_slice() {
             peel.prefix = self.name.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -84,7 +86,7 @@ fn read_layers(source: &Source, options: &ReadOptions) -> Result<Layers, Error> 
 
 fn has_color(source: &Source) -> Result<bool, Error> {
     let mut opened = Opened::open(source)?;
-    // A picture that is not OpenEXR can only be there for its depth.
+    // A second picture that is not OpenEXR can only be depth.
     Ok(opened.is_exr()? && names::has_color(&ExrFile::open(opened)?.names()))
 }
 
@@ -94,10 +96,10 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     let name = opened.name.clone();
     let (depth, channel) = if opened.is_exr()? {
         let file = ExrFile::open(opened)?;
-        // The renderer of the depth decides its convention, so its header speaks for it.
-        let telling = attributes_of_depth(file.attributes());
-        stack.attributes.retain(|(name, _)| !telling.iter().any(|(other, _)| other == name));
-        stack.attributes.extend(telling);
+        // The program that wrote the depth determines its convention, so the attributes of its header replace those of the colour.
+        let identifying = identifying_attributes(file.attributes());
+        stack.attributes.retain(|(name, _)| !identifying.iter().any(|(other, _)| other == name));
+        stack.attributes.extend(identifying);
         layers::read_exr_depth(file, options)?
     } else {
         let (depth, findings) = picture::read_depth(opened, options)?;
@@ -105,16 +107,16 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
         (depth, String::new())
     };
     let [layer] = stack.peels.as_mut_slice() else {
-        return Err(Error::settings("a depth file goes with a single picture")
+        return Err(Error::settings("a depth file requires a single colour picture")
             .in_file(&stack.name)
             .with("found", format!("{} peels", stack.peels.len())));
     };
     let (width, height) = (layer.window.width, layer.window.height);
     if (depth.width(), depth.height()) != (width, height) {
-        return Err(Error::input("depth and colour are not of one size")
+        return Err(Error::input("depth and colour differ in size")
             .with("colour", format!("{width}×{height} pixels in {}", stack.name.display()))
             .with("depth", format!("{}×{} pixels in {}", depth.width(), depth.height(), name.display()))
-            .help("render both at one size"));
+            .help("render both at the same size"));
     }
     let shown = if channel.is_empty() { String::new() } else { format!("channel {channel} of ") };
     stack.findings.push(Finding::note("depth", format!("taken from {shown}{}", name.display())));
@@ -123,13 +125,13 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     Ok(())
 }
 
-/// Of a depth file's header, what says who wrote it.
-fn attributes_of_depth(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
-    let tells = |name: &Text| {
+/// The attributes of a depth file's header that identify the program that wrote it, and those of thinlens.
+fn identifying_attributes(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
+    let identifies = |name: &Text| {
         let name = name.to_string();
         name == "generatedBy" || name == "BlenderMultiChannel" || name.starts_with("thinlens.")
     };
-    attributes.into_iter().filter(|(name, _)| tells(name)).collect()
+    attributes.into_iter().filter(|(name, _)| identifies(name)).collect()
 }
 
 /// Adds the peels in `source` behind those of `stack`.
@@ -155,8 +157,8 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     Ok(())
 }
 
-/// The stack of all layers: one window, one convention, one kind.
-fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
+/// The stack of all layers: one data window, one convention, one kind.
+pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
     let Layers { peels: layers, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
@@ -166,7 +168,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     findings.extend(replaced.finding());
     findings.extend(aspect_finding(frame));
     let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
-    let peels = layers.into_iter().enumerate().map(|(i, layer)| settle(i, layer, frame.data));
+    let peels = layers.into_iter().enumerate().map(|(i, layer)| place_peel(i, layer, frame.data));
     let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
 
     let evidence = Evidence {
@@ -177,7 +179,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     };
     let (conclusion, finding) = convention::conclude(evidence);
     findings.push(finding);
-    let stats = kind::look(&peels, conclusion.convention);
+    let stats = kind::analyze(&peels, conclusion.convention);
     if stats.depth_range.is_none()
         && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
     {
@@ -186,7 +188,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     findings.extend(convention::doubt(conclusion, &stats));
     findings.extend(kind::disorder(&stats));
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
-    let (kind, finding) = kind::recognise(&stats, supersample);
+    let (kind, finding) = kind::detect(&stats, supersample);
     findings.push(finding);
     if kind == StackKind::RendererAntialiased {
         findings.extend(kind::repair_depth(&mut peels, conclusion.convention));
@@ -194,12 +196,12 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();
     if options.carry == Carry::None {
-        // Nothing travels: what was decoded all the same was asked for.
+        // Nothing is copied to the output: the decoded channels are the requested cryptomattes.
         mattes = std::mem::take(&mut carried.channels);
     } else if kind == StackKind::Supersampled {
         let (dropped, finding) = carried::drop_supersampled(&mut carried);
         findings.extend(finding);
-        mattes = if options.objects { cryptomatte::of(dropped, &cryptomattes) } else { mattes };
+        mattes = if options.objects { cryptomatte::matte_channels(dropped, &cryptomattes) } else { mattes };
     }
     let convention = conclusion.convention;
     Ok(Stack {
@@ -219,7 +221,7 @@ fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
 }
 
 fn no_depth_at_all() -> Error {
-    Error::input("there is no depth: every value is NaN")
+    Error::input("the depth is NaN everywhere")
         .help("check the depth pass of the render, or name another channel with `depth_channel`")
 }
 
@@ -232,17 +234,17 @@ fn peels_finding(layers: &[Layer]) -> Finding {
 }
 
 fn aspect_finding(frame: Frame) -> Option<Finding> {
-    // Written so that NaN is told as well.
+    // Negated after the comparison, so that NaN is reported too.
     let square = (frame.pixel_aspect - 1.0).abs() < 1e-3;
-    let text = format!("the pixel aspect ratio is {}; pixels are treated as square", frame.pixel_aspect);
+    let text = format!("the pixel aspect ratio is {}, but pixels are treated as square", frame.pixel_aspect);
     (!square).then(|| Finding::warning("frame", text))
 }
 
-/// Peel number `i` in the data window of the stack.
-fn settle(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
+/// `layer` as peel number `i`, in the data window of the stack.
+fn place_peel(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
     let Layer { color, alpha, depth, window, found, .. } = layer;
     if !data.contains(window) {
-        return Err(Error::input(format!("peel {i} does not lie within the data window of peel 0"))
+        return Err(Error::input(format!("peel {i} is not within the data window of peel 0"))
             .with("found", format!("peel 0 at {data}, peel {i} at {window}"))
             .help("render all peels with one data window"));
     }
@@ -260,7 +262,7 @@ fn settle(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
     })
 }
 
-/// Samples a picture pixel along each axis; both windows must be whole pixels.
+/// Samples per picture pixel along each axis. Both windows must consist of whole pixels.
 fn supersample(options: &ReadOptions, camera: &Values, frame: Frame) -> Result<usize, Error> {
     let samples = options.supersample.or(camera.supersample).unwrap_or(1);
     Values { supersample: Some(samples), ..Values::default() }.check()?;
@@ -269,9 +271,9 @@ fn supersample(options: &ReadOptions, camera: &Values, frame: Frame) -> Result<u
     let sizes = [data.width, data.height, display.width, display.height];
     match sizes.iter().chain(&offsets).find(|size| *size % samples != 0) {
         Some(size) => {
-            Err(Error::settings(format!("{samples} samples a pixel do not divide a size of {size}"))
+            Err(Error::settings(format!("{samples} samples per pixel do not divide a size of {size}"))
                 .with("found", format!("data window {data}, display window {display}"))
-                .help("render at a whole multiple of the picture's size, or give the right `supersample`"))
+                .help("render at an integer multiple of the picture's size, or correct `supersample`"))
         }
         None => Ok(samples),
     }

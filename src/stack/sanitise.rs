@@ -1,20 +1,21 @@
-//! Values no blur can carry, replaced where they are read: one NaN must not refuse, nor spread over, a frame.
+//! Replacement of NaN, infinite and out-of-range values while reading. A single NaN must neither make a frame fail nor spread with the
+//! blur.
 
 use crate::finding::Finding;
 
-/// Stands for `+∞`: the largest finite half.
+/// Replaces `+∞`: the largest finite half float.
 const LARGEST: f32 = 65504.0;
-/// How far alpha may leave 0 … 1 before it is worth a word: reconstruction filters overshoot by less.
+/// Alpha outside 0 … 1 by more than this is reported; reconstruction filters overshoot by less.
 const ALPHA_SLACK: f32 = 0.01;
 
-/// How many values were replaced.
+/// Numbers of replaced values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Replaced {
     /// Colour values that were NaN.
     pub(super) nan: usize,
     /// Colour values that were infinite.
     pub(super) infinite: usize,
-    /// Alpha values that were NaN or clearly outside 0 … 1.
+    /// Alpha values that were NaN or outside 0 … 1 by more than [`ALPHA_SLACK`].
     pub(super) alpha: usize,
 }
 
@@ -26,19 +27,19 @@ impl Replaced {
         self.alpha += other.alpha;
     }
 
-    /// One warning for everything replaced, if anything was.
+    /// A warning about the replaced values, if there are any.
     pub(super) fn finding(self) -> Option<Finding> {
-        let mut said = Vec::new();
+        let mut parts = Vec::new();
         if self.nan > 0 {
-            said.push(format!("{} colour values were NaN, set to 0", self.nan));
+            parts.push(format!("{} colour values were NaN, set to 0", self.nan));
         }
         if self.infinite > 0 {
-            said.push(format!("{} colour values were infinite, set to {LARGEST} or 0", self.infinite));
+            parts.push(format!("{} colour values were infinite, set to {LARGEST} or 0", self.infinite));
         }
         if self.alpha > 0 {
-            said.push(format!("{} alpha values were not within 0 and 1, clamped", self.alpha));
+            parts.push(format!("{} alpha values were outside 0 … 1, clamped", self.alpha));
         }
-        (!said.is_empty()).then(|| Finding::warning("values", said.join("; ")))
+        (!parts.is_empty()).then(|| Finding::warning("values", parts.join("; ")))
     }
 }
 
@@ -60,15 +61,15 @@ pub(super) fn color(row: &mut [f32], replaced: &mut Replaced) {
 
 /// Clamps alpha to 0 … 1, NaN to 0.
 pub(super) fn alpha(row: &mut [f32], replaced: &mut Replaced) {
-    let sound = -ALPHA_SLACK..=1.0 + ALPHA_SLACK;
-    let mut wrong = 0;
+    let tolerated = -ALPHA_SLACK..=1.0 + ALPHA_SLACK;
+    let mut invalid = 0;
     for value in row {
-        wrong += usize::from(!sound.contains(value));
-        // Not `clamp`, which keeps NaN; `max` returns the other operand.
+        invalid += usize::from(!tolerated.contains(value));
+        // Not `clamp`, which keeps NaN: `max` with NaN returns the other operand.
         *value = value.max(0.0);
         *value = value.min(1.0);
     }
-    replaced.alpha += wrong;
+    replaced.alpha += invalid;
 }
 
 #[cfg(test)]

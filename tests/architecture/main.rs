@@ -127,11 +127,12 @@ fn heads_of_group(group: &str) -> Vec<String> {
     heads
 }
 
-/// The word that `path` starts with, if it names a module.
+/// The word that `path` starts with, if it names a module and no macro.
 fn head(path: &str) -> Option<String> {
     let end = path.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(path.len());
     let word = &path[..end];
-    word.starts_with(char::is_lowercase).then(|| word.to_owned())
+    let is_module = word.starts_with(char::is_lowercase) && !path[end..].starts_with('!');
+    is_module.then(|| word.to_owned())
 }
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {

@@ -1,7 +1,7 @@
-// report.html in a real browser, as its readers meet it.
+// report.html in a real browser.
 //
-// Makes its own reports with the built program (THINLENS names it; target/release/thinlens by default) from the fence sample,
-// with and without a reference, and opens them in Chromium (CHROMIUM names it).
+// Creates reports with the built program (THINLENS is its path; default: target/release/thinlens) from the fence sample,
+// with and without a reference, and opens them in Chromium (CHROMIUM is its path).
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -17,14 +17,14 @@ const PROGRAM = process.env.THINLENS ?? join(ROOT, "target/release/thinlens");
 const BROWSER = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const SAMPLE = join(ROOT, "samples/fence");
 const METHODS = ["shear:4", "shear:16", "gather:64", "opaque-blur"];
-/** A folder and a file whose path would end the block of figures, were it written as it is. */
+/** A folder and a file whose path would end the block of figures if it were not escaped. */
 const NASTY = ["<", "script><!-- & ' \".exr"];
 
 let folder;
 let browser;
 let context;
 let page;
-let complaints;
+let problems;
 
 function compare(name, extra) {
   execFileSync(PROGRAM, [
@@ -34,15 +34,15 @@ function compare(name, extra) {
   return JSON.parse(readFileSync(join(folder, name, "results.json"), "utf8"));
 }
 
-/** Opens a report, noting every complaint and every request. */
+/** Opens a report, and records every error, warning and request. */
 async function open(name, options = {}) {
   context = await browser.newContext({ viewport: { width: 1280, height: 900 }, colorScheme: "light", reducedMotion: "reduce", ...options });
   page = await context.newPage();
   const address = pathToFileURL(join(folder, name, "report.html")).href;
-  page.on("console", (message) => { if (["error", "warning"].includes(message.type())) complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(String(error)));
+  page.on("console", (message) => { if (["error", "warning"].includes(message.type())) problems.push(message.text()); });
+  page.on("pageerror", (error) => problems.push(String(error)));
   page.on("request", (request) => {
-    if (request.url() !== address && !request.url().startsWith("data:")) complaints.push(`asked for ${request.url()}`);
+    if (request.url() !== address && !request.url().startsWith("data:")) problems.push(`requested ${request.url()}`);
   });
   await page.goto(address);
 }
@@ -70,11 +70,11 @@ after(async () => {
   rmSync(folder, { recursive: true, force: true });
 });
 
-beforeEach(() => { complaints = []; });
+beforeEach(() => { problems = []; });
 
 afterEach(async () => {
   await context?.close();
-  assert.deepEqual(complaints, [], "the page complains of nothing and asks for nothing");
+  assert.deepEqual(problems, [], "the page has no error and requests nothing");
 });
 
 describe("a report with a reference", () => {
@@ -89,12 +89,12 @@ describe("a report with a reference", () => {
     assert.equal(await page.locator("#commands code").first().textContent(), results.entries[0].command);
   });
 
-  test("shows the name of a file as text, whatever it holds", async () => {
+  test("shows the name of a file as text, whatever it contains", async () => {
     await open("with");
     assert.ok((await page.locator("#facts").textContent()).includes(NASTY.join("/")));
   });
 
-  test("says a point's figures when it is focused or pointed at", async () => {
+  test("shows a point's figures when it is focused or pointed at", async () => {
     await open("with");
     for (const [i, act] of [[0, "focus"], [2, "hover"]]) {
       const entry = results.entries[i];
@@ -104,7 +104,7 @@ describe("a report with a reference", () => {
     }
   });
 
-  test("places points by their figures: quicker to the left, better upwards", async () => {
+  test("places points by their figures: faster to the left, more accurate upwards", async () => {
     await open("with");
     const place = async ({ name }) => page.locator(`.point[data-name="${name}"] .mark`).boundingBox();
     const [a, b] = [results.entries[1], results.entries[3]];
@@ -113,7 +113,7 @@ describe("a report with a reference", () => {
     assert.equal(boxA.y < boxB.y, a.model.psnr_db > b.model.psnr_db);
   });
 
-  test("leaves out a method in chart, table and crops, and takes it back", async () => {
+  test("hides a method in chart, table and crops, and shows it again", async () => {
     await open("with");
     const crops = page.locator("#crops .tile:visible");
     const all = await crops.count();
@@ -186,7 +186,7 @@ describe("a report with a reference", () => {
     await open("with");
     const sorted = (values) => [...values].sort((a, b) => a - b);
     const seconds = (await column(2)).map(Number);
-    assert.deepEqual(seconds, sorted(seconds), "the quickest first");
+    assert.deepEqual(seconds, sorted(seconds), "the fastest first");
     const header = page.locator("thead th", { hasText: "Model, dB" });
     await header.getByRole("button").click();
     const position = await header.evaluate((cell) => cell.cellIndex + 1);
@@ -199,7 +199,7 @@ describe("a report with a reference", () => {
     assert.equal(await page.locator('thead th:not([aria-sort="none"])').count(), 1);
   });
 
-  test("looks closely at the places where the pictures differ, without loss", async () => {
+  test("shows crops where the pictures differ, without loss", async () => {
     await open("with");
     assert.ok(results.crops.length >= 4 && results.crops.length <= 6);
     assert.equal(await page.locator("#crops .place").count(), results.crops.length);
@@ -212,7 +212,7 @@ describe("a report with a reference", () => {
     assert.deepEqual(image, { wide: side, shown: 2 * side, style: "pixelated", png: true });
   });
 
-  test("follows the system into the dark and its own button out of it", async () => {
+  test("follows the colour scheme of the system, and its own button overrides it", async () => {
     await open("with");
     const light = [await color("body"), await color(".mark.m0", "fill")];
     await page.emulateMedia({ colorScheme: "dark" });
@@ -242,11 +242,11 @@ describe("a report with a reference", () => {
     }
   });
 
-  test("reaches everything with the Tab key, with a mark on what is reached", async () => {
+  test("reaches every control with the Tab key, with a visible focus mark", async () => {
     await open("with");
     await page.locator("#commands summary").click();
     await page.evaluate(() => { document.activeElement.blur(); getSelection().removeAllRanges(); scrollTo(0, 0); });
-    const wanted = await page.evaluate(() => {
+    const expected = await page.evaluate(() => {
       const radios = new Set();
       const nodes = [...document.querySelectorAll("button, select, input, summary, .point, [role=region]")];
       const visible = nodes.filter((node) => node.getClientRects().length > 0);
@@ -256,7 +256,7 @@ describe("a report with a reference", () => {
     });
     await page.locator("body").evaluate((body) => { body.tabIndex = -1; body.focus(); });
     const reached = new Map();
-    for (let i = 0; i < 2 * wanted.length + 20; i += 1) {
+    for (let i = 0; i < 2 * expected.length + 20; i += 1) {
       await page.keyboard.press("Tab");
       const [stop, marked] = await page.evaluate(() => {
         const node = document.activeElement;
@@ -265,10 +265,10 @@ describe("a report with a reference", () => {
       });
       if (stop !== null) reached.set(stop, marked);
     }
-    assert.deepEqual(wanted.filter((stop) => !reached.get(stop)), [], "never reached, or reached without a mark");
+    assert.deepEqual(expected.filter((stop) => !reached.get(stop)), [], "never reached, or reached without a mark");
   });
 
-  test("copies a command, or selects it where the clipboard is closed", async () => {
+  test("copies a command, or selects it without access to the clipboard", async () => {
     await open("with");
     const button = page.locator("#command .copy");
     await button.click();

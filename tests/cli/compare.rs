@@ -1,11 +1,11 @@
-//! Pictures and methods held against each other.
+//! `thinlens score` and `thinlens compare`.
 
 use super::program::{STACK, run, stderr};
 use super::stdout;
 use std::fs;
 
 #[test]
-fn a_picture_scores_perfectly_against_itself() {
+fn a_picture_scored_against_itself_has_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/reference.exr");
     let text = stdout(&run(folder.path(), &["score", picture, picture]));
@@ -13,7 +13,7 @@ fn a_picture_scores_perfectly_against_itself() {
 }
 
 #[test]
-fn a_score_can_have_hdr_flip_and_a_map_of_the_difference() {
+fn score_can_measure_hdr_flip_and_write_a_map_of_flip() {
     let folder = tempfile::tempdir().unwrap();
     let sample = |name: &str| format!("{}/samples/fence/{name}.exr", env!("CARGO_MANIFEST_DIR"));
     let (image, reference) = (sample("pinhole"), sample("reference"));
@@ -28,7 +28,7 @@ fn a_score_can_have_hdr_flip_and_a_map_of_the_difference() {
 }
 
 #[test]
-fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
+fn compare_measures_methods_on_one_stack_and_marks_those_on_the_front() {
     let folder = tempfile::tempdir().unwrap();
     let sample = |name: &str| format!("{}/samples/fence/{name}", env!("CARGO_MANIFEST_DIR"));
     let (preset, reference) = (sample("preset.toml"), sample("reference.exr"));
@@ -40,7 +40,10 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
     assert_eq!((&entries[0]["method"], &entries[0]["views"]), (&"shear".into(), &16.into()));
     assert!(entries[1]["views"].is_null(), "opaque-blur does not sample the lens");
     let db = |entry: usize| entries[entry]["model"]["psnr_db"].as_f64().unwrap();
-    assert!(db(0) > db(1) + 5.0 && entries[0]["on_front"] == true, "the fence hides what only peels know");
+    assert!(
+        db(0) > db(1) + 5.0 && entries[0]["on_front"] == true,
+        "only peels have the surfaces behind the fence"
+    );
     let files = [
         "shear-16.png",
         "shear-16-flip.png",
@@ -67,7 +70,7 @@ fn compare_measures_methods_on_one_stack_and_marks_those_that_nothing_beats() {
 }
 
 #[test]
-fn a_comparison_says_how_it_was_made_and_its_commands_render_its_pictures() {
+fn a_comparison_has_its_inputs_and_commands_that_render_its_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let preset = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/fence/preset.toml");
     let lens = ["--preset", preset, "--f-number", "4", "--blades", "5"];

@@ -1,10 +1,10 @@
-//! Where it computes.
+//! The choice of the device.
 
 use super::program::{STACK, names, stderr, thinlens};
 use std::path::Path;
 use std::process::Output;
 
-/// The program where no graphics driver is found.
+/// Runs the program without any graphics driver.
 #[cfg(target_os = "linux")]
 fn without_driver(folder: &Path, args: &[&str]) -> Output {
     let hidden = |variable: &str| (variable.to_owned(), "/nonexistent.json".to_owned());
@@ -14,7 +14,7 @@ fn without_driver(folder: &Path, args: &[&str]) -> Output {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_gpu_asked_for_by_name_is_never_replaced_silently() {
+fn a_requested_gpu_that_does_not_exist_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let output = without_driver(folder.path(), &["render", STACK, "-o", "a.exr", "--device", "gpu"]);
     assert_eq!(output.status.code(), Some(1));
@@ -28,16 +28,21 @@ fn a_gpu_asked_for_by_name_is_never_replaced_silently() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn without_a_driver_auto_is_the_cpu_and_says_so() {
+fn without_a_driver_auto_chooses_the_cpu_and_prints_why() {
     let folder = tempfile::tempdir().unwrap();
     let output = without_driver(folder.path(), &["render", STACK, "-o", "a.exr"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let text = stderr(&output);
     let device = text.lines().find(|line| line.starts_with("device: ")).unwrap();
-    assert!(device.ends_with(": there is no graphics card"), "{device}");
+    let why = if cfg!(feature = "gpu") {
+        "there is no graphics card"
+    } else {
+        "this program was built without GPU support"
+    };
+    assert!(device.ends_with(&format!(": {why}")), "{device}");
 }
 
-/// The program where drivers find no screen, and the Vulkan loader says which drivers it finds.
+/// The program without a display, and with a Vulkan loader that prints which drivers it finds.
 #[cfg(target_os = "linux")]
 fn without_screen(folder: &Path, args: &[&str]) -> Output {
     thinlens(folder, args).env_remove("XDG_RUNTIME_DIR").env("VK_LOADER_DEBUG", "driver").output().unwrap()
@@ -45,7 +50,7 @@ fn without_screen(folder: &Path, args: &[&str]) -> Output {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn drivers_may_speak_on_standard_error_but_not_of_a_missing_screen() {
+fn messages_of_drivers_reach_standard_error_except_those_about_a_missing_display() {
     let folder = tempfile::tempdir().unwrap();
     let listed = without_screen(folder.path(), &["devices"]);
     if String::from_utf8_lossy(&listed.stdout).contains("gpu   none") {
@@ -55,7 +60,7 @@ fn drivers_may_speak_on_standard_error_but_not_of_a_missing_screen() {
     for output in [listed, rendered] {
         let text = stderr(&output);
         assert_eq!(output.status.code(), Some(0), "{text}");
-        assert!(text.contains("DRIVER:"), "what else drivers write is kept: {text}");
+        assert!(text.contains("DRIVER:"), "other messages of drivers are kept: {text}");
         assert!(!text.contains("XDG_RUNTIME_DIR"), "{text}");
     }
 }

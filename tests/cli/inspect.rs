@@ -1,4 +1,4 @@
-//! What a stack shows before it is rendered.
+//! `thinlens inspect`.
 
 use super::program::{STACK, names, run, stderr};
 use super::stdout;
@@ -19,7 +19,7 @@ fn inspect_shows_what_a_render_would_do() {
 }
 
 #[test]
-fn inspect_says_what_is_sharp_and_paints_it() {
+fn inspect_prints_the_limits_of_sharpness_and_writes_the_focus_zones() {
     let folder = tempfile::tempdir().unwrap();
     let inspect = |more: &[&str]| {
         let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6", "--json"];
@@ -40,7 +40,7 @@ fn inspect_says_what_is_sharp_and_paints_it() {
 }
 
 #[test]
-fn inspect_says_how_many_peels_the_lens_sees() {
+fn inspect_prints_how_many_peels_the_lens_sees() {
     let folder = tempfile::tempdir().unwrap();
     let inspect = |more: &[&str]| {
         let lens = ["inspect", STACK, "--preset", "portrait", "--focus", "6"];
@@ -51,5 +51,5 @@ fn inspect_says_how_many_peels_the_lens_sees() {
     let json: serde_json::Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
     let psnr_db: Vec<f64> = (0..2).filter_map(|k| json["peels_seen"]["psnr_db"][k].as_f64()).collect();
     assert!(psnr_db[0] < psnr_db[1] && psnr_db[1] < 50.0, "{json}");
-    assert!(!inspect(&["--f-number", "inf"]).contains("peels needed"), "a pinhole sees the first alone");
+    assert!(!inspect(&["--f-number", "inf"]).contains("peels needed"), "a pinhole sees only the first peel");
 }

@@ -1,4 +1,4 @@
-//! What a lens and the edge of the frame do, as flags and presets say it.
+//! Flags and preset keys of the lens and of the border.
 
 use super::program::{STACK, run, stderr};
 use super::stdout;
@@ -6,7 +6,7 @@ use std::fs;
 use thinlens::stack::read_picture;
 
 #[test]
-fn what_lies_beyond_the_frame_is_said_and_shows_at_its_edge_alone() {
+fn the_border_is_reported_and_affects_only_the_edge_of_the_frame() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
     let lens = ["--preset", "portrait", "--focus", "6", "--views", "64"];
@@ -31,7 +31,7 @@ fn what_lies_beyond_the_frame_is_said_and_shows_at_its_edge_alone() {
         let findings = report["findings"].as_array().unwrap();
         assert!(findings.iter().any(|finding| finding["about"] == "border"), "{findings:?}");
         let min_db = report["probe"]["interval_db"][0].as_f64().unwrap();
-        assert!(min_db > 30.0, "the stack's truth has the border too: {min_db} dB");
+        assert!(min_db > 30.0, "the expected colours include the border: {min_db} dB");
         let off = |x, y| {
             let pairs = own.pixel(x, y).into_iter().zip(found.pixel(x, y));
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
@@ -43,7 +43,7 @@ fn what_lies_beyond_the_frame_is_said_and_shows_at_its_edge_alone() {
 }
 
 #[test]
-fn a_presets_border_and_extrapolation_are_shown_with_where_they_come_from() {
+fn a_presets_border_and_extrapolation_are_printed_with_their_origin() {
     let folder = tempfile::tempdir().unwrap();
     let preset = "[picture]\nborder = 'mirror'\n[highlight-extrapolation]\ngain = 4\n";
     fs::write(folder.path().join("mine.toml"), preset).unwrap();
@@ -85,12 +85,12 @@ fn the_blurred_highlights_of_a_png_are_extrapolated_unless_that_is_left_out() {
         picture.planes[1].values().iter().sum::<f32>()
     };
     let (gained, clipped) = (sum(&[]), sum(&["--without", "highlight-extrapolation"]));
-    // The light is one pixel of white, and what it gains as much again, but for the precision of half floats.
+    // The light is one white pixel, and extrapolation adds as much again, up to the precision of half floats.
     assert!((gained - clipped - 1.0).abs() < 0.05, "{gained} and {clipped}");
 }
 
 #[test]
-fn the_faults_of_a_presets_lens_are_shown_and_its_image_is_found_beside_it() {
+fn the_aberrations_of_a_preset_are_printed_and_its_aperture_image_is_found_beside_it() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("lenses")).unwrap();
     let light = |x: u32, _| image::Luma([if x < 16 { 255_u8 } else { 0 }]);
@@ -119,7 +119,7 @@ fn the_faults_of_a_presets_lens_are_shown_and_its_image_is_found_beside_it() {
 }
 
 #[test]
-fn a_lens_that_cannot_be_is_refused_by_what_is_wrong_with_it() {
+fn an_impossible_lens_is_refused_with_the_setting_that_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |flags: &[&str]| {
         let output = run(folder.path(), &[&["plan", STACK, "--focus", "6"], flags].concat());
@@ -130,7 +130,7 @@ fn a_lens_that_cannot_be_is_refused_by_what_is_wrong_with_it() {
     assert!(refused(&["--cats-eye", "2"]).contains("--cats-eye must be a number from 0 to 1.2"));
     assert!(refused(&["--spherical", "nan"]).contains("--spherical must be a number from -5000 to 5000"));
     assert!(refused(&["--lateral-color", "1,1e9"]).contains("--lateral-color must be two numbers from"));
-    assert!(refused(&["--axial-color", "7"]).contains("two numbers with a comma"));
+    assert!(refused(&["--axial-color", "7"]).contains("two numbers separated by a comma"));
     fs::write(folder.path().join("black.png"), b"not a picture").unwrap();
     assert!(refused(&["--aperture-image", "black.png"]).contains("not a picture"));
     image::GrayImage::new(8, 8).save(folder.path().join("black.png")).unwrap();
@@ -138,7 +138,7 @@ fn a_lens_that_cannot_be_is_refused_by_what_is_wrong_with_it() {
 }
 
 #[test]
-fn what_a_lens_does_to_the_whole_picture_is_in_the_file_whatever_the_method() {
+fn vignetting_and_lateral_color_are_in_the_file_with_every_method() {
     let folder = tempfile::tempdir().unwrap();
     let picture = |method: &str, flags: &[&str]| {
         let own =

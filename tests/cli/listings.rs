@@ -1,4 +1,4 @@
-//! What the program lists, describes and prints.
+//! Lists, descriptions, completions and manual pages.
 
 use super::program::{STACK, run, stderr, thinlens};
 use super::stdout;
@@ -28,7 +28,7 @@ fn help_lists_every_subcommand() {
 }
 
 #[test]
-fn a_wrong_call_exits_with_2_and_a_failure_with_1() {
+fn a_usage_error_exits_with_2_and_a_failure_with_1() {
     let folder = tempfile::tempdir().unwrap();
     let code = |arguments: &[&str]| run(folder.path(), arguments).status.code();
     assert_eq!(code(&[]), Some(2));
@@ -46,7 +46,7 @@ fn a_wrong_call_exits_with_2_and_a_failure_with_1() {
 }
 
 #[test]
-fn devices_lists_the_processor_and_what_auto_chooses_and_why() {
+fn devices_lists_the_processor_and_which_device_auto_chooses_and_why() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&run(folder.path(), &["devices"]));
     let json: serde_json::Value =
@@ -106,7 +106,10 @@ fn a_parameter_out_of_its_range_is_refused_with_key_value_range_and_default() {
     let output = run(folder.path(), &["render", STACK, "--preset", "lens.toml", "-o", "a.exr"]);
     assert_eq!(output.status.code(), Some(1));
     let text = stderr(&output);
-    assert!(text.contains("'rays' must be a whole number from 1 to 65536 (the default is 1024)"), "{text}");
+    assert!(
+        text.contains("'rays' of accumulate must be a whole number from 1 to 65536 (the default is 1024)"),
+        "{text}"
+    );
     assert!(text.contains("2 | rays = 0"), "{text}");
     assert!(!folder.path().join("a.exr").exists(), "nothing written");
 }
@@ -122,7 +125,7 @@ fn the_documentation_lists_every_method_as_the_program_does() {
 }
 
 #[test]
-fn presets_are_listed_and_shown_as_files_to_start_from() {
+fn presets_are_listed_and_printed_as_files_that_parse() {
     let folder = tempfile::tempdir().unwrap();
     let list = stdout(&run(folder.path(), &["presets"]));
     for preset in BUILT_IN {
@@ -143,7 +146,7 @@ fn completions_and_manual_pages_are_printed() {
 }
 
 #[test]
-fn a_reader_that_stops_reading_is_no_failure() {
+fn a_closed_pipe_is_not_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

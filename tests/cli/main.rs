@@ -1,6 +1,7 @@
-//! The program as a user meets it.
+//! The program as a user runs it.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
+#![cfg(feature = "cli")]
+#![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
 mod compare;
 mod devices;
@@ -16,7 +17,7 @@ mod settings;
 use program::stderr;
 use std::process::Output;
 
-/// What a run that went well printed.
+/// The standard output of a successful run.
 fn stdout(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
     String::from_utf8(output.stdout.clone()).unwrap()

@@ -1,4 +1,4 @@
-//! What will be done, what it will cost, and how much of it is enough.
+//! `thinlens plan`, and targets for the number of lens samples.
 
 use super::program::{STACK, names, run, stderr, thinlens};
 use super::stdout;
@@ -7,14 +7,14 @@ use std::path::Path;
 use std::process::Output;
 use thinlens::methods::METHODS;
 
-/// Runs `plan` on the sample stack, with its calibration kept in `cache`.
+/// Runs `plan` on the sample stack, with its calibration stored in `cache`.
 fn plan(folder: &Path, cache: &str, arguments: &[&str]) -> Output {
     let stack = ["plan", STACK, "--preset", "portrait", "--focus", "6"];
     thinlens(folder, &[&stack, arguments].concat()).env("THINLENS_CACHE_DIR", cache).output().unwrap()
 }
 
 #[test]
-fn plan_shows_the_effects_and_what_every_step_will_cost() {
+fn plan_prints_the_effects_and_the_cost_of_every_quality_level() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&plan(folder.path(), "cache", &["--views", "48", "--uncalibrated"]));
     for words in [
@@ -28,11 +28,11 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
-    assert!(!text.contains("gather"), "one method alone: {text}");
+    assert!(!text.contains("gather"), "only the chosen method: {text}");
     let peels: Vec<&str> = text.lines().skip(1).take_while(|line| line.starts_with("  ")).collect();
-    assert!(text.starts_with("peels ") && peels.len() == 4, "one line a peel: {text}");
+    assert!(text.starts_with("peels ") && peels.len() == 4, "one line per peel: {text}");
     assert!(peels[0].starts_with("  1 ") && peels[0].contains(" 100.0 % "), "the first covers all: {text}");
-    assert_eq!(names(folder.path()), [""; 0], "without a calibration nothing is kept");
+    assert_eq!(names(folder.path()), [""; 0], "without a calibration no file is written");
     let json = stdout(&plan(
         folder.path(),
         "cache",
@@ -43,7 +43,7 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     assert!(covered(0) == 1.0 && (0.01..0.1).contains(&covered(3)), "{}", json["peels"]);
     let costs = json["costs"].as_array().unwrap();
     let steps: usize = METHODS.iter().map(|method| method.info().steps.len()).sum();
-    assert_eq!(costs.len(), steps, "the default is one of the steps");
+    assert_eq!(costs.len(), steps, "the default is one of the quality levels");
     assert!(costs.iter().all(|cost| cost["cpu_seconds"].as_f64().unwrap() > 0.0), "{json}");
     let error_db = |name: &str| {
         let row = costs.iter().find(|cost| cost["name"] == name).unwrap();
@@ -51,8 +51,8 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
     };
     assert!(error_db("shear:256") > error_db("shear:16"), "{json}");
     assert!(error_db("accumulate:16").is_some_and(|db| (25.0..50.0).contains(&db)), "{json}");
-    assert_eq!(error_db("gather:64"), None, "it cannot be asked for single pixels");
-    assert!(text.contains(" dB (") && !text.contains("- paints its picture as a whole"), "{text}");
+    assert_eq!(error_db("gather:64"), None, "it cannot render single pixels");
+    assert!(text.contains(" dB (") && !text.contains("- not measured: "), "{text}");
     let chosen: Vec<_> = costs.iter().filter(|cost| cost["chosen"] == true).collect();
     assert!(chosen.len() == 1 && chosen[0]["name"] == "shear:64", "{chosen:?}");
     assert_eq!((&json["calibrated"], &json["plan"]["views"]), (&false.into(), &64.into()));
@@ -60,7 +60,7 @@ fn plan_shows_the_effects_and_what_every_step_will_cost() {
 }
 
 #[test]
-fn what_is_foreseen_of_a_render_is_what_is_verified_of_it_guesses_included() {
+fn the_error_that_plan_predicts_is_the_error_that_verify_measures_with_disocclusion_fill() {
     let folder = tempfile::tempdir().unwrap();
     let preset = Path::new(STACK).with_file_name("preset.toml").display().to_string();
     let pinhole = Path::new(STACK).with_file_name("pinhole.exr").display().to_string();
@@ -71,26 +71,26 @@ fn what_is_foreseen_of_a_render_is_what_is_verified_of_it_guesses_included() {
         };
         let plan = json(&["plan", stack, "--uncalibrated", "--views", "64"]);
         let step = plan["costs"].as_array().unwrap().iter().find(|cost| cost["name"] == "shear:64").unwrap();
-        let foreseen_db = step["sampling_error"]["psnr_db"].as_f64().unwrap();
+        let predicted_db = step["sampling_error"]["psnr_db"].as_f64().unwrap();
         let render =
             |flags: &[&str]| json(&[&["render", stack, "-o", "a.exr"], flags].concat())["probe"].clone();
         let verified = render(&["--views", "64", "--verify"]);
         let verified_db = verified["psnr_db"].as_f64().unwrap();
         assert!(
-            (foreseen_db - verified_db).abs() < 0.01,
-            "{stack}: {foreseen_db} dB, in truth {verified_db}"
+            (predicted_db - verified_db).abs() < 0.01,
+            "{stack}: predicted {predicted_db} dB, measured {verified_db}"
         );
-        // A search looks at fewer pixels, with fewer rays.
+        // The search measures fewer pixels with fewer rays.
         let target = (verified_db - 1.0).floor().to_string();
         let found = render(&["--target-db", &target]);
         let found_db = found["psnr_db"].as_f64().unwrap();
         let within = verified_db - 4.0..verified_db + 6.0;
-        assert!(within.contains(&found_db), "{stack}: {found}, asked for {target} dB");
+        assert!(within.contains(&found_db), "{stack}: {found}, requested {target} dB");
     }
 }
 
 #[test]
-fn a_target_is_reached_or_the_report_says_what_was() {
+fn a_target_is_reached_or_the_report_says_what_was_reached() {
     let folder = tempfile::tempdir().unwrap();
     let report = |flags: &[&str]| {
         let render = ["render", STACK, "--preset", "portrait", "--focus", "6", "-o", "a.exr", "--json"];
@@ -98,10 +98,10 @@ fn a_target_is_reached_or_the_report_says_what_was() {
         let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
         (json, stderr(&output))
     };
-    let (rough, _) = report(&["--quality", "draft"]);
+    let (coarse, _) = report(&["--quality", "draft"]);
     let (fine, _) = report(&["--target-db", "45"]);
     let views = |report: &serde_json::Value| report["views"].as_u64().unwrap();
-    assert!(views(&rough) <= views(&fine), "{} and {} views", rough["dial"], fine["dial"]);
+    assert!(views(&coarse) <= views(&fine), "{} and {} views", coarse["dial"], fine["dial"]);
     assert_eq!(fine["dial"]["met"], true, "{}", fine["dial"]);
     assert!(fine["probe"]["psnr_db"].as_f64().unwrap() >= 45.0, "{}", fine["probe"]);
     let (unmet, said) = report(&["--target-db", "80"]);
@@ -121,12 +121,12 @@ fn a_time_budget_decides_the_number_of_views() {
         assert!(json["dial"]["statement"].as_str().unwrap().contains("predicted"), "{}", json["dial"]);
         json["views"].as_u64().unwrap()
     };
-    assert_eq!(views("0.000001"), 8, "no fewer are worth a picture");
+    assert_eq!(views("0.000001"), 8, "the minimum number of views");
     assert!(views("1") > 64, "a second is long for a small picture");
 }
 
 #[test]
-fn what_decides_the_views_is_given_once_and_only_to_methods_that_can_follow() {
+fn the_number_of_views_or_its_target_is_given_once_and_only_to_methods_that_support_it() {
     let folder = tempfile::tempdir().unwrap();
     let failed = |flags: &[&str]| {
         let output = run(folder.path(), &[["render", STACK, "-o", "a.exr"].as_slice(), flags].concat());
@@ -136,13 +136,13 @@ fn what_decides_the_views_is_given_once_and_only_to_methods_that_can_follow() {
     assert_eq!(failed(&["--target-db", "200"]).0, Some(2));
     assert_eq!(failed(&["--time-budget", "0"]).0, Some(2));
     let (code, message) = failed(&["--method", "gather", "--target-db", "40"]);
-    assert!(code == Some(1) && message.contains("gather cannot look for"), "{message}");
+    assert!(code == Some(1) && message.contains("gather cannot search for"), "{message}");
     let (code, message) = failed(&["--method", "scatter", "--quality", "draft"]);
     assert!(code == Some(1) && message.contains("scatter does not sample the lens"), "{message}");
 }
 
 #[test]
-fn plan_times_the_machine_once_and_says_so_when_it_has_to_again() {
+fn plan_times_the_machine_once_and_reports_a_damaged_calibration() {
     let folder = tempfile::tempdir().unwrap();
     let measured_at = |arguments: &[&str]| {
         let json = stdout(&plan(folder.path(), "cache", &[&["--json"], arguments].concat()));
@@ -164,7 +164,7 @@ fn plan_times_the_machine_once_and_says_so_when_it_has_to_again() {
 }
 
 #[test]
-fn a_plan_says_what_was_asked_for_and_what_each_choice_changes_on_a_page_of_119_columns() {
+fn a_plan_prints_requested_effects_and_what_each_choice_changes_within_119_columns() {
     let folder = tempfile::tempdir().unwrap();
     let common = ["--preset", "portrait", "--focus", "6"];
     let switches = ["--force", "fill,open-background", "--force", "highlights", "--without", "resolve"];
@@ -199,6 +199,6 @@ fn an_effect_that_cannot_be_switched_is_an_error_before_anything_is_read_or_run(
     let lens =
         ["compare", STACK, "--preset", "portrait", "--focus", "6", "--force", "fill", "--probes", "60"];
     let halfway = said(&[lens.as_slice(), &["--methods", "shear:4,gather", "-o", "out"]].concat());
-    assert!(halfway.contains("'fill' cannot be forced: gather has no such step"), "{halfway}");
+    assert!(halfway.contains("'fill' cannot be forced: gather has no such pass"), "{halfway}");
     assert_eq!(names(&folder.path().join("out")), [""; 0], "nothing ran");
 }

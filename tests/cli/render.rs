@@ -1,4 +1,4 @@
-//! Pictures, and what goes with them.
+//! `thinlens render` and `thinlens demo`: pictures, masks and reports.
 
 use super::program::{STACK, names, run, stderr};
 use super::stdout;
@@ -9,7 +9,7 @@ use thinlens::output::exr::{self, ExrOptions};
 use thinlens::stack::{Carried, Frame, Precision, Window, read_picture};
 
 #[test]
-fn the_demo_needs_nothing_and_says_how_good_it_is() {
+fn the_demo_requires_no_files_and_prints_its_psnr() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(&run(folder.path(), &["demo"]));
     assert!(text.contains("PSNR") && text.contains("wrote "), "{text}");
@@ -45,7 +45,7 @@ fn a_render_with_json_prints_its_report_and_the_origin_of_every_value() {
 }
 
 #[test]
-fn an_existing_output_survives_a_failed_render_and_gives_way_to_a_good_one() {
+fn an_existing_output_survives_a_failed_render_and_is_replaced_by_a_successful_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.exr");
     fs::write(&out, "precious").unwrap();
@@ -59,7 +59,7 @@ fn an_existing_output_survives_a_failed_render_and_gives_way_to_a_good_one() {
 }
 
 #[test]
-fn an_output_of_a_dash_is_an_exr_on_standard_output() {
+fn output_to_a_dash_is_an_exr_on_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     let output = run(folder.path(), &["render", STACK, "-o", "-", "--focus", "6", "--views", "4"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -80,7 +80,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 }
 
 #[test]
-fn a_mask_says_how_much_of_the_picture_the_stack_knows() {
+fn a_confidence_mask_is_the_share_of_light_from_surfaces_in_the_stack() {
     let folder = tempfile::tempdir().unwrap();
     let pinhole = Path::new(STACK).with_file_name("pinhole.exr").display().to_string();
     let render = |stack: &str, method: &str, mask: &str| {
@@ -105,21 +105,25 @@ fn a_mask_says_how_much_of_the_picture_the_stack_knows() {
     );
     assert!(stderr(&refused).contains("scatter cannot measure"), "{}", stderr(&refused));
     let nowhere = render(STACK, "shear", "-");
-    assert!(stderr(&nowhere).contains("a mask cannot go to standard output"), "{}", stderr(&nowhere));
+    assert!(
+        stderr(&nowhere).contains("the confidence mask cannot be written to standard output"),
+        "{}",
+        stderr(&nowhere)
+    );
     let twice = render(STACK, "shear", "out.exr");
     assert!(stderr(&twice).contains("two outputs"), "{}", stderr(&twice));
     assert_eq!(names(folder.path()), ["guessed.exr", "known.png", "out.exr"], "nothing more is written");
 }
 
 #[test]
-fn a_render_can_say_how_large_its_sampling_error_is() {
+fn a_render_can_measure_its_sampling_error() {
     let folder = tempfile::tempdir().unwrap();
     let output = run(folder.path(), &["render", STACK, "-o", "a.exr", "--verify", "60", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert!(json["probe"]["interval_db"][0].as_f64().is_some(), "{json}");
     assert!(stderr(&output).contains("sampling error: "), "{}", stderr(&output));
     let few = run(folder.path(), &["render", STACK, "-o", "b.exr", "--verify", "3"]);
-    assert_eq!(few.status.code(), Some(2), "three probes are no sample");
+    assert_eq!(few.status.code(), Some(2), "three probes are too few");
 }
 
 #[test]
@@ -136,7 +140,7 @@ fn a_parameter_of_the_method_can_be_set_by_a_flag() {
 }
 
 #[test]
-fn what_is_in_focus_comes_out_as_it_went_in_bit_for_bit_as_half_and_as_float() {
+fn a_picture_in_focus_is_unchanged_bit_for_bit_as_half_and_as_float() {
     const SIZE: usize = 37;
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
@@ -166,6 +170,6 @@ fn what_is_in_focus_comes_out_as_it_went_in_bit_for_bit_as_half_and_as_float() {
         let (before, after) =
             (read_picture(&file("in.exr")).unwrap(), read_picture(&file("out.exr")).unwrap());
         assert!(before == after, "{precision:?}");
-        assert_eq!(precision == Precision::Float, after == picture, "half holds fewer values");
+        assert_eq!(precision == Precision::Float, after == picture, "half represents fewer values");
     }
 }

@@ -1,4 +1,4 @@
-//! Settings as flags: what the table of settings declares is what the command line has.
+//! Settings as flags: the command line has exactly what the table of settings declares.
 
 use super::program::{STACK, run, stderr};
 use super::stdout;
@@ -37,7 +37,10 @@ fn help_shows_every_setting_with_what_it_does_its_default_and_its_range() {
                     assert!(entry.contains(&range), "{command} --{name}: {entry}");
                 }
             }
-            assert!(!entry.contains('`') || entry.contains("`thinlens "), "keys are flags: {entry}");
+            assert!(
+                !entry.contains('`') || entry.contains("`thinlens "),
+                "keys are printed as flags: {entry}"
+            );
         }
     }
 }
@@ -52,7 +55,7 @@ fn a_flag_out_of_its_range_is_refused_as_in_a_preset_before_anything_is_read() {
             Kind::Number(_) => "nan",
             Kind::RedBlue(_) => "0,1e9",
             Kind::Count { .. } | Kind::Whole(..) => "1000",
-            // What is no pixel and no word is refused by its form, and a name may be any.
+            // These are refused by their syntax; every text is a valid name.
             Kind::Pixel | Kind::Word(_) | Kind::Name | Kind::File => continue,
         };
         let output = run(folder.path(), &["plan", "no-such.exr", &format!("--{name}"), value]);
@@ -66,7 +69,7 @@ fn a_flag_out_of_its_range_is_refused_as_in_a_preset_before_anything_is_read() {
 }
 
 #[test]
-fn what_cannot_be_a_value_of_the_flag_is_a_usage_error_and_what_its_lens_cannot_have_a_failure() {
+fn a_value_that_the_flag_cannot_have_is_a_usage_error_and_one_that_the_lens_cannot_have_is_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     let code = |flag: &str, value: &str| {
         let output = run(folder.path(), &["plan", STACK, flag, value]);

@@ -1,4 +1,4 @@
-// What the page shows: the figures, read once, and how they are written.
+// The data of the page, read once, and its formatting.
 
 /**
  * @typedef {{cpu_seconds: number, seconds: number}} Cost
@@ -29,21 +29,21 @@ const entries = results.entries;
 const hasReference = assets.reference !== null;
 const hasPrediction = entries.some((entry) => entry.predicted !== null);
 
-/** The methods that take part, in the registry's order. */
-const taking = methods.filter((method) => entries.some((entry) => entry.method === method));
+/** The methods of the comparison, in the registry's order. */
+const usedMethods = methods.filter((method) => entries.some((entry) => entry.method === method));
 
-/** Which axes the chart has, and which methods are left out. @type {View} */
+/** The axes of the chart, and the hidden methods. @type {View} */
 const view = { time: "cpu", error: hasReference ? "model" : "sampling", hidden: new Set() };
 
 /** @param {string} id @returns {HTMLElement} */
 function byId(id) {
   const found = document.getElementById(id);
-  if (!found) throw new Error(`the page lacks #${id}`);
+  if (!found) throw new Error(`the page has no element #${id}`);
   return found;
 }
 
 /**
- * An element with attributes and children; a child that is no element becomes text.
+ * An element with attributes and children; a child that is not a node becomes text.
  * @param {string} name
  * @param {Record<string, string|number|boolean>} [attributes]
  * @param {...(Node|string|number)} children
@@ -57,7 +57,7 @@ function svg(name, attributes = {}, ...children) {
   return filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
 }
 
-/** How to use something, which is of no use on paper. @param {string} text */
+/** A usage hint, hidden in print. @param {string} text */
 function hint(text) {
   return element("span", { class: "hint" }, ` ${text}`);
 }
@@ -70,7 +70,7 @@ function filled(node, attributes, children) {
   return node;
 }
 
-/** The name of a setting, which may break into lines after its method and between its settings. @param {string} name */
+/** The name of a setting, with line breaks allowed after its method and between its settings. @param {string} name */
 function broken(name) {
   const parts = name.split(/(?<=[:+])/);
   return parts.flatMap((part) => [element("span", {}, part), element("wbr")]);
@@ -81,7 +81,7 @@ function figure(value, digits) {
   return value === null || value === undefined ? "–" : value.toFixed(digits);
 }
 
-/** Seconds in three figures that count. @param {number|null|undefined} value */
+/** Seconds with three significant digits. @param {number|null|undefined} value */
 function seconds(value) {
   if (value === null || value === undefined) return "–";
   if (value >= 100) return value.toFixed(0);
@@ -89,13 +89,13 @@ function seconds(value) {
 }
 
 /** @param {Sampling} sampling */
-function interval({ interval_db: [least, most] }) {
-  return most === null ? `at least ${least.toFixed(1)}` : `${least.toFixed(1)} … ${most.toFixed(1)}`;
+function interval({ interval_db: [min, max] }) {
+  return max === null ? `at least ${min.toFixed(1)}` : `${min.toFixed(1)} … ${max.toFixed(1)}`;
 }
 
 /** @param {number|null} db */
 function decibels(db) {
-  return db === null ? "the yardstick" : `${db.toFixed(1)} dB`;
+  return db === null ? "the baseline" : `${db.toFixed(1)} dB`;
 }
 
 /** Width and height of the pictures in pixels. */
@@ -104,18 +104,18 @@ function pictureSize() {
   return { width: Math.floor(width / supersample), height: Math.floor(height / supersample) };
 }
 
-/** The time that the chart shows. @param {Entry} entry */
+/** The time on the chart's x axis. @param {Entry} entry */
 function timeOf(entry) {
   return view.time === "cpu" ? entry.cpu_seconds : entry.seconds;
 }
 
-/** The decibels that the chart shows; where the error may be nothing, what it has at least. @param {Entry} entry */
+/** The decibels on the chart's y axis; the lower end of the interval where no error was measured. @param {Entry} entry */
 function decibelsOf(entry) {
   if (view.error === "model" && entry.model) return entry.model.psnr_db;
   return entry.sampling.psnr_db ?? entry.sampling.interval_db[0];
 }
 
-/** All of an entry's figures in one sentence. @param {Entry} entry */
+/** All figures of an entry in one sentence. @param {Entry} entry */
 function inWords(entry) {
   const model = entry.model ? ` Model error ${entry.model.psnr_db.toFixed(2)} dB, FLIP ${entry.model.flip.toFixed(4)}.` : "";
   const predicted = entry.predicted ? ` Predicted: CPU ${seconds(entry.predicted.cpu_seconds)} s, wall ${seconds(entry.predicted.seconds)} s.` : "";
@@ -124,14 +124,14 @@ function inWords(entry) {
     + ` Sampling error ${sampling}(95 %: ${interval(entry.sampling)} dB).${model}${predicted}`;
 }
 
-/** The entries of the methods that are not left out. */
+/** The entries of the methods that are not hidden. */
 function shown() {
   return entries.filter((entry) => !view.hidden.has(entry.method));
 }
 
-/** Those of `some` that no other beats in time and error at once, from the quickest to the slowest. @param {Entry[]} some */
-function front(some) {
-  const sorted = [...some].sort((a, b) => timeOf(a) - timeOf(b) || decibelsOf(b) - decibelsOf(a));
+/** The Pareto front of `candidates` in time and error, from fastest to slowest. @param {Entry[]} candidates */
+function front(candidates) {
+  const sorted = [...candidates].sort((a, b) => timeOf(a) - timeOf(b) || decibelsOf(b) - decibelsOf(a));
   let best = -Infinity;
   return sorted.filter((entry) => {
     const better = decibelsOf(entry) > best;

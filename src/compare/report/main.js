@@ -1,19 +1,19 @@
-// Puts the page together.
+// Builds the page.
 
-/** The last part of a path. @param {string} path */
+/** The last two parts of a path. @param {string} path */
 function fileName(path) {
   return path.split(/[\\/]/).slice(-2).join("/");
 }
 
 function drawHead() {
   const [first] = results.input;
-  const count = `${entries.length} ${entries.length === 1 ? "setting" : "settings"} of ${taking.length} ${taking.length === 1 ? "method" : "methods"}`;
+  const count = `${entries.length} ${entries.length === 1 ? "setting" : "settings"} of ${usedMethods.length} ${usedMethods.length === 1 ? "method" : "methods"}`;
   const { peels, kind } = results.stack;
   const { width, height } = pictureSize();
   const title = first ? fileName(first) : "a stack";
   document.title = `thinlens compare: ${title}`;
   byId("title").textContent = title;
-  const against = hasReference ? `the stack's own truth and a true render, ${fileName(results.reference)}` : "the stack's own truth";
+  const against = hasReference ? `many lens rays through the stack and a reference render, ${fileName(results.reference)}` : "many lens rays through the stack";
   byId("subject").textContent = `${count} on a stack of ${peels} ${peels === 1 ? "peel" : "peels"} (${kind.replace("-", " ")}), ${width} × ${height}`
     + ` pixels, measured against ${against}. ${lensInWords()}`;
   byId("warnings").append(...results.warnings.map((text) => element("li", {}, text)));
@@ -24,21 +24,21 @@ function lensInWords() {
   const { focal_length_mm: focal, f_number: stop, focus_distance: focus, c_inf: far } = results.lens;
   const number = (value) => String(Number(value.toPrecision(4)));
   const aperture = stop.value === null ? "a pinhole" : `f/${number(stop.value)}`;
-  return `${number(focal.value)} mm, ${aperture}, in focus at ${number(focus)} depth units; a point at infinity blurs to a radius of ${number(Math.abs(far))} px.`;
+  return `${number(focal.value)} mm, ${aperture}, in focus at ${number(focus)} depth units; CoC radius at infinity ${number(Math.abs(far))} px.`;
 }
 
 function drawErrors() {
   const term = (name, text) => [element("dt", {}, name), element("dd", {}, text)];
   const model = hasReference
-    ? "what the whole picture is off from a true render of the scene with the lens on. It includes what the stack itself cannot say."
-    : "not measured: it takes a true render with the lens on (--reference).";
+    ? "difference of the whole picture from a reference render of the scene with the lens on. It includes errors of the stack itself, such as missing surfaces."
+    : "not measured: it requires a reference, a render of the scene with the lens on.";
   byId("errors").append(
-    ...term("Sampling error", "what a method gets wrong about the stack: its picture against very many lens rays through the same stack, at a sample of pixels."),
+    ...term("Sampling error", "difference of a method's picture from the mean of very many lens rays through the same stack, at randomly chosen pixels."),
     ...term("Model error", model),
   );
 }
 
-/** A command that can be copied; where the clipboard is closed, it is selected instead. @param {string} text */
+/** A command that can be copied; without access to the clipboard, it is selected instead. @param {string} text */
 function command(text) {
   const code = element("code", { tabindex: 0 }, text);
   const button = element("button", { type: "button", class: "quiet copy" }, "Copy");
@@ -71,7 +71,7 @@ function drawFacts() {
   byId("commands").append(...entries.map((entry) => command(entry.command)));
 }
 
-/** Where the values of the lens came from. */
+/** The origins of the lens settings. */
 function originsInWords() {
   const sources = new Map();
   for (const [key, value] of Object.entries(results.lens)) {
@@ -89,16 +89,16 @@ function isDark() {
 
 function wireTheme() {
   const button = byId("theme");
-  const say = () => {
+  const updateLabel = () => {
     button.textContent = isDark() ? "Light" : "Dark";
     button.setAttribute("aria-label", `Show the page in ${isDark() ? "light" : "dark"} colours`);
   };
   button.addEventListener("click", () => {
     document.documentElement.dataset.theme = isDark() ? "light" : "dark";
-    say();
+    updateLabel();
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", say);
-  say();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", updateLabel);
+  updateLabel();
 }
 
 function start() {
@@ -115,7 +115,7 @@ function start() {
   drawChart();
   new ResizeObserver(() => drawChart()).observe(byId("chart"));
   byId("figures").textContent = "Point at a mark for its figures.";
-  byId("footer").textContent = `Made by thinlens ${results.version}. results.json and results.csv beside this file have all figures.`;
+  byId("footer").textContent = `thinlens ${results.version}. All figures are also in results.json and results.csv beside this file.`;
   addEventListener("beforeprint", () => drawChart(PAPER_PX));
   addEventListener("afterprint", () => drawChart());
 }

@@ -1,4 +1,4 @@
-// A colour and a shape for every method: either alone tells them apart.
+// A colour and a shape for every method; each alone distinguishes the methods.
 
 /** Corners on a circle of radius 1, the first at `turn` of a full turn from the top. */
 function corners(count, turn = 0, radius = () => 1) {
@@ -20,7 +20,7 @@ function cross(w, turn) {
   return outline(corner.map(([x, y]) => [c * x - s * y, s * x + c * y]));
 }
 
-/** Outlines of about one area, radius about 1; the place in this list is that of the method in the registry. */
+/** Outlines of about equal area, radius about 1; the index in this list is that of the method in the registry. */
 const SHAPES = [
   "M1 0A1 1 0 1 1 -1 0A1 1 0 1 1 1 0Z",
   outline(corners(10, 0, (i) => (i % 2 ? 0.5 : 1.3))),

@@ -1,18 +1,18 @@
-// Two pictures over each other with a slider between them, and the error maps.
+// Two overlaid pictures with a slider between them, and the error maps.
 
-/** Whole pictures are shown at most this wide, and at most twice their size. */
-const MOST_WIDTH_PX = 1280;
+/** Maximum width of whole pictures, which are shown at up to twice their size. */
+const MAX_WIDTH_PX = 1280;
 
-/** Every picture by its name in the lists: [name, what it is called, its address]. @type {[string, string, string][]} */
+/** Every picture: [value in the lists, label, address]. @type {[string, string, string][]} */
 const pictures = [
-  ...(hasReference ? [["reference", "reference: true render", assets.reference]] : []),
+  ...(hasReference ? [["reference", "reference: render with the lens on", assets.reference]] : []),
   ["pinhole", "pinhole: no lens", assets.pinhole],
   ...entries.map((entry, i) => [`entry-${i}`, entry.name, assets.entries[i]]),
 ];
 
 /** What error maps and crops are measured against, in words. */
-const yardstick = !results.yardstick ? "nothing"
-  : results.yardstick.kind === "reference" ? "the reference, a true render" : `${results.yardstick.name}, the setting nearest to the stack's truth`;
+const baseline = !results.yardstick ? "nothing"
+  : results.yardstick.kind === "reference" ? "the reference render" : `${results.yardstick.name}, the setting with the smallest sampling error`;
 
 /** @param {HTMLSelectElement} select @param {string[][]} items */
 function fill(select, items) {
@@ -30,7 +30,7 @@ function cut(percent) {
   byId("handle").style.left = `${percent}%`;
 }
 
-/** The mode that is chosen. */
+/** The selected mode. */
 function mode() {
   return document.querySelector('input[name="mode"]:checked').value;
 }
@@ -50,7 +50,7 @@ function drawPair() {
   show(byId("under"), right[2], `Right: ${right[1]}`);
   cut(Number(byId("slider").value));
   byId("strip-note").replaceChildren(
-    `Left ${left[1]}, right ${right[1]}. Shown at most ${MOST_WIDTH_PX} pixels wide, as JPEG; the folder has the pictures whole.`,
+    `Left ${left[1]}, right ${right[1]}. Shown at most ${MAX_WIDTH_PX} pixels wide, as JPEG; the folder has the pictures at full size.`,
     hint("Drag across the picture, or move the slider with the arrow keys."),
   );
 }
@@ -58,14 +58,14 @@ function drawPair() {
 function drawMap() {
   const i = Number(byId("map").value);
   show(byId("under"), assets.maps[i], `Error map of ${entries[i].name}`);
-  byId("strip-note").textContent = `FLIP of ${entries[i].name} at each pixel, against ${yardstick}: 0 is no visible difference, 1 the greatest.`
-    + " The folder has the map whole.";
+  byId("strip-note").textContent = `FLIP of ${entries[i].name} at each pixel, against ${baseline}: 0 is no visible difference, 1 the largest.`
+    + " The folder has the map at full size.";
 }
 
 /** @param {HTMLImageElement} image */
 function show(image, address, text) {
   image.alt = text;
-  image.width = Math.min(MOST_WIDTH_PX, 2 * pictureSize().width);
+  image.width = Math.min(MAX_WIDTH_PX, 2 * pictureSize().width);
   if (image.getAttribute("src") !== address) image.src = address;
 }
 
@@ -75,10 +75,10 @@ function choose(entry) {
   byId("right").value = `entry-${i}`;
   if (assets.maps[i]) byId("map").value = String(i);
   drawPictures();
-  tell(entry);
+  showFigures(entry);
 }
 
-/** Moves the cut to where the pointer is. @param {PointerEvent} event */
+/** Moves the cut to the pointer. @param {PointerEvent} event */
 function drag(event) {
   const box = byId("stage").getBoundingClientRect();
   const percent = Math.round((100 * (event.clientX - box.left)) / box.width);

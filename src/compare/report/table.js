@@ -1,9 +1,9 @@
-// The table of all figures, sorted by any of its columns.
+// The table of all figures, sortable by any column.
 
 /**
  * @typedef {object} Column
  * @property {string} title
- * @property {(entry: Entry) => string|number|null} value what it is sorted by
+ * @property {(entry: Entry) => string|number|null} value the sort key
  * @property {(entry: Entry) => string} text
  */
 
@@ -40,7 +40,7 @@ const order = { column: 1, descending: false };
 /** @param {Entry} a @param {Entry} b */
 function compareEntries(a, b) {
   const [left, right] = [a, b].map(COLUMNS[order.column].value);
-  // What has no figure comes last, whichever way.
+  // Entries without a figure come last in either order.
   if (left === null || right === null) return (left === null) - (right === null);
   const ascending = typeof left === "string" ? left.localeCompare(right, "en", { numeric: true }) : left - right;
   return order.descending ? -ascending : ascending;
@@ -75,6 +75,6 @@ function drawTable() {
   byId("table").replaceChildren(head, element("tbody", {}, ...rows.map((entry) => row(entry, best.has(entry)))));
   const { cpu_seconds: cpu, seconds: wall } = results.prepared;
   const runs = results.repeats > 1 ? `, the median of ${results.repeats} runs` : ", a single run";
-  byId("table-note").textContent = `★ no other shown is both quicker and nearer to the truth, by the time and the error that the chart shows.`
-    + ` Times are of the blur${runs}; whole adds reading and planning, which all share: CPU ${seconds(cpu)} s, wall ${seconds(wall)} s.`;
+  byId("table-note").textContent = `★ no other visible entry is both faster and more accurate, by the time and the error of the chart.`
+    + ` Times are of the blur${runs}; "whole" adds reading and planning, which all entries share: CPU ${seconds(cpu)} s, wall ${seconds(wall)} s.`;
 }

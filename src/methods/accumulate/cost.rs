@@ -1,13 +1,13 @@
-//! What `accumulate` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! Cost of `accumulate`, in the terms of the parent module's cost formula; `examples/cost_model.rs` fits the nanoseconds.
 
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// Mean of `|x| + |y|` over a disc of radius 1: the samples' sides that a ray crosses for each unit of CoC radius.
+/// Mean of `|x| + |y|` over the unit disc: sample sides that a ray crosses per unit of CoC radius.
 const SIDES_CROSSED: f64 = 8.0 / (3.0 * std::f64::consts::PI);
 
-/// What carrying out `plan` costs.
+/// Cost of executing the plan.
 pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     let rays = workload.pixels() * workload.views();
     let cells = rays * workload.supersample() * SIDES_CROSSED * workload.depths().whole_px;

@@ -1,8 +1,10 @@
-//! The reference on a GPU: one thread a pixel, all rays of a go one after the other, so that neighbours walk the same way.
+//! GPU backend of `accumulate`: one thread per pixel traces all rays of a batch in sequence, so that neighbouring threads take
+//! similar paths.
 //!
-//! Rows of the stack go up as they are, a band at a time; `look` makes extents and tiles of them, `follow` sums rays.
+//! Rows of the stack are uploaded unchanged, one band at a time; the kernel `look` computes extents and tiles from them, `follow`
+//! sums rays.
 //!
-//! Memory: 28 bytes a fragment, 36 a pixel.
+//! Memory: 28 bytes per fragment, 36 per pixel.
 
 use super::Accumulate;
 use super::tiles::{SLABS, TILE};
@@ -11,15 +13,14 @@ use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
 use crate::scene::surface::JOIN_PX;
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
 use std::ops::Range;
 
-/// Bytes of a fragment's extent, its largest part, and of all of it.
+/// Bytes per fragment: in the largest buffer (extents), and in all buffers.
 const FRAGMENT_BYTES: [usize; 2] = [8, 28];
 
 static SHADER: Shader = Shader {
@@ -37,69 +38,69 @@ static SHADER: Shader = Shader {
 };
 
 mirrored! {
-    /// The rows of the stack at hand, and the lens before them.
+    /// The rows of the stack that a band reads, and the lens.
     struct Frame {
-        /// Columns of the picture.
+        /// Width of the picture.
         width: u32,
-        /// Its first row that is made.
+        /// First row of the picture that the band makes.
         row: u32,
-        /// How many are.
+        /// Number of rows that the band makes.
         rows: u32,
-        /// Layers.
+        /// Number of layers.
         layers: u32,
-        /// Samples of a pixel along each axis.
+        /// Samples per pixel along each axis.
         supersample: f32,
-        /// Columns of the stack, in samples.
+        /// Width of the stack in samples.
         columns: i32,
-        /// Its first row at hand.
+        /// First row of samples that is uploaded.
         top: i32,
-        /// Its last row at hand.
+        /// Last row of samples that is uploaded.
         bottom: i32,
-        /// No fragment has less CoC depth.
+        /// Minimum CoC depth of all fragments.
         nearest: f32,
-        /// No fragment has more.
+        /// Maximum CoC depth of all fragments.
         farthest: f32,
-        /// Slabs for each pixel of CoC depth.
+        /// Slabs per pixel of CoC depth.
         slabs_per_px: f32,
-        /// Where the lens's axis meets the picture.
+        /// Where the optical axis meets the picture, in pixels.
         axis_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         axis_y: f32,
-        /// From there to the frame's corners.
+        /// Distance from there to the frame's corners.
         half_diagonal_px: f32,
-        /// How far aside of the aperture the barrel stands, seen from there.
+        /// Offset of the barrel from the aperture as seen from the corners, in aperture radii.
         cats_eye: f32,
     }
 }
 
 mirrored! {
-    /// A lens sample, as rays need it.
+    /// A lens sample, prepared for rays.
     struct View {
-        /// Samples that a ray moves by for each pixel of CoC depth, to the right.
+        /// Samples that a ray moves per pixel of CoC depth, horizontally.
         step_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         step_y: f32,
-        /// One over that; 0 along an axis that it does not move on.
+        /// Reciprocal of the step; 0 along an axis that the ray is perpendicular to.
         inverse_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         inverse_y: f32,
-        /// Place in the pixel.
+        /// Position in the pixel.
         jitter_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         jitter_y: f32,
-        /// How far aberrations move the ray, in pixels.
+        /// Shift of the ray by aberrations, in pixels.
         shift_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         shift_y: f32,
         /// Point on the aperture.
         lens_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         lens_y: f32,
     }
 }
 
 impl View {
-    fn of(view: &LensView, volume: &Volume<&Layer>) -> Self {
+    fn from_lens_view(view: &LensView, volume: &Volume<&Layer>) -> Self {
         let step = view.lens * volume.supersample;
         let inverse = Ray::new(Vec2::ZERO, step).inverse;
         let jitter = volume.jitter * view.jitter;
@@ -117,27 +118,27 @@ impl View {
         }
     }
 
-    /// How many samples a ray passes at most, between the CoC depths `range_px`.
+    /// Maximum number of samples that a ray passes between the CoC depths `range_px`.
     fn cells(&self, range_px: [f32; 2]) -> f32 {
         (range_px[1] - range_px[0]) * (self.step_x.abs() + self.step_y.abs()) + 2.0
     }
 
-    /// How many rows above or below its pixel a ray goes at most, between the CoC depths `range_px`.
+    /// Maximum distance of a ray from its pixel, in rows, between the CoC depths `range_px`.
     fn rows_away(&self, supersample: f32, range_px: [f32; 2]) -> f32 {
         let rows = |coc: f32| (self.jitter_y + self.shift_y + coc * self.step_y / supersample).abs();
         rows(range_px[0]).max(rows(range_px[1]))
     }
 }
 
-/// The lens samples of all sets.
+/// The lens samples of all sets of rays.
 struct Lens {
     views: Buffer,
-    /// Those of each set, and the channels that they make.
+    /// Range of each set in `views`, and the channels that the set renders.
     sets: Vec<(Range<usize>, &'static [usize])>,
     count: usize,
-    /// How many rows away the rays of a pixel meet anything.
+    /// Maximum distance of rays from their pixel, in rows.
     reach_rows: usize,
-    /// Rounds of loops that a ray takes at most.
+    /// Maximum number of loop iterations of a ray.
     rounds: usize,
 }
 
@@ -147,25 +148,25 @@ impl Lens {
         let mut sets = Vec::new();
         for (set, channels) in rays.sets() {
             let first = views.len();
-            // Where the barrel is the aperture's own, it is so for all pixels.
+            // Without cat's eye the barrel does not depend on the pixel: occluded views are dropped here.
             let passes = |view: &&LensView| {
                 volume.optics.cats_eye > 0.0 || volume.optics.within_barrel(view.lens, Vec2::ZERO) >= 0.0
             };
-            views.extend(set.iter().filter(passes).map(|view| View::of(view, volume)));
+            views.extend(set.iter().filter(passes).map(|view| View::from_lens_view(view, volume)));
             sets.push((first..views.len(), channels));
         }
         let away = views.iter().map(|view| view.rows_away(volume.supersample, volume.coc_range_px));
-        // A fragment reaches as far as its neighbours let it: they must be at hand.
+        // One row more: the extent of a fragment depends on its neighbours.
         let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 1;
         let cells = views.iter().map(|view| view.cells(volume.coc_range_px)).fold(0.0, f32::max);
-        // A look at a sample takes a round and one for each layer; of tiles there are no more than samples.
+        // A sample takes one iteration and one per layer; a ray passes no more tiles than samples.
         let rounds = cells.ceil() as usize * (2 + volume.layers.len());
         let words: Vec<u32> = views.iter().flat_map(View::words).collect();
         Ok(Self { views: gpu.upload("lens samples", &words)?, sets, count: views.len(), reach_rows, rounds })
     }
 }
 
-/// The rows of the stack that a band reads, as rays walk them.
+/// The rows of the stack that a band reads, on the GPU.
 struct Rows {
     frame: Buffer,
     colors: [Buffer; 4],
@@ -193,14 +194,14 @@ impl Rows {
         let fragments = volume.size[0] as usize * samples.len() * volume.layers.len();
         let extents = gpu.zeros::<[f32; 2]>("extents", fragments)?;
         let tiles = gpu.zeros::<[u32; 2]>("tiles", columns * rows)?;
-        let look = gpu.kernel(&SHADER, "look")?;
+        let analyze = gpu.kernel(&SHADER, "look")?;
         let bindings = [(3, &frame), (8, &colors[3]), (9, &coc_px), (12, &extents), (13, &tiles)];
-        gpu.submit(|work| work.pass(&look, &bindings, [columns as u32, rows as u32, 1]))?;
+        gpu.submit(|work| work.pass(&analyze, &bindings, [columns as u32, rows as u32, 1]))?;
         Ok(Self { frame, colors, extents, tiles })
     }
 }
 
-/// Rows `samples` of a plane of all `layers`.
+/// Uploads rows `samples` of one plane of all `layers`.
 fn upload(
     gpu: &Gpu,
     label: &str,
@@ -237,7 +238,7 @@ fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usi
     }
 }
 
-/// Rows of the picture that `gpu` holds at once.
+/// Maximum number of rows of the picture in a band on `gpu`.
 fn max_rows(gpu: &Gpu, scene: &Scene) -> usize {
     let fragments = scene.supersample.pow(2) * scene.layers.len();
     Batches::max_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
@@ -254,10 +255,10 @@ impl GpuBackend for Accumulate {
             progress,
             |band, progress| {
                 let rows = Rows::new(gpu, &volume, width, band)?;
-                let goes =
+                let batches =
                     Batches::new(gpu, &SHADER, width * band.rows.len(), volume.transparent_background)?;
-                follow(gpu, (&rows, &lens), &goes, tiles(width, band.rows.len(), TILE as usize), progress)?;
-                Ok(goes)
+                trace(gpu, (&rows, &lens), &batches, tiles(width, band.rows.len(), TILE as usize), progress)?;
+                Ok(batches)
             },
         )
     }
@@ -267,29 +268,29 @@ impl GpuBackend for Accumulate {
     }
 }
 
-/// Follows all rays through `rows`.
-fn follow(
+/// Traces all rays through `rows`.
+fn trace(
     gpu: &Gpu,
     (rows, lens): (&Rows, &Lens),
-    goes: &Batches<'_>,
+    batches: &Batches<'_>,
     groups: [u32; 3],
     progress: &dyn Fn(f32),
 ) -> Result<(), Error> {
     let follow = gpu.kernel(&SHADER, "follow")?;
     let [red, green, blue, alpha] = &rows.colors;
-    let own = [(3, &rows.frame), (4, &lens.views), (5, red), (6, green), (7, blue), (8, alpha)];
-    let walked = [(10, &rows.extents), (11, &rows.tiles)];
+    let stack = [(3, &rows.frame), (4, &lens.views), (5, red), (6, green), (7, blue), (8, alpha)];
+    let traversal = [(10, &rows.extents), (11, &rows.tiles)];
     let done = std::cell::Cell::new(0);
     for (views, channels) in &lens.sets {
         let ask = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
-            let bindings: Vec<_> = sums.into_iter().chain(own).chain(walked).collect();
+            let bindings: Vec<_> = sums.into_iter().chain(stack).chain(traversal).collect();
             work.pass(&follow, &bindings, groups)
         };
-        goes.follow((views.clone(), lens.rounds), ask, |views| {
+        batches.follow((views.clone(), lens.rounds), ask, |views| {
             done.set(done.get() + views);
             progress(done.get() as f32 / lens.count as f32);
         })?;
-        goes.resolve(channels, |_, _| Ok(()))?;
+        batches.resolve(channels, |_, _| Ok(()))?;
     }
     Ok(())
 }

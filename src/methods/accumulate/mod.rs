@@ -1,41 +1,40 @@
-//! Lens rays against the stack, one by one: the obviously right answer that everything else is measured by.
+//! The reference method: traces every lens ray through the stack without approximation. Other methods are measured against it.
 //!
-//! Haeberli & Akeley 1990, "The Accumulation Buffer", and Cook, Porter & Carpenter 1984, "Distributed Ray Tracing", with
-//! the stack for a scene. A fragment is the square of its sample times an interval of CoC depth: its own `c`, and half the
-//! way to each of its four neighbours in the peel that lies within half a pixel, so that surfaces have no cracks. A ray
-//! `(p + j + c·u, c)` walks the samples it passes over, `c` rising, and meets the fragments of each whose intervals overlap
-//! the ray's stay there, nearest first; what a fragment lets through goes on.
+//! Haeberli & Akeley 1990, "The Accumulation Buffer", and Cook, Porter & Carpenter 1984, "Distributed Ray Tracing", applied to
+//! the stack. A fragment is a box: the square of its sample times an interval of CoC depth. The interval is its own `c`, extended
+//! halfway to each of the four neighbours in the same peel whose `c` differs by less than half a pixel, so that surfaces have no
+//! cracks. A ray `(p + j + c·u, c)` traverses the samples below it in order of rising `c`. In each sample it hits the fragments
+//! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha.
 //!
-//! Past the frame's border the last sample goes on for ever. A ray that leaves without a hit says nothing where the
-//! stack's background is closed, and is transparent where it is open.
+//! Past the frame's border the border samples are repeated. A ray that hits nothing is left out of the mean where the stack's
+//! background is closed, and is transparent where the background is transparent.
 //!
-//! Cost: pixels × rays × samples passed × layers; no shortcut is taken that could change the answer: only where a tile of samples has
-//! nothing at all at a ray's CoC depth does the ray pass it as a whole. Memory: none but the picture. Limits: knows only what the peels know.
-//! GPU twin: `shaders/methods/accumulate.wgsl`.
+//! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile
+//! has no fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.
+//! GPU backend: `shaders/methods/accumulate.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 mod tiles;
 mod volume;
 
-pub use volume::Volume;
+pub(crate) use volume::Volume;
 
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::Rays;
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::shared::{RaySampler, Tracer};
 use crate::scene::{EffectKind, Layer, Scene, Workload};
 use crate::settings::ParameterTable;
-#[cfg(feature = "gpu")]
 use parameters::AccumulateParameters;
 
-/// The reference.
+/// The reference method.
 #[derive(Debug)]
 pub(in crate::methods) struct Accumulate;
 
@@ -45,7 +44,7 @@ impl Method for Accumulate {
             name: "accumulate",
             source: "Haeberli & Akeley 1990; Cook, Porter & Carpenter 1984",
             role: Role::Reference,
-            summary: "lens rays against the stack, one by one, no shortcut",
+            summary: "every lens ray traced through the stack, without approximation",
             effects: &[
                 EffectKind::BladeCurvature,
                 EffectKind::Squeeze,
@@ -88,7 +87,7 @@ impl LensSampling for Accumulate {
     }
 }
 
-/// The rays of every pixel, and what they are followed through.
+/// The boxes of the stack, and the rays of every pixel.
 #[derive(Debug)]
 struct Accumulation {
     volume: Volume<Layer>,

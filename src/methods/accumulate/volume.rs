@@ -1,4 +1,4 @@
-//! The stack as a set of boxes in `(x, y, c)`, and the way of a ray through them.
+//! The stack as a set of boxes in `(x, y, c)`, and ray traversal through them.
 
 use super::tiles::{Passage, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
@@ -11,7 +11,7 @@ use std::borrow::Borrow;
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
-pub struct Volume<L> {
+pub(crate) struct Volume<L> {
     pub(super) layers: Vec<L>,
     pub(super) tiles: Tiles,
     /// Columns and rows of samples.
@@ -24,18 +24,19 @@ pub struct Volume<L> {
     pub(super) field: Field,
 }
 
-/// The middle of picture pixel `x, y`.
+/// The centre of picture pixel `x, y`.
 fn centre(x: usize, y: usize) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
-/// From where to where the fragment `x, y` of `layer` reaches in CoC depth: less than half of [`JOIN_PX`] either way.
+/// Interval of CoC depth of the fragment `x, y` of `layer`; it extends less than half of [`JOIN_PX`] to either side of its own
+/// depth.
 fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
     let coc = layer.coc_px.get(x, y);
-    let mut reach = [coc; 2];
+    let mut interval = [coc; 2];
     if layer.alpha.get(x, y) < OPAQUE_ALPHA {
-        // Translucent fragments stay thin: reaching into one another they would count twice.
-        return reach;
+        // Translucent fragments have no thickness: overlapping ones would attenuate a ray twice.
+        return interval;
     }
     let neighbours = [
         (x > 0).then(|| (x - 1, y)),
@@ -47,58 +48,58 @@ fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
         let other = layer.coc_px.get(nx, ny);
         if layer.alpha.get(nx, ny) > 0.0 && surface::joins(coc, other) {
             let middle = 0.5 * (coc + other);
-            reach = [reach[0].min(middle), reach[1].max(middle)];
+            interval = [interval[0].min(middle), interval[1].max(middle)];
         }
     }
-    reach
+    interval
 }
 
-/// Where a fragment is, seen from a ray's stay in its sample.
-enum Meeting {
-    Before,
-    Met,
+/// Position of a fragment relative to a ray's interval of CoC depth in its sample.
+enum DepthOrder {
+    InFront,
+    Overlapping,
     Behind,
 }
 
-/// Where the fragment `x, y` of `layer` is, seen from the CoC depths `stay`.
-fn meeting(layer: &Layer, x: usize, y: usize, stay: [f32; 2]) -> Meeting {
+/// Position of the fragment `x, y` of `layer` relative to `coc_interval`.
+fn depth_order(layer: &Layer, x: usize, y: usize, coc_interval: [f32; 2]) -> DepthOrder {
     let coc = layer.coc_px.get(x, y);
-    if coc > stay[1] + JOIN_PX {
-        return Meeting::Behind;
+    if coc > coc_interval[1] + JOIN_PX {
+        return DepthOrder::Behind;
     }
-    if coc < stay[0] - JOIN_PX {
-        return Meeting::Before;
+    if coc < coc_interval[0] - JOIN_PX {
+        return DepthOrder::InFront;
     }
-    let within = coc >= stay[0] && coc <= stay[1];
-    let met = within || {
+    let within = coc >= coc_interval[0] && coc <= coc_interval[1];
+    let overlaps = within || {
         let [near, far] = extent(layer, x, y);
-        near <= stay[1] && far >= stay[0]
+        near <= coc_interval[1] && far >= coc_interval[0]
     };
-    // Beside the stay, but not in it: another layer may still be.
-    if met { Meeting::Met } else { Meeting::Before }
+    // Close to the interval without overlapping it: the fragments of further layers may overlap, so never `Behind`.
+    if overlaps { DepthOrder::Overlapping } else { DepthOrder::InFront }
 }
 
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
-    pub fn new(scene: &'a Scene, plan: &Plan) -> Self {
+    pub(crate) fn new(scene: &'a Scene, plan: &Plan) -> Self {
         Self::from_first_layers(scene.layers.len(), scene, plan)
     }
 
     /// The boxes of the first `count` layers of `scene`.
-    pub fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
-        Self::of(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
+    pub(crate) fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
+        Self::from_layers(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
     }
 }
 
 impl Volume<Layer> {
-    /// The boxes of `scene`, which it keeps.
+    /// The boxes of `scene`, owning its layers.
     pub(super) fn owning(scene: Scene, plan: &Plan) -> Self {
-        Self::of(scene.layers, (scene.supersample, scene.field), plan)
+        Self::from_layers(scene.layers, (scene.supersample, scene.field), plan)
     }
 }
 
 impl<L: Borrow<Layer>> Volume<L> {
-    fn of(layers: Vec<L>, (supersample, field): (usize, Field), plan: &Plan) -> Self {
+    fn from_layers(layers: Vec<L>, (supersample, field): (usize, Field), plan: &Plan) -> Self {
         let first = layers.first().map(Borrow::borrow);
         let size = first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]);
         Self {
@@ -114,18 +115,18 @@ impl<L: Borrow<Layer>> Volume<L> {
         }
     }
 
-    /// The mean over `rays` of picture pixel `x, y`: of those of each colour.
-    pub fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
+    /// Mean colour over `rays` of picture pixel `x, y`, with the rays of each channel's set.
+    pub(crate) fn pixel(&self, x: usize, y: usize, rays: &Rays) -> [f32; 4] {
         let mut pixel = [0.0; 4];
         for (views, channels) in rays.sets() {
-            let seen = self.seen(x, y, views);
-            channels.iter().for_each(|&channel| pixel[channel] = seen[channel]);
+            let mean = self.mean_color(x, y, views);
+            channels.iter().for_each(|&channel| pixel[channel] = mean[channel]);
         }
         pixel
     }
 
-    /// The mean over the rays of those of `views` that pass the lens's barrel from picture pixel `x, y`.
-    fn seen(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
+    /// Mean colour over the rays of picture pixel `x, y` for those of `views` that the lens barrel does not occlude.
+    fn mean_color(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
         let centre = centre(x, y);
         let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
@@ -136,14 +137,14 @@ impl<L: Borrow<Layer>> Volume<L> {
         sum.mean(rays, self.transparent_background)
     }
 
-    /// Whether the ray of `view` passes the lens's barrel from picture pixel `x, y`.
-    pub fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
+    /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
+    pub(crate) fn passes_barrel(&self, x: usize, y: usize, view: &View) -> bool {
         self.optics.within_barrel(view.lens, self.field.height(centre(x, y))) >= 0.0
     }
 
-    /// Share of the rays `samples` of picture pixel `x, y` that find nothing, after they have passed behind something of the last
-    /// layer: what a further layer may hold is lost to them.
-    pub fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
+    /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last
+    /// layer: a further layer might have content there.
+    pub(crate) fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
         let centre = centre(x, y);
         let lost = |view: &View| {
             let ray = self.ray(centre, view);
@@ -154,13 +155,13 @@ impl<L: Borrow<Layer>> Volume<L> {
         passing.map(lost).sum::<f64>() / samples.len() as f64
     }
 
-    /// The ray of `view` through the pixel whose centre is at `centre`, a place in the picture.
+    /// The ray of `view` through the pixel with its centre at `centre`, in picture pixels.
     fn ray(&self, centre: Vec2, view: &View) -> Ray {
         let point = centre + self.jitter * view.jitter + view.shift;
         Ray::new(point * self.supersample, view.lens * self.supersample)
     }
 
-    /// Whether `ray` is behind something of the last layer anywhere on its way.
+    /// Whether `ray` passes behind any fragment of the last layer.
     fn passes_last_layer(&self, ray: &Ray) -> bool {
         let Some(last) = self.layers.last().map(Borrow::borrow) else { return false };
         let [mut enter, farthest] = self.coc_range_px;
@@ -176,57 +177,58 @@ impl<L: Borrow<Layer>> Volume<L> {
         false
     }
 
-    /// The sample at `cell`, of which those at the border go on for ever.
+    /// The sample at `cell`; past the border, the nearest border sample.
     fn clamped(&self, cell: IVec2) -> (usize, usize) {
         let [width, height] = self.size;
         (cell.x.clamp(0, width - 1) as usize, cell.y.clamp(0, height - 1) as usize)
     }
 
-    /// Follows `ray` through the stack, adds what it meets to `sum`, and returns what finds nothing.
+    /// Traces `ray` through the stack, adds the fragments that it hits to `sum`, and returns the transmittance that is left.
     fn follow(&self, ray: &Ray, sum: &mut RaySum) -> f32 {
         let [nearest, farthest] = self.coc_range_px;
         let mut enter = nearest;
         let mut tile = ray.cell(enter).div_euclid(IVec2::splat(TILE));
-        let mut transmitted = 1.0;
+        let mut transmittance = 1.0;
         loop {
             let (exit, side) = ray.leaves(tile * TILE, TILE);
             if let Some(passage) = self.tiles.passage(&self.layers, tile, [enter, exit.min(farthest)]) {
-                transmitted = self.cross(ray, tile, passage, transmitted, sum);
+                transmittance = self.cross_tile(ray, tile, passage, transmittance, sum);
             }
-            if transmitted <= 0.0 || exit >= farthest {
-                return transmitted;
+            if transmittance <= 0.0 || exit >= farthest {
+                return transmittance;
             }
             tile += side;
             enter = exit;
         }
     }
 
-    /// Follows `ray` over the samples of `tile` and returns what passes them.
-    fn cross(
+    /// Traces `ray` over the samples of `tile` and returns its transmittance after them.
+    fn cross_tile(
         &self,
         ray: &Ray,
         tile: IVec2,
-        Passage { stay: [mut enter, end], nearest_first }: Passage,
-        mut transmitted: f32,
+        Passage { coc_interval: [mut enter, end], nearest_first }: Passage,
+        mut transmittance: f32,
         sum: &mut RaySum,
     ) -> f32 {
         let first = tile * TILE;
         let mut cell = ray.cell(enter).clamp(first, first + (TILE - 1));
         loop {
             let (exit, side) = ray.leaves(cell, 1);
-            let stay = Passage { stay: [enter, exit.min(end)], nearest_first };
-            transmitted = self.meet(cell, stay, transmitted, sum);
-            if transmitted <= 0.0 || exit >= end {
-                return transmitted;
+            let passage = Passage { coc_interval: [enter, exit.min(end)], nearest_first };
+            transmittance = self.hit_sample(cell, passage, transmittance, sum);
+            if transmittance <= 0.0 || exit >= end {
+                return transmittance;
             }
             cell += side;
             enter = exit;
         }
     }
 
-    /// Adds the fragments of one sample that overlap its stay there, nearest first, and returns what passes them.
-    fn meet(&self, cell: IVec2, passage: Passage, mut transmitted: f32, sum: &mut RaySum) -> f32 {
-        let Passage { stay, nearest_first } = passage;
+    /// Adds the fragments of one sample that overlap the ray's interval there, nearest first, and returns the transmittance after
+    /// them.
+    fn hit_sample(&self, cell: IVec2, passage: Passage, mut transmittance: f32, sum: &mut RaySum) -> f32 {
+        let Passage { coc_interval, nearest_first } = passage;
         let (x, y) = self.clamped(cell);
         for layer in &self.layers {
             let layer = layer.borrow();
@@ -234,60 +236,61 @@ impl<L: Borrow<Layer>> Volume<L> {
             if alpha <= 0.0 {
                 continue;
             }
-            match meeting(layer, x, y, stay) {
-                Meeting::Behind if nearest_first => break,
-                Meeting::Before | Meeting::Behind => continue,
-                Meeting::Met => (),
+            match depth_order(layer, x, y, coc_interval) {
+                DepthOrder::Behind if nearest_first => break,
+                DepthOrder::InFront | DepthOrder::Behind => continue,
+                DepthOrder::Overlapping => (),
             }
-            sum.add(layer.color_at(x, y), transmitted);
-            transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
-            if transmitted <= 0.0 {
+            sum.add(layer.color_at(x, y), transmittance);
+            transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
+            if transmittance <= 0.0 {
                 break;
             }
         }
-        transmitted
+        transmittance
     }
 }
 
-/// The samples `start + c·step` that a ray passes, `c` its CoC depth.
+/// A ray: at CoC depth `c` it is at sample position `start + c·step`.
 pub(super) struct Ray {
     start: Vec2,
     step: Vec2,
-    /// `1 / step`, 0 along an axis that it does not move on.
+    /// `1 / step`; 0 along an axis that the ray is perpendicular to.
     pub(super) inverse: Vec2,
-    /// CoC depth at which it leaves a sample along such an axis: never.
-    never: Vec2,
-    /// Where it heads: −1 or 1 on each axis.
+    /// CoC depth at which the ray leaves a sample along an axis that it is perpendicular to: infinity; 0 on other axes.
+    perpendicular_exit: Vec2,
+    /// Direction on each axis: −1 or 1.
     heading: IVec2,
 }
 
 impl Ray {
     pub(super) fn new(start: Vec2, step: Vec2) -> Self {
-        // A ray this steep crosses no sample within any CoC that occurs.
+        // Below this step a ray crosses no sample boundary within any CoC that occurs.
         const STEEP: f32 = 1e-7;
         let moves = step.abs().cmpgt(Vec2::splat(STEEP));
         Self {
             start,
             step,
             inverse: Vec2::select(moves, step.recip(), Vec2::ZERO),
-            never: Vec2::select(moves, Vec2::ZERO, Vec2::INFINITY),
+            perpendicular_exit: Vec2::select(moves, Vec2::ZERO, Vec2::INFINITY),
             heading: IVec2::select(step.cmpgt(Vec2::ZERO), IVec2::ONE, IVec2::NEG_ONE),
         }
     }
 
     /// The sample at CoC depth `coc`.
     fn cell(&self, coc: f32) -> IVec2 {
-        let place = self.start + coc * self.step;
-        // Rounding down is a call into the C library on processors before SSE 4.1: a tenth of all time.
-        let towards_zero = place.as_ivec2();
-        towards_zero - IVec2::select(towards_zero.as_vec2().cmpgt(place), IVec2::ONE, IVec2::ZERO)
+        let position = self.start + coc * self.step;
+        // `floor` is a call into the C library on processors before SSE 4.1, which took a tenth of the time.
+        let towards_zero = position.as_ivec2();
+        towards_zero - IVec2::select(towards_zero.as_vec2().cmpgt(position), IVec2::ONE, IVec2::ZERO)
     }
 
-    /// At which CoC depth it leaves the square of `side` samples that begins at `first`, and on which side.
+    /// CoC depth at which the ray leaves the square of `side` samples that begins at `first`, and the direction in which it
+    /// leaves.
     #[inline]
     fn leaves(&self, first: IVec2, side: i32) -> (f32, IVec2) {
         let edge = first + side * self.heading.max(IVec2::ZERO);
-        let leave = (edge.as_vec2() - self.start) * self.inverse + self.never;
+        let leave = (edge.as_vec2() - self.start) * self.inverse + self.perpendicular_exit;
         if leave.x <= leave.y {
             (leave.x, IVec2::new(self.heading.x, 0))
         } else {
@@ -303,7 +306,7 @@ mod tests {
     use crate::lens::Aperture;
 
     #[test]
-    fn a_ray_leaves_a_cell_where_its_line_meets_the_side_it_heads_for() {
+    fn a_ray_leaves_a_square_on_the_side_of_its_direction() {
         let leaves = |x: f32, y: f32, side: i32| {
             Ray::new(Vec2::splat(0.25), Vec2::new(x, y)).leaves(IVec2::ZERO, side)
         };
@@ -318,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_within_half_a_pixel_of_coc_meet_halfway() {
+    fn extents_of_neighbours_within_half_a_pixel_of_coc_meet_halfway() {
         let coc = [0.0, 0.4, 2.0];
         let layer = Layer {
             color: std::array::from_fn(|_| Plane::zeros(3, 1)),
@@ -329,18 +332,20 @@ mod tests {
         assert_eq!(
             extents,
             [[0.0, 0.2], [0.2, 0.4], [2.0, 2.0]],
-            "only the second forward, only the first back"
+            "the first extends to the second, the second to the first, the third to none"
         );
-        for stay in [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
+        for coc_interval in
+            [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
         {
-            let found = [0, 1, 2].map(|x| matches!(meeting(&layer, x, 0, stay), Meeting::Met));
-            let wanted = extents.map(|[near, far]| near <= stay[1] && far >= stay[0]);
-            assert_eq!(found, wanted, "{stay:?}");
+            let found =
+                [0, 1, 2].map(|x| matches!(depth_order(&layer, x, 0, coc_interval), DepthOrder::Overlapping));
+            let expected = extents.map(|[near, far]| near <= coc_interval[1] && far >= coc_interval[0]);
+            assert_eq!(found, expected, "{coc_interval:?}");
         }
     }
 
     #[test]
-    fn layers_in_any_order_show_the_nearest() {
+    fn the_nearest_layer_is_visible_whatever_the_order_of_layers() {
         let layer = |value: f32, coc: f32| Layer {
             color: std::array::from_fn(|_| Plane::filled(3, 3, value)),
             alpha: Plane::filled(3, 3, 1.0),
@@ -362,8 +367,8 @@ mod tests {
                 field: Field::from_picture_size(3, 3),
             };
             let view = View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO, shift: Vec2::ZERO };
-            let seen = volume.pixel(1, 1, &Rays::alike(vec![view]));
-            assert_eq!(seen, [0.2, 0.2, 0.2, 1.0], "{order}");
+            let pixel = volume.pixel(1, 1, &Rays::alike(vec![view]));
+            assert_eq!(pixel, [0.2, 0.2, 0.2, 1.0], "{order}");
         }
     }
 }

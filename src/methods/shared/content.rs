@@ -1,60 +1,60 @@
-//! The stack as methods that blend and normalise read it: content and coverage, both opaque and open backgrounds alike.
+//! The stack as content and coverage, for methods that blend and then normalise; the same for closed and transparent backgrounds.
 //!
-//! Such methods divide what they gathered by the coverage they gathered. That is right only where coverage means "something
-//! is known here", so the two meanings of alpha are kept apart: *coverage* is whether a layer knows a pixel, *content* is
-//! what it knows of it, namely red, green, blue and, where the background is open, alpha. An open background is known too: behind
-//! everything a backdrop of full coverage and empty content.
+//! Such methods divide accumulated content by accumulated coverage. This is correct only if coverage means that the layer has
+//! data, so the two meanings of alpha are separate: *coverage* is the fraction of a pixel for which a layer has data; *content*
+//! is the data: red, green, blue and, where the background is transparent, alpha. A transparent background counts as data: it is
+//! a backdrop behind all layers, with full coverage and empty content.
 
 use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
 use rayon::prelude::*;
 
-/// A picture of which some is known.
+/// Planes of content and of its coverage.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct CoveragePlanes {
-    /// Red, green, blue and, where the background is open, alpha; premultiplied by coverage.
+    /// Red, green, blue and, where the background is transparent, alpha; premultiplied by coverage.
     pub content: Vec<Plane>,
-    /// How much of each pixel is known, 0 … 1.
+    /// Fraction of each pixel that has data, 0 … 1.
     pub coverage: Plane,
 }
 
 /// A layer of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Peel {
-    /// What it shows, and where.
+    /// Content and coverage of the layer.
     pub covered: CoveragePlanes,
-    /// Signed CoC radius in pixels, where coverage is over 0.
+    /// Signed CoC radius in pixels; valid where coverage is above 0.
     pub coc_px: Plane,
 }
 
-/// What the camera sees: one colour and one CoC radius a pixel, all pixels known.
+/// The image visible to the camera: one colour and one CoC radius per pixel, no holes.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Visible {
-    /// Red, green, blue and, where the background is open, alpha.
+    /// Red, green, blue and, where the background is transparent, alpha.
     pub content: Vec<Plane>,
-    /// Signed CoC radius in pixels of what shows most.
+    /// Signed CoC radius in pixels of the fragment with the largest weight.
     pub coc_px: Plane,
 }
 
-/// CoC radius of an open background: beyond everything, and in focus where nothing is behind focus, since nothing cannot
-/// be seen to blur.
+/// CoC radius of a transparent background: behind all layers, and in focus where no layer is behind focus, since blurring an
+/// empty background has no effect.
 fn backdrop_coc_px(plan: &Plan) -> f32 {
     plan.coc_range_px[1].max(0.0)
 }
 
-/// Least and greatest CoC radius in pixels of what the peels hold, an open background's included.
+/// Minimum and maximum CoC radius in pixels of the peels, a transparent background included.
 pub(in crate::methods) fn coc_range_px(plan: &Plan) -> [f32; 2] {
     let [near, far] = plan.coc_range_px;
     [near, if plan.does(EffectKind::TransparentBackground) { backdrop_coc_px(plan) } else { far }]
 }
 
-/// The layers of `scene` at one sample a pixel, nearest first, and the backdrop of an open background.
+/// The layers of `scene` at one sample per pixel, nearest first, then the backdrop of a transparent background.
 pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
     let scene = scene.merged();
-    let open = plan.does(EffectKind::TransparentBackground);
+    let transparent = plan.does(EffectKind::TransparentBackground);
     let (width, height) = (scene.width(), scene.height());
-    let backdrop = open.then(|| Peel {
+    let backdrop = transparent.then(|| Peel {
         covered: CoveragePlanes {
             content: vec![Plane::zeros(width, height); 4],
             coverage: Plane::filled(width, height, 1.0),
@@ -62,34 +62,34 @@ pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
         coc_px: Plane::filled(width, height, backdrop_coc_px(plan)),
     });
     let layers = scene.layers.into_iter().map(|layer| {
-        let alpha = open.then(|| layer.alpha.clone());
+        let alpha = transparent.then(|| layer.alpha.clone());
         let content = layer.color.into_iter().chain(alpha).collect();
         Peel { covered: CoveragePlanes { content, coverage: layer.alpha }, coc_px: layer.coc_px }
     });
     layers.chain(backdrop).collect()
 }
 
-/// What the camera sees of `scene`, at one sample a pixel.
+/// The image of `scene` visible to the camera, at one sample per pixel.
 pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
     let scene = scene.merged();
-    let open = plan.does(EffectKind::TransparentBackground);
+    let transparent = plan.does(EffectKind::TransparentBackground);
     let (width, height) = scene.picture_size();
     let Image { planes: [mut red, mut green, mut blue, alpha] } = scene.pinhole();
     let coc_px = Plane::from_fn(width, height, |x, y| {
-        let (mut transmitted, mut most, mut coc) = (1.0, 0.0, backdrop_coc_px(plan));
+        let (mut transmittance, mut max_weight, mut coc) = (1.0, 0.0, backdrop_coc_px(plan));
         for layer in &scene.layers {
             let alpha = layer.alpha.get(x, y);
-            if transmitted * alpha > most {
-                (most, coc) = (transmitted * alpha, layer.coc_px.get(x, y));
+            if transmittance * alpha > max_weight {
+                (max_weight, coc) = (transmittance * alpha, layer.coc_px.get(x, y));
             }
-            transmitted *= 1.0 - alpha;
+            transmittance *= 1.0 - alpha;
         }
-        if open && transmitted > most { backdrop_coc_px(plan) } else { coc }
+        if transparent && transmittance > max_weight { backdrop_coc_px(plan) } else { coc }
     });
-    if open {
+    if transparent {
         return Visible { content: vec![red, green, blue, alpha], coc_px };
     }
-    // What of a closed background's pixel is not known is as what is known.
+    // Closed background: the part of a pixel without data takes the colour of the part with data.
     for plane in [&mut red, &mut green, &mut blue] {
         let values = plane.values_mut().par_iter_mut().zip(alpha.values());
         values.for_each(|(value, &alpha)| {
@@ -100,13 +100,13 @@ pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
 }
 
 impl CoveragePlanes {
-    /// A covered of which nothing is known, `channels` planes of content.
+    /// Empty planes: zero coverage, `channels` planes of content.
     pub(in crate::methods) fn unknown(width: usize, height: usize, channels: usize) -> Self {
         Self { content: vec![Plane::zeros(width, height); channels], coverage: Plane::zeros(width, height) }
     }
 
-    /// Works on the rows in parallel: `row(scratch, y, planes)` with row `y` of each plane of content and, last, of coverage;
-    /// `scratch` makes what a thread keeps from row to row.
+    /// Processes the rows in parallel: `row(scratch, y, planes)` gets row `y` of each plane of content and, last, of coverage.
+    /// `scratch` makes the scratch memory of a thread.
     pub(in crate::methods) fn for_rows<T>(
         &mut self,
         scratch: impl Fn() -> T + Sync + Send,
@@ -120,16 +120,16 @@ impl CoveragePlanes {
         self.content = planes;
     }
 
-    /// Lays this covered over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
+    /// Composites these planes over `behind`: `A ⊕ B = A + (1 − A.a) B`, premultiplied.
     pub(in crate::methods) fn over(&mut self, behind: &Self) {
         for (front, back) in self.content.iter_mut().zip(&behind.content) {
-            lay_over(front, &self.coverage, back);
+            composite_over(front, &self.coverage, back);
         }
         let values = self.coverage.values_mut().par_iter_mut().zip(behind.coverage.values());
         values.for_each(|(front, &back)| *front += (1.0 - *front) * back);
     }
 
-    /// Divides by coverage: the picture of what is known, transparent where nothing is.
+    /// Divides content by coverage: the picture, transparent where coverage is 0.
     pub(in crate::methods) fn into_picture(mut self) -> Image {
         for plane in &mut self.content {
             let values = plane.values_mut().par_iter_mut().zip(self.coverage.values());
@@ -140,7 +140,7 @@ impl CoveragePlanes {
     }
 }
 
-/// The rows of planes of one size, in blocks of `lines` rows: for each block, its part of each plane.
+/// Splits planes of one size into blocks of `lines` rows: for each block, its part of each plane.
 pub(in crate::methods) fn row_blocks(planes: &mut [Plane], lines: usize) -> Vec<Vec<&mut [f32]>> {
     let mut result = Vec::new();
     for plane in planes {
@@ -155,18 +155,18 @@ pub(in crate::methods) fn row_blocks(planes: &mut [Plane], lines: usize) -> Vec<
     result
 }
 
-fn lay_over(front: &mut Plane, coverage: &Plane, back: &Plane) {
+fn composite_over(front: &mut Plane, coverage: &Plane, back: &Plane) {
     let values = front.values_mut().par_iter_mut().zip(coverage.values()).zip(back.values());
     values.for_each(|((front, &coverage), &back)| *front += (1.0 - coverage) * back);
 }
 
-/// The picture of `content` that is known everywhere: opaque, unless its fourth plane says how opaque it is.
+/// The picture of `content` with full coverage; alpha is the fourth plane, or 1 where there is none.
 pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
     let mut planes = content.into_iter();
     let mut next = || planes.next();
     let [red, green, blue] = std::array::from_fn(|_| next().unwrap_or_default());
     let alpha = next().map(|mut alpha| {
-        // A blur's rounding may leave a coverage a little past whole.
+        // Rounding in a blur may make alpha slightly larger than 1.
         alpha.values_mut().par_iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
         alpha
     });
@@ -201,15 +201,15 @@ mod tests {
     }
 
     #[test]
-    fn an_open_background_is_one_more_peel_of_known_nothing_behind_everything() {
+    fn a_transparent_background_is_an_empty_peel_of_full_coverage_behind_all_others() {
         let scene = scene(&[[(0.5, 1.0, -6.0), (0.0, 0.0, 0.0)]]);
         let plan = plan(&scene);
         let peels = peels(scene, &plan);
         assert_eq!(peels.len(), 2);
-        assert_eq!(peels[0].covered.content[3].values(), [1.0, 0.0], "what there is, is opaque");
-        assert_eq!(peels[1].covered.coverage.values(), [1.0; 2], "known behind the object too");
+        assert_eq!(peels[0].covered.content[3].values(), [1.0, 0.0], "the object is opaque");
+        assert_eq!(peels[1].covered.coverage.values(), [1.0; 2], "full coverage behind the object too");
         assert_eq!(peels[1].covered.content[3].values(), [0.0; 2], "and transparent");
-        assert_eq!(coc_range_px(&plan), [-6.0, 0.0], "in focus, as nothing lies behind focus");
+        assert_eq!(coc_range_px(&plan), [-6.0, 0.0], "in focus, since no layer is behind focus");
     }
 
     #[test]
@@ -222,8 +222,8 @@ mod tests {
     }
 
     #[test]
-    fn the_camera_sees_all_colours_and_the_depth_of_what_shows_most() {
-        // A quarter of red 0.2 over 0.6 of 0.3 more: 0.2 + 0.75 · 0.3 of the 0.25 + 0.75 · 0.6 = 0.7 that is known.
+    fn the_visible_image_blends_colours_and_has_the_coc_of_the_fragment_of_largest_weight() {
+        // Premultiplied red 0.2 at alpha 0.25 over 0.3 at alpha 0.6: 0.2 + 0.75 · 0.3 = 0.425, coverage 0.25 + 0.75 · 0.6 = 0.7.
         let scene = scene(&[[(0.2, 0.25, -6.0)], [(0.3, 0.6, 4.0)]]);
         let plan = plan(&scene);
         let Visible { content, coc_px } = visible(scene, &plan);
@@ -232,16 +232,16 @@ mod tests {
     }
 
     #[test]
-    fn a_sheet_over_another_lets_through_what_it_does_not_know_and_is_divided_by_what_is_known() {
-        let covered = |content, coverage| CoveragePlanes {
+    fn coverage_planes_composite_by_coverage_and_are_normalised_by_it() {
+        let planes = |content, coverage| CoveragePlanes {
             content: vec![Plane::filled(1, 1, content); 3],
             coverage: Plane::filled(1, 1, coverage),
         };
-        let mut front = covered(0.1, 0.5);
-        front.over(&covered(0.4, 0.5));
+        let mut front = planes(0.1, 0.5);
+        front.over(&planes(0.4, 0.5));
         assert_eq!((front.content[0].get(0, 0), front.coverage.get(0, 0)), (0.1 + 0.5 * 0.4, 0.75));
         let pixel = front.into_picture().pixel(0, 0);
         assert!((pixel[0] - 0.4).abs() < 1e-6 && pixel[3] == 1.0, "{pixel:?}");
-        assert_eq!(CoveragePlanes::unknown(1, 1, 4).into_picture().pixel(0, 0), [0.0; 4], "nothing known");
+        assert_eq!(CoveragePlanes::unknown(1, 1, 4).into_picture().pixel(0, 0), [0.0; 4], "no coverage");
     }
 }

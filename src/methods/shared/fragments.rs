@@ -1,7 +1,7 @@
-//! The stack as rays read it: each sample's fragments beside one another, nearest first.
+//! The stack for rays: the fragments of each sample are contiguous in memory, nearest first.
 //!
-//! A ray that comes to a sample wants to know of all its layers at once, so the planes are woven into lists; the peels of
-//! a sample are sorted, whatever order they came in. Positions are in samples. Memory: that of the scene, which is used up.
+//! A ray tests all layers of a sample at once, so the planes are interleaved into lists. The fragments of a sample are sorted by
+//! CoC radius, independent of the order of the peels. Positions are in samples. Memory: that of the scene, which is consumed.
 
 use super::nbuffer::{NBuffer, Window};
 use crate::scene::Scene;
@@ -15,11 +15,11 @@ use std::ops::Range;
 pub(in crate::methods) struct Fragments {
     width: usize,
     height: usize,
-    /// Fragments that a sample may have.
+    /// Maximum number of fragments per sample.
     depth: usize,
-    /// `[row][column][fragment]`: CoC radius in picture pixels, rising; infinite where there is no further fragment.
+    /// `[row][column][fragment]`: CoC radius in picture pixels, ascending; infinite past the last fragment.
     coc_px: Vec<f32>,
-    /// The same for red, green, blue (premultiplied) and alpha.
+    /// The same layout for red, green, blue (premultiplied) and alpha.
     color: Vec<[f32; 4]>,
 }
 
@@ -35,22 +35,22 @@ impl Fragments {
             rows.enumerate().for_each(|(y, (coc_px, color))| {
                 for x in (0..width).filter(|&x| layer.alpha.get(x, y) > 0.0) {
                     let [r, g, b] = layer.color_at(x, y);
-                    // Sorted as they come: a sample that lacks a peel has its farther ones in its place.
+                    // Insertion sort: a sample that lacks a peel has the next farther one at its index.
                     let list = x * depth..x * depth + k + 1;
                     let coc = layer.coc_px.get(x, y);
-                    let place = coc_px[list.clone()].partition_point(|&other| other <= coc);
-                    coc_px[list.clone()][place..].rotate_right(1);
-                    color[list.clone()][place..].rotate_right(1);
-                    coc_px[list.start + place] = coc;
-                    color[list.start + place] = [r, g, b, layer.alpha.get(x, y)];
+                    let index = coc_px[list.clone()].partition_point(|&other| other <= coc);
+                    coc_px[list.clone()][index..].rotate_right(1);
+                    color[list.clone()][index..].rotate_right(1);
+                    coc_px[list.start + index] = coc;
+                    color[list.start + index] = [r, g, b, layer.alpha.get(x, y)];
                 }
             });
         }
         Self { width, height, depth, coc_px, color }
     }
 
-    /// `width × height` samples, each with the CoC radii that `list(x, y)` gives, nearest first; all opaque, and as bright as
-    /// their CoC radius is long.
+    /// `width × height` samples, each with the CoC radii of `list(x, y)`, nearest first; all opaque, with the CoC radius as
+    /// brightness.
     #[cfg(test)]
     pub(in crate::methods) fn from_lists(
         (width, height): (usize, usize),
@@ -67,20 +67,20 @@ impl Fragments {
         Self { width, height, depth, coc_px, color }
     }
 
-    /// Fragments that a sample may have.
+    /// Maximum number of fragments per sample.
     #[cfg(feature = "gpu")]
     pub(in crate::methods) fn depth(&self) -> usize {
         self.depth
     }
 
-    /// CoC radii of the fragments of `rows`, `[row][column][fragment]`; infinite where there is none.
+    /// CoC radii of the fragments of `rows`, `[row][column][fragment]`; infinite where there is no fragment.
     #[cfg(feature = "gpu")]
     pub(in crate::methods) fn coc_px_of_rows(&self, rows: Range<usize>) -> &[f32] {
         let row = self.width * self.depth;
         &self.coc_px[rows.start * row..rows.end * row]
     }
 
-    /// The same for red, green, blue (premultiplied) and alpha.
+    /// Red, green, blue (premultiplied) and alpha of the fragments of `rows`, in the same layout.
     #[cfg(feature = "gpu")]
     pub(in crate::methods) fn color_of_rows(&self, rows: Range<usize>) -> &[[f32; 4]] {
         let row = self.width * self.depth;
@@ -92,16 +92,16 @@ impl Fragments {
         (self.width, self.height)
     }
 
-    /// The sample at `position`; past the border it is the border's.
+    /// Index of the sample at `position`; past the border, the nearest border sample.
     #[inline(always)]
     pub(in crate::methods) fn sample_at(&self, position: Vec2) -> usize {
-        // A cast to an integer cuts off at 0.
+        // The cast saturates at 0.
         let x = (position.x as usize).min(self.width - 1);
         let y = (position.y as usize).min(self.height - 1);
         y * self.width + x
     }
 
-    /// CoC radii of the fragments of `sample`, nearest first; infinite from the first that is not there.
+    /// CoC radii of the fragments of `sample`, nearest first; infinite past the last one.
     #[inline(always)]
     pub(in crate::methods) fn coc_px(&self, sample: usize) -> &[f32] {
         &self.coc_px[sample * self.depth..(sample + 1) * self.depth]
@@ -114,7 +114,7 @@ impl Fragments {
     }
 }
 
-/// A grid of square blocks of samples, coarse enough that what is kept for each is little beside the stack.
+/// A grid of square blocks of samples, coarse enough that data per block are small compared with the stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::methods) struct Blocks {
     /// Samples along a block's side.
@@ -126,32 +126,32 @@ pub(in crate::methods) struct Blocks {
 }
 
 impl Blocks {
-    /// Most blocks of a picture.
-    const MOST: usize = 1 << 16;
+    /// Maximum number of blocks.
+    const MAX_BLOCKS: usize = 1 << 16;
 
-    /// The blocks of `fragments`: of 8 samples, or of as many more as keeps their number in bounds.
+    /// The blocks of `fragments`: 8 samples wide, doubled until there are at most `MAX_BLOCKS`.
     pub(in crate::methods) fn of(fragments: &Fragments) -> Self {
         let (width, height) = fragments.size();
         let mut side = 8;
-        while width.div_ceil(side) * height.div_ceil(side) > Self::MOST {
+        while width.div_ceil(side) * height.div_ceil(side) > Self::MAX_BLOCKS {
             side *= 2;
         }
         Self { side, columns: width.div_ceil(side), rows: height.div_ceil(side) }
     }
 
-    /// The blocks that hold the rectangle from `least` to `greatest`, cut off at the frame.
+    /// The blocks that overlap the rectangle from `min` to `max`, clipped to the frame.
     #[inline]
-    pub(in crate::methods) fn window(&self, least: Vec2, greatest: Vec2) -> Window {
+    pub(in crate::methods) fn window(&self, min: Vec2, max: Vec2) -> Window {
         let side = self.side as f32;
-        let (least, greatest) = (least / side, greatest / side);
+        let (min, max) = (min / side, max / side);
         let range = |from: f32, to: f32, cells: usize| {
             let from = (from as usize).min(cells - 1);
             from..(to as usize).clamp(from, cells - 1) + 1
         };
-        Window { x: range(least.x, greatest.x, self.columns), y: range(least.y, greatest.y, self.rows) }
+        Window { x: range(min.x, max.x, self.columns), y: range(min.y, max.y, self.rows) }
     }
 
-    /// The N-buffer of the least `value(sample)` of each block, for windows of up to `longest` samples.
+    /// The N-buffer of the minimum of `value(sample)` over each block, for windows of up to `longest` samples.
     pub(in crate::methods) fn least(
         &self,
         fragments: &Fragments,
@@ -185,7 +185,7 @@ mod tests {
     use crate::stack::StackKind;
 
     #[test]
-    fn fragments_are_sorted_and_gaps_closed() {
+    fn fragments_are_sorted_by_coc_without_gaps() {
         let layer = |coc, alpha| Layer {
             color: std::array::from_fn(|_| Plane::filled(2, 1, coc)),
             alpha: Plane::from_fn(2, 1, |x, _| if x == 0 { 1.0 } else { alpha }),
@@ -193,7 +193,7 @@ mod tests {
         };
         let layers = vec![layer(3.0, 0.0), layer(-1.0, 0.0), layer(7.0, 0.5)];
         let fragments = Fragments::new(Scene::new(layers, StackKind::PointSampled, 1, 10.0));
-        assert_eq!(fragments.coc_px(0), [-1.0, 3.0, 7.0], "in order, though the peels were not");
+        assert_eq!(fragments.coc_px(0), [-1.0, 3.0, 7.0], "sorted, although the peels were not");
         assert_eq!(fragments.coc_px(1), [7.0, f32::INFINITY, f32::INFINITY], "the only one is the first");
         assert_eq!(fragments.color(1, 0), [7.0, 7.0, 7.0, 0.5]);
     }

@@ -1,5 +1,6 @@
-//! What several methods share: the stack as they read it and how their results become a picture, sorted fragments and
-//! N-buffers for rays, methods that look at each pixel on its own, the area of a discrete disc, image pyramids, and sub-images by depth.
+//! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that
+//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray
+//! batches.
 
 mod content;
 mod disc;
@@ -39,7 +40,9 @@ pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
     nbuffer_words,
 };
-pub(super) use ray_sum::{MIN_HIT, RaySum};
+#[cfg(feature = "gpu")]
+pub(super) use ray_sum::MIN_HIT;
+pub(super) use ray_sum::RaySum;
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use rows::planes_from_rows;
 pub(super) use sub_image_work::sub_image_pixels;

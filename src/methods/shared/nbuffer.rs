@@ -1,14 +1,14 @@
-//! N-buffers: the least value in any window of a grid, in a few look-ups.
+//! N-buffers: the minimum over any window of a grid, in a few look-ups.
 //!
 //! Décoret 2005, "N-Buffers for efficient depth map query": level `n` holds at each cell the minimum over the square of
-//! `2ⁿ` cells that begins there, cut off at the grid's end. Any square is the union of four overlapping squares of one
+//! `2ⁿ` cells that begins there, clipped to the grid. Any square is the union of four overlapping squares of one
 //! level, any rectangle of as many as it is longer than wide. Maxima are the minima of the negated values.
 //!
 //! Memory: cells × levels.
 
 use std::ops::Range;
 
-/// A rectangle of cells, never empty.
+/// A rectangle of cells; not empty.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Window {
     /// Columns.
@@ -27,7 +27,8 @@ pub(in crate::methods) struct NBuffer {
 }
 
 impl NBuffer {
-    /// The N-buffer of `width × height` `values`, row by row, for windows of up to `longest` cells; longer ones cost more.
+    /// The N-buffer of `width × height` `values`, row by row, for windows of up to `longest` cells; larger windows take more
+    /// look-ups.
     pub(in crate::methods) fn new(width: usize, values: Vec<f32>, longest: usize) -> Self {
         let height = values.len() / width.max(1);
         let mut levels = vec![values];
@@ -37,19 +38,19 @@ impl NBuffer {
         Self { width, height, levels }
     }
 
-    /// The least value in `window`, which lies within the grid.
+    /// The minimum over `window`, which has to lie within the grid.
     #[inline]
     pub(in crate::methods) fn least(&self, window: &Window) -> f32 {
         let shorter = window.x.len().min(window.y.len());
         let level = (shorter.ilog2() as usize).min(self.levels.len() - 1);
         let (values, side) = (&self.levels[level], 1 << level);
-        let mut least = f32::INFINITY;
+        let mut minimum = f32::INFINITY;
         for y in starts(&window.y, side) {
             for x in starts(&window.x, side) {
-                least = least.min(values[y * self.width + x]);
+                minimum = minimum.min(values[y * self.width + x]);
             }
         }
-        least
+        minimum
     }
 
     /// All minima, `[level][row][column]`; level 0 is the grid itself.
@@ -64,7 +65,7 @@ impl NBuffer {
     }
 }
 
-/// Where squares of `side` begin that together cover `range`; the last ends with it.
+/// Starts of squares of `side` that together cover `range`; the last one ends at its end.
 #[inline]
 fn starts(range: &Range<usize>, side: usize) -> impl Iterator<Item = usize> + use<> {
     let last = range.end - side;
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_least_of_any_window_is_what_looking_at_every_cell_finds() {
+    fn the_minimum_of_any_window_is_that_over_all_of_its_cells() {
         for (width, height) in [(1, 1), (1, 6), (13, 9), (16, 3)] {
             let value = |i: usize| ((i * 7919) % 101) as f32 - 50.0;
             let values: Vec<f32> = (0..width * height).map(value).collect();

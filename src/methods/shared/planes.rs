@@ -1,4 +1,5 @@
-//! Planes of a band of rows on a GPU: colour in one buffer, all else in another, so that no buffer holds more than three.
+//! Planes of a band on a GPU: colour in one buffer, all other planes in a second one, so that no buffer has more than three
+//! planes.
 
 use super::content::CoveragePlanes;
 use crate::error::Error;
@@ -19,7 +20,7 @@ pub(in crate::methods) const OTHER_COVERAGE_PLANES_WGSL: &str =
 pub(in crate::methods) const VISIBLE_WGSL: &str = include_str!("../../../shaders/shared/visible.wgsl");
 
 mirrored! {
-    /// Where a band's pixels lie in the frame, and the frame in level 0 of a pyramid.
+    /// Position of a band in the frame, and of the frame in level 0 of a pyramid.
     pub(in crate::methods) struct Frame {
         /// Size of the frame.
         width: i32,
@@ -27,19 +28,19 @@ mirrored! {
         /// The rows that the band reads.
         source_first: i32,
         source_rows: i32,
-        /// The rows that it makes.
+        /// The rows that the band makes.
         made_first: i32,
         made_rows: i32,
         /// Column and row of level 0 where the frame begins.
         origin_x: i32,
         origin_y: i32,
-        /// Planes of content.
+        /// Number of content planes.
         channels: i32,
     }
 }
 
 impl Frame {
-    /// That of a `band` of a frame of `size`.
+    /// The position of a band in a frame of `width × height` pixels.
     pub(in crate::methods) fn new(
         (width, height): (usize, usize),
         Band { rows, source }: &Band,
@@ -59,10 +60,10 @@ impl Frame {
     }
 }
 
-/// Planes in the first buffer, and the most in the second.
-const IN_A_BUFFER: usize = 3;
+/// Number of planes in the first buffer, and maximum number in the second.
+const PLANES_PER_BUFFER: usize = 3;
 
-/// Side of the workgroups that work at planes and levels.
+/// Side of the workgroups for planes and levels, in threads.
 pub(super) const TILE: usize = 16;
 
 /// Planes of one size.
@@ -70,12 +71,12 @@ pub(super) const TILE: usize = 16;
 pub(in crate::methods) struct Planes {
     /// Red, green and blue.
     pub colors: Buffer,
-    /// What else there is, in the method's order.
+    /// All other planes, in the method's order.
     pub rest: Buffer,
 }
 
 impl Planes {
-    /// These rows of `planes`.
+    /// Uploads these rows of `planes`.
     ///
     /// # Errors
     /// When they do not fit, or the device fails.
@@ -84,28 +85,28 @@ impl Planes {
         planes: &[&Plane],
         rows: &Range<usize>,
     ) -> Result<Self, Error> {
-        let part = |planes: &[&Plane]| {
-            let part = |plane: &&Plane| plane.width() * rows.start..plane.width() * rows.end;
-            let parts: Vec<&[f32]> = planes.iter().map(|plane| &plane.values()[part(plane)]).collect();
+        let upload = |planes: &[&Plane]| {
+            let range = |plane: &&Plane| plane.width() * rows.start..plane.width() * rows.end;
+            let parts: Vec<&[f32]> = planes.iter().map(|plane| &plane.values()[range(plane)]).collect();
             gpu.upload_all("the frame's planes", &parts)
         };
-        let (colors, rest) = planes.split_at(planes.len().min(IN_A_BUFFER));
-        Ok(Self { colors: part(colors)?, rest: part(rest)? })
+        let (colors, rest) = planes.split_at(planes.len().min(PLANES_PER_BUFFER));
+        Ok(Self { colors: upload(colors)?, rest: upload(rest)? })
     }
 
-    /// Colour, coverage and CoC radius (or what stands for it) of these rows of a peel. An open background's alpha is its coverage,
-    /// or nothing in the backdrop.
+    /// Uploads colour, coverage and CoC radius (or the method's equivalent of it) of these rows of a peel. Content alpha is not
+    /// uploaded: with a transparent background it equals coverage, except in the backdrop, where it is 0.
     ///
     /// # Errors
     /// As [`Self::upload`].
     pub(in crate::methods) fn from_peel(
         gpu: &Gpu,
-        covered: &CoveragePlanes,
+        peel: &CoveragePlanes,
         coc_px: &Plane,
         rows: &Range<usize>,
     ) -> Result<Self, Error> {
         let planes: Vec<&Plane> =
-            covered.content.iter().take(IN_A_BUFFER).chain([&covered.coverage, coc_px]).collect();
+            peel.content.iter().take(PLANES_PER_BUFFER).chain([&peel.coverage, coc_px]).collect();
         Self::upload(gpu, &planes, rows)
     }
 
@@ -115,20 +116,29 @@ impl Planes {
     /// As [`Self::upload`].
     pub(in crate::methods) fn zeros(gpu: &Gpu, count: usize, values: usize) -> Result<Self, Error> {
         let zeros = |count: usize| gpu.zeros::<f32>("the frame's planes", count * values);
-        Ok(Self { colors: zeros(count.min(IN_A_BUFFER))?, rest: zeros(count.saturating_sub(IN_A_BUFFER))? })
+        Ok(Self {
+            colors: zeros(count.min(PLANES_PER_BUFFER))?,
+            rest: zeros(count.saturating_sub(PLANES_PER_BUFFER))?,
+        })
     }
 
-    /// Copies red, green, blue and, if it is there as the first of the rest, alpha to these rows of `image`.
+    /// Copies red, green and blue to these rows of `image`; alpha is the first of the other planes if `transparent`, otherwise 1.
     ///
     /// # Errors
     /// When the device fails.
-    fn read_into(&self, gpu: &Gpu, image: &mut Image, rows: &Range<usize>, open: bool) -> Result<(), Error> {
+    fn read_into(
+        &self,
+        gpu: &Gpu,
+        image: &mut Image,
+        rows: &Range<usize>,
+        transparent: bool,
+    ) -> Result<(), Error> {
         let [red, green, blue, alpha] = image.planes.each_mut().map(|plane| {
             let width = plane.width();
             &mut plane.values_mut()[width * rows.start..width * rows.end]
         });
         gpu.read_into(&self.colors, &mut [red, green, blue])?;
-        if open {
+        if transparent {
             return gpu.read_into(&self.rest, &mut [alpha]);
         }
         alpha.fill(1.0);
@@ -136,32 +146,32 @@ impl Planes {
     }
 }
 
-/// What a method needs for each row of a band.
+/// Memory that a method needs per row of a band.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::methods) struct RowNeeds {
-    /// Planes in all.
+    /// Number of planes in total.
     pub planes: usize,
-    /// Values of the largest buffer but for those of planes.
+    /// Values in the largest buffer other than those of planes.
     pub values: usize,
 }
 
-/// A picture of `size` made band by band: `make(band, progress)` makes one, of content and whatever comes after it; `open` is whether
-/// content has an alpha of its own.
+/// Renders a picture of `size` band by band. `make(band, progress)` returns the planes of one band, content first; `transparent`
+/// tells whether content has an alpha plane.
 ///
 /// # Errors
 /// When not even a row fits, or the device fails.
 pub(in crate::methods) fn picture_in_bands(
     gpu: &Gpu,
-    (size, open): ((usize, usize), bool),
+    (size, transparent): ((usize, usize), bool),
     (reach, needs): (usize, RowNeeds),
     progress: &Progress<'_>,
     make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
 ) -> Result<Image, Error> {
     let bands = bands_of(gpu, size, (reach, needs))?;
-    picture_of_bands(gpu, (size, open), &bands, progress, make)
+    picture_of_bands(gpu, (size, transparent), &bands, progress, make)
 }
 
-/// The bands of a picture of `size`, each of which is made from what lies up to `reach` rows away.
+/// The bands of a picture of `width × height` pixels, each of which reads up to `reach` more rows on either side.
 ///
 /// # Errors
 /// When not even a row fits.
@@ -171,19 +181,19 @@ pub(in crate::methods) fn bands_of(
     (reach, needs): (usize, RowNeeds),
 ) -> Result<Vec<Band>, Error> {
     let value_bytes = size_of::<f32>() as u64;
-    let row_bytes = value_bytes * needs.values.max(IN_A_BUFFER * width) as u64;
+    let row_bytes = value_bytes * needs.values.max(PLANES_PER_BUFFER * width) as u64;
     let working_row_bytes = value_bytes * (needs.planes * width + needs.values) as u64;
     let max_rows = (gpu.max_binding_bytes() / row_bytes).min(gpu.max_working_bytes() / working_row_bytes);
     bands(height, reach, max_rows as usize)
 }
 
-/// The same as [`picture_in_bands`] for bands that are known.
+/// Renders a picture as [`picture_in_bands`] does, with the given bands.
 ///
 /// # Errors
 /// When the device fails.
 pub(in crate::methods) fn picture_of_bands(
     gpu: &Gpu,
-    (size, open): ((usize, usize), bool),
+    (size, transparent): ((usize, usize), bool),
     bands: &[Band],
     progress: &Progress<'_>,
     make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
@@ -191,13 +201,13 @@ pub(in crate::methods) fn picture_of_bands(
     let mut image = Image::transparent(size.0, size.1);
     for (i, band) in bands.iter().enumerate() {
         let share = |share: f32| progress((i as f32 + share) / bands.len() as f32);
-        make(band, &share)?.read_into(gpu, &mut image, &band.rows, open)?;
+        make(band, &share)?.read_into(gpu, &mut image, &band.rows, transparent)?;
         share(1.0);
     }
     Ok(image)
 }
 
-/// Asks for `kernel` at every pixel of `rows` rows.
+/// Adds a pass that runs `kernel` at every pixel of `rows` rows.
 ///
 /// # Errors
 /// When the bindings are not the kernel's.

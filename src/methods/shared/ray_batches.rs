@@ -1,9 +1,10 @@
-//! Methods that follow rays, on a GPU: the views in goes, the sums of each pixel's rays, and how they become a picture.
+//! Batches of views for methods that trace rays on a GPU: sums over the rays of each pixel, and the picture from these sums.
 //!
-//! A go takes some of the views through all pixels, and its sum is added to those before: no submission is long, and no sum has more
-//! than a few hundred terms, which single precision bears. `shaders/shared/ray_sums.wgsl` is the other half.
+//! A batch traces some of the views for all pixels, and its sum is added to that of the batches before it. This keeps submissions
+//! short and limits each sum to a few hundred terms, for which single precision suffices. The shader part is
+//! `shaders/shared/ray_sums.wgsl`.
 //!
-//! Memory: 36 bytes a pixel.
+//! Memory: 36 bytes per pixel.
 
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MAX_ROUNDS, Shader, Work, bands, mirrored};
@@ -12,41 +13,42 @@ use crate::methods::contract::Progress;
 use crate::methods::shared::MIN_HIT;
 use std::ops::Range;
 
-/// What [`RAY_SUMS`] reads of the program.
+/// Constant that [`RAY_SUMS`] needs.
 pub(in crate::methods) const RAY_SUMS_CONSTANT: (&str, Constant) =
     ("MIN_HIT", Constant::Float(MIN_HIT as f32));
 
-/// What sums and picture are bound to, and the shader's text that knows them: before a method's own.
+/// Text of `shaders/shared/ray_sums.wgsl`: bindings of sums and picture, and functions on them. It precedes a method's own text.
 pub(in crate::methods) const RAY_SUMS: &str = include_str!("../../../shaders/shared/ray_sums.wgsl");
 
-/// Bytes of the sums of a pixel.
+/// Bytes of sums per pixel.
 const SUM_BYTES: usize = size_of::<[f32; 5]>();
 
-/// Bytes of a pixel of the picture.
+/// Bytes of the picture per pixel.
 const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
 
-/// Views of a go: fewer would not keep a card at work, more would keep it from others for long.
-const VIEWS: [usize; 2] = [16, 64];
+/// Minimum and maximum number of views per batch: smaller batches do not occupy a GPU fully, larger ones block it for other
+/// programs.
+const BATCH_VIEWS: [usize; 2] = [16, 64];
 
 mirrored! {
-    /// Some of the views of one set.
+    /// A batch: some of the views of one set.
     pub(in crate::methods) struct Batch {
-        /// From which view.
+        /// First view.
         first_view: u32,
-        /// Before which view.
+        /// End of the range of views (exclusive).
         end_view: u32,
-        /// Whether sums begin with this go.
+        /// Whether this is the first batch: it overwrites the sums.
         begins: u32,
-        /// Bit `k` is set where these views make channel `k` of the picture.
+        /// Bit `k` is set where these views render channel `k` of the picture.
         channels: u32,
-        /// Whether light that finds nothing is transparent, and not left out of the mean.
+        /// Whether rays that hit nothing are transparent; otherwise they are left out of the mean.
         transparent_background: u32,
-        /// Pixels that are made.
+        /// Number of pixels of the band.
         pixels: u32,
     }
 }
 
-/// What the rays of a band's pixels bring home.
+/// Sums over the rays of a band's pixels, and the picture made from them.
 #[derive(Debug)]
 pub(in crate::methods) struct Batches<'g> {
     gpu: &'g Gpu,
@@ -58,7 +60,7 @@ pub(in crate::methods) struct Batches<'g> {
 }
 
 impl<'g> Batches<'g> {
-    /// For the rays of `pixels` pixels, by a shader that begins with [`RAY_SUMS`].
+    /// Allocates sums and picture for `pixels` pixels; `shader` begins with [`RAY_SUMS`].
     pub(in crate::methods) fn new(
         gpu: &'g Gpu,
         shader: &'static Shader,
@@ -75,8 +77,8 @@ impl<'g> Batches<'g> {
         })
     }
 
-    /// Rows of `width` pixels that `gpu` holds at once, if beside what rays bring home the largest buffer takes `largest` bytes a pixel,
-    /// and all of them `all`.
+    /// Maximum number of rows of `width` pixels in a band on `gpu`, if the method's largest buffer takes `largest` bytes per
+    /// pixel and all of its buffers together `all`, beside sums and picture.
     pub(in crate::methods) fn max_rows(gpu: &Gpu, width: usize, [largest, all]: [usize; 2]) -> usize {
         let row = |bytes: usize| (bytes * width).max(1) as u64;
         let by_buffer = gpu.max_binding_bytes() / row(largest.max(SUM_BYTES).max(PIXEL_BYTES));
@@ -84,43 +86,45 @@ impl<'g> Batches<'g> {
         by_buffer.min(by_all) as usize
     }
 
-    /// Sums the rays of `views`: `ask` asks for what follows those of a go, with the bindings of go and sums; `progress` is told
-    /// how many views are done. A view takes a thread `rounds` rounds of its loops at most.
+    /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch and
+    /// sums; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
+    /// iterations of a thread per view.
     pub(in crate::methods) fn follow(
         &self,
         (views, rounds): (Range<usize>, usize),
-        ask: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
+        add_pass: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
         progress: impl Fn(usize),
     ) -> Result<(), Error> {
-        let most = (views.len() as f32).sqrt().ceil() as usize;
-        let most = most.clamp(VIEWS[0], VIEWS[1]).min(MAX_ROUNDS / rounds.max(1)).max(1);
-        for first in views.clone().step_by(most) {
-            let end = (first + most).min(views.end);
-            let go = self.gpu.uniform(&self.go(first..end, first == views.start, &[]))?;
-            self.gpu.submit(|work| ask(work, [(0, &go), (1, &self.sums)]))?;
-            // Else all would be asked for at once, and nobody would know how much of it is done.
+        let max_views = (views.len() as f32).sqrt().ceil() as usize;
+        let max_views =
+            max_views.clamp(BATCH_VIEWS[0], BATCH_VIEWS[1]).min(MAX_ROUNDS / rounds.max(1)).max(1);
+        for first in views.clone().step_by(max_views) {
+            let end = (first + max_views).min(views.end);
+            let batch = self.gpu.uniform(&self.batch(first..end, first == views.start, &[]))?;
+            self.gpu.submit(|work| add_pass(work, [(0, &batch), (1, &self.sums)]))?;
+            // Without the wait all batches would be submitted at once, and progress would not be known.
             self.gpu.finish()?;
             progress(end - first);
         }
         Ok(())
     }
 
-    /// Makes `channels` of the picture from the sums, after what `ask` asks for with the same bindings.
+    /// Computes `channels` of the picture from the sums, after the passes that `add_pass` adds with the same bindings.
     pub(in crate::methods) fn resolve(
         &self,
         channels: &[usize],
-        ask: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
+        add_pass: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let go = self.gpu.uniform(&self.go(0..0, false, channels))?;
-        let bindings = [(0, &go), (1, &self.sums)];
+        let batch = self.gpu.uniform(&self.batch(0..0, false, channels))?;
+        let bindings = [(0, &batch), (1, &self.sums)];
         self.gpu.submit(|work| {
-            ask(work, bindings)?;
-            let [go, sums] = bindings;
-            work.pass(&self.resolve, &[go, sums, (2, &self.picture)], groups(self.pixels))
+            add_pass(work, bindings)?;
+            let [batch, sums] = bindings;
+            work.pass(&self.resolve, &[batch, sums, (2, &self.picture)], groups(self.pixels))
         })
     }
 
-    fn go(&self, views: Range<usize>, begins: bool, channels: &[usize]) -> Batch {
+    fn batch(&self, views: Range<usize>, begins: bool, channels: &[usize]) -> Batch {
         Batch {
             first_view: views.start as u32,
             end_view: views.end as u32,
@@ -131,7 +135,7 @@ impl<'g> Batches<'g> {
         }
     }
 
-    /// Puts the rows that were made into `image`.
+    /// Copies the band's rows into `image`.
     fn read_into(&self, image: &mut Image, band: &Band) -> Result<(), Error> {
         let row = image.width();
         let rows = band.rows.start * row..band.rows.end * row;
@@ -141,8 +145,8 @@ impl<'g> Batches<'g> {
     }
 }
 
-/// A picture of `width × height` pixels, `max_rows` of whose rows can be held at once, by rays that look at `reach_rows` more either way:
-/// `make(band, progress)` makes a band.
+/// Renders a picture of `width × height` pixels in bands: at most `max_rows` rows are on the GPU at once, and rays read up to
+/// `reach_rows` more rows on either side. `make(band, progress)` renders a band.
 pub(in crate::methods) fn picture_of_batches<'g>(
     (width, height): (usize, usize),
     [reach_rows, max_rows]: [usize; 2],
@@ -158,7 +162,7 @@ pub(in crate::methods) fn picture_of_batches<'g>(
     Ok(image)
 }
 
-/// Workgroups of 64 threads for `pixels`, in as many rows as it takes.
+/// Workgroups of 64 threads for `pixels`, in rows of at most `ROW` workgroups.
 fn groups(pixels: usize) -> [u32; 3] {
     const ROW: usize = 1 << 15;
     let groups = pixels.div_ceil(64);

@@ -1,8 +1,8 @@
-//! The stack as rays read it, on a GPU: lists of fragments a band of rows at a time, N-buffers whole, and lens samples.
+//! The stack for rays on a GPU: lists of fragments (one band at a time), N-buffers (of the whole picture), and lens samples.
 //!
-//! All are the CPU's own tables; `shaders/shared/ray_stack.wgsl` reads them.
+//! All tables are computed on the CPU; `shaders/shared/ray_stack.wgsl` reads them.
 //!
-//! Memory: 20 bytes a fragment; the N-buffers of a picture must fit into one buffer.
+//! Memory: 20 bytes per fragment. The N-buffers of a picture have to fit into one buffer.
 
 use super::fragments::{Blocks, Fragments};
 use super::nbuffer::NBuffer;
@@ -13,51 +13,52 @@ use crate::lens;
 use crate::scene::OPAQUE_ALPHA;
 use std::ops::Range;
 
-/// Farther than any fragment: stands for infinity, which shaders need not know.
+/// Larger than any CoC radius: replaces infinity, which WGSL does not guarantee.
 const ABSENT: f32 = 3e38;
 
-/// Words of an N-buffer before what the method keeps beside it.
+/// Header words per N-buffer: index of its values, number of its levels.
 pub(in crate::methods) const NBUFFER_WORDS: usize = 2;
 
-/// What [`RAY_STACK`] reads of the program.
+/// Constants that [`RAY_STACK`] needs.
 pub(in crate::methods) const RAY_STACK_CONSTANTS: [(&str, Constant); 3] = [
     ("NBUFFER_WORDS", Constant::Uint(NBUFFER_WORDS as u32)),
     ("ABSENT", Constant::Float(ABSENT)),
     ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
 ];
 
-/// What the stack is bound to, and how rays read it: after [`super::RAY_SUMS`], before a method's own.
+/// Text of `shaders/shared/ray_stack.wgsl`: bindings of the stack, and functions on it. It comes after [`super::RAY_SUMS`] and
+/// before a method's own text.
 pub(in crate::methods) const RAY_STACK: &str = include_str!("../../../shaders/shared/ray_stack.wgsl");
 
-/// Bytes of the two colours of a fragment that lie together, and of all of it.
+/// Bytes per fragment: in the largest buffer (two colour channels), and in all buffers.
 const FRAGMENT_BYTES: [usize; 2] = [8, 20];
 
 mirrored! {
-    /// The rows of the stack at hand, and those of the picture that are made of them.
+    /// The rows of the stack that a band reads, and the rows of the picture that it makes.
     pub(in crate::methods) struct Stack {
-        /// Columns of the picture.
+        /// Width of the picture.
         width: u32,
-        /// Its first row that is made.
+        /// First row of the picture that the band makes.
         row: u32,
-        /// How many are.
+        /// Number of rows that the band makes.
         rows: u32,
-        /// Samples of a pixel along each axis.
+        /// Samples per pixel along each axis.
         supersample: f32,
-        /// Columns of the stack, in samples.
+        /// Width of the stack in samples.
         columns: u32,
-        /// Rows of the whole stack.
+        /// Height of the whole stack in samples.
         height: u32,
-        /// Its first row at hand.
+        /// First row of samples that is uploaded.
         top: u32,
-        /// Its last row at hand.
+        /// Last row of samples that is uploaded.
         bottom: u32,
-        /// Fragments that a sample may have.
+        /// Maximum number of fragments per sample.
         depth: u32,
-        /// Blocks in a row.
+        /// Blocks per row of blocks.
         block_columns: u32,
         /// Rows of blocks.
         block_rows: u32,
-        /// One over a block's side.
+        /// Reciprocal of a block's side in samples.
         blocks_per_sample: f32,
     }
 }
@@ -65,20 +66,20 @@ mirrored! {
 mirrored! {
     /// A lens sample, in samples.
     pub(in crate::methods) struct View {
-        /// Where in the pixel.
+        /// Position in the pixel.
         start_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         start_y: f32,
-        /// How far it moves for each pixel of CoC radius.
+        /// Step per pixel of CoC radius.
         step_x: f32,
-        /// The same, down.
+        /// Its vertical component.
         step_y: f32,
     }
 }
 
 impl View {
-    /// How many samples above or below its pixel the ray is at most between the CoC radii `range_px`.
-    fn away(&self, range_px: [f32; 2]) -> f32 {
+    /// Maximum vertical distance of the ray from its pixel, in samples, between the CoC radii `range_px`.
+    fn max_distance(&self, range_px: [f32; 2]) -> f32 {
         let [near, far] = range_px.map(|coc| (self.start_y + coc * self.step_y).abs());
         near.max(far)
     }
@@ -87,14 +88,14 @@ impl View {
 /// The lens samples of a picture.
 #[derive(Debug)]
 pub(in crate::methods) struct RayViews {
-    /// One [`View`] after the other.
+    /// Array of [`View`]s.
     pub buffer: Buffer,
-    /// How many rows of the picture above or below its pixel a ray looks at most.
+    /// Maximum distance, in rows of the picture, from a pixel to samples that its rays read.
     pub reach_rows: usize,
 }
 
 impl RayViews {
-    /// `views`, at a place in the pixel that is `jitter` of theirs, of rays that look between the CoC radii `range_px`.
+    /// Uploads `views`, with pixel positions scaled by `jitter`, for rays between the CoC radii `range_px`.
     pub(in crate::methods) fn new<'v>(
         gpu: &Gpu,
         views: impl Iterator<Item = &'v lens::View>,
@@ -107,25 +108,25 @@ impl RayViews {
             View { start_x: start.x, start_y: start.y, step_x: step.x, step_y: step.y }
         };
         let views: Vec<View> = views.map(view).collect();
-        let away = views.iter().map(|view| view.away(range_px)).fold(0.0, f32::max);
+        let distance = views.iter().map(|view| view.max_distance(range_px)).fold(0.0, f32::max);
         let words: Vec<u32> = views.iter().flat_map(View::words).collect();
         let buffer = gpu.upload("lens samples", &words)?;
-        Ok(Self { buffer, reach_rows: (away / supersample).ceil() as usize + 1 })
+        Ok(Self { buffer, reach_rows: (distance / supersample).ceil() as usize + 1 })
     }
 }
 
-/// A stack that rays go through.
+/// A stack that rays are traced through.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::methods) struct RayStack<'a> {
     /// Its fragments.
     pub fragments: &'a Fragments,
-    /// What N-buffers are kept for.
+    /// The grid of the N-buffers.
     pub blocks: Blocks,
-    /// Samples of a pixel along each axis.
+    /// Samples per pixel along each axis.
     pub supersample: usize,
 }
 
-/// The rows of a stack that a band reads.
+/// The rows of a stack that a band reads, on the GPU.
 #[derive(Debug)]
 pub(in crate::methods) struct StackRows {
     stack: Buffer,
@@ -141,11 +142,12 @@ impl RayStack<'_> {
         (columns / self.supersample, height / self.supersample)
     }
 
-    /// Rows of the picture that `gpu` holds at once, if there are `beside` bytes beside each fragment.
-    pub(in crate::methods) fn max_rows(&self, gpu: &Gpu, beside: usize) -> usize {
+    /// Maximum number of rows of the picture in a band on `gpu`, if a method needs `additional_bytes` more per fragment.
+    pub(in crate::methods) fn max_rows(&self, gpu: &Gpu, additional_bytes: usize) -> usize {
         let [largest, all] = FRAGMENT_BYTES;
         let fragments = self.supersample.pow(2) * self.fragments.depth();
-        Batches::max_rows(gpu, self.picture_size().0, [largest, all + beside].map(|bytes| bytes * fragments))
+        let bytes_per_pixel = [largest, all + additional_bytes].map(|bytes| bytes * fragments);
+        Batches::max_rows(gpu, self.picture_size().0, bytes_per_pixel)
     }
 
     /// The rows of samples that `band` reads.
@@ -190,14 +192,14 @@ impl RayStack<'_> {
 }
 
 impl StackRows {
-    /// The rows, by the numbers that [`RAY_STACK`] binds them to.
+    /// The buffers with their binding numbers in [`RAY_STACK`].
     pub(in crate::methods) fn bindings(&self) -> [(u32, &Buffer); 4] {
         let [red_green, blue_alpha] = &self.colors;
         [(3, &self.stack), (5, &self.coc_px), (6, red_green), (7, blue_alpha)]
     }
 }
 
-/// `buffers` as the shader has them, with the method's `own` words between what speaks of them and their values.
+/// `buffers` in the layout of the shader: headers, then the method's `own` words, then values.
 pub(in crate::methods) fn nbuffer_words(buffers: &[Option<&NBuffer>], own: Vec<u32>) -> Vec<u32> {
     let begin = NBUFFER_WORDS * buffers.len() + own.len();
     let (mut words, mut values) = (Vec::with_capacity(begin), Vec::new());
@@ -209,7 +211,7 @@ pub(in crate::methods) fn nbuffer_words(buffers: &[Option<&NBuffer>], own: Vec<u
     words.into_iter().chain(own).chain(values).collect()
 }
 
-/// The bits of `value`, with the farthest number for infinity.
+/// The bits of `value`, with ±[`ABSENT`] in place of infinity.
 pub(in crate::methods) fn bits(value: f32) -> u32 {
     value.clamp(-ABSENT, ABSENT).to_bits()
 }

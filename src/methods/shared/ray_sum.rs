@@ -1,25 +1,25 @@
-//! What the lens rays of one pixel add up to.
+//! Sum over the lens rays of one pixel.
 
-/// A pixel of whose rays no more than this share hit anything shows nothing.
+/// A pixel is empty if at most this fraction of its rays hit anything.
 pub(in crate::methods) const MIN_HIT: f64 = 1e-9;
 
-/// What the rays of one pixel bring home, summed in double precision: thousands of samples would drift in single.
+/// Sum over the rays of one pixel, in double precision: in single precision the error would grow over thousands of samples.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::methods) struct RaySum {
     pub(in crate::methods) color: [f64; 3],
     pub(in crate::methods) missed: f64,
-    /// Rays that count for nothing, as nobody knows what they would have found.
+    /// Rays left out of the mean, because the stack has no data for what they would hit.
     pub(in crate::methods) discarded: f64,
 }
 
 impl RaySum {
-    /// Adds premultiplied `color` seen through `transmitted`.
-    pub(in crate::methods) fn add(&mut self, color: [f32; 3], transmitted: f32) {
-        self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmitted));
+    /// Adds premultiplied `color`, attenuated by `transmittance`.
+    pub(in crate::methods) fn add(&mut self, color: [f32; 3], transmittance: f32) {
+        self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmittance));
     }
 
-    /// The pixel after `rays` rays: light that found nothing is transparent where the background is open, and left out of
-    /// the mean where it is closed.
+    /// Mean over `rays` rays: rays that hit nothing are transparent where the background is transparent, and left out of the mean
+    /// where it is closed.
     pub(in crate::methods) fn mean(&self, rays: usize, transparent_background: bool) -> [f32; 4] {
         let known = rays as f64 - self.discarded;
         let hit = known - self.missed;

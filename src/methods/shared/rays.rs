@@ -1,55 +1,54 @@
-//! Methods that look at each pixel on its own: the picture is one call after another.
+//! Samplers that render each pixel independently of all others.
 
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Progress, Sampler};
+use crate::methods::contract::{Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
 use crate::scene::Scene;
 use rayon::prelude::*;
 
-/// Everything that the rays of a pixel are followed through.
+/// A scene prepared for ray tracing, with its rays.
 pub(in crate::methods) trait Tracer: Sync + Sized {
-    /// What a thread keeps from pixel to pixel.
+    /// Scratch memory of a thread.
     type Scratch: Default;
 
-    /// What it takes to follow `views` rays a pixel through `scene` as `plan` has it.
+    /// Prepares to trace `views` rays per pixel through `scene` by `plan`.
     fn new(scene: Scene, plan: &Plan, views: usize) -> Self;
 
-    /// The mean over all rays of picture pixel `x, y`.
+    /// Mean over all rays of picture pixel `x, y`.
     fn pixel(&self, x: usize, y: usize, scratch: &mut Self::Scratch) -> [f32; 4];
 }
 
-/// A scene, and the tracer of the last number of rays that was asked for.
+/// A scene, and the tracer for the number of views that was requested last.
 pub(in crate::methods) struct RaySampler<'p, T> {
     scene: Scene,
     plan: &'p Plan,
-    ready: Option<(usize, T)>,
+    cached: Option<(usize, T)>,
 }
 
 impl<'p, T> RaySampler<'p, T> {
     pub(in crate::methods) fn new(scene: Scene, plan: &'p Plan) -> Self {
-        Self { scene, plan, ready: None }
+        Self { scene, plan, cached: None }
     }
 }
 
 impl<T: Tracer> Sampler for RaySampler<'_, T> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
         let width = self.scene.picture_size().0;
-        let tracer = match self.ready.take() {
-            Some((ready, tracer)) if ready == views => tracer,
+        let tracer = match self.cached.take() {
+            Some((cached, tracer)) if cached == views => tracer,
             _ => T::new(self.scene.clone(), self.plan, views),
         };
         let pixel =
             |scratch: &mut T::Scratch, &pixel: &usize| tracer.pixel(pixel % width, pixel / width, scratch);
         let values = pixels.par_iter().map_init(T::Scratch::default, pixel).collect();
-        self.ready = Some((views, tracer));
+        self.cached = Some((views, tracer));
         values
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
         let size = self.scene.picture_size();
-        let tracer = match self.ready {
-            Some((ready, tracer)) if ready == views => tracer,
+        let tracer = match self.cached {
+            Some((cached, tracer)) if cached == views => tracer,
             _ => T::new(self.scene, self.plan, views),
         };
         let planes = planes_from_rows(size, progress, T::Scratch::default, |scratch, y, row: &mut [_; 4]| {

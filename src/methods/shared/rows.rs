@@ -1,12 +1,12 @@
-//! Pictures made row by row, in parallel.
+//! Computes planes row by row, in parallel.
 
 use crate::image::Plane;
 use crate::methods::contract::Progress;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Makes `N` planes of one size row by row, rows in parallel, reporting progress. `row(scratch, y, planes)` writes row `y`
-/// of each plane; `scratch` makes what a thread keeps from row to row.
+/// Computes `N` planes of one size row by row, rows in parallel, with progress. `row(scratch, y, planes)` writes row `y` of each
+/// plane; `scratch` makes the scratch memory of a thread.
 pub(in crate::methods) fn planes_from_rows<const N: usize, T>(
     (width, height): (usize, usize),
     progress: &Progress<'_>,

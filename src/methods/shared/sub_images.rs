@@ -1,15 +1,15 @@
-//! Sub-images: the picture cut by depth into parts that are blurred as one.
+//! Sub-images: the picture divided by depth into parts of uniform blur.
 //!
-//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as Kraus 2011, "Using Opaque Image Blur
-//! for Real-Time Depth-of-Field Rendering", section 3, describes it. Sub-image `i` has blur radius `r_0 = 0`,
-//! `r_i = r_1·2^(|i|−1)` (eq. 1) and lies where the lens has that CoC radius (eqs. 2–4): `z_i = z_f / (1 ± r_i / r_∞)`, so
-//! its signed CoC radius is `±r_i`, behind focus only while `r_i < r_∞`. Its matting weight rises from `z_(i−2)` to
-//! `z_(i−1)`, is whole to `z_i` and falls to `z_(i+1)`, linear in depth (Figure 2); the outermost go on for ever.
+//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as Kraus 2011, "Using Opaque Image Blur for
+//! Real-Time Depth-of-Field Rendering", section 3, describes them. Sub-image `i` has blur radius `r_0 = 0`, `r_i = r_1·2^(|i|−1)`
+//! (eq. 1) and is at the depth where the lens has that CoC radius (eqs. 2–4): `z_i = z_f / (1 ± r_i / r_∞)`, so its signed CoC
+//! radius is `±r_i`; behind focus only `r_i < r_∞` exist. Its matting weight rises from `z_(i−2)` to `z_(i−1)`, is 1 up to `z_i`
+//! and falls to 0 at `z_(i+1)`, linear in depth (Figure 2); the weights of the outermost stay 1 outward.
 //!
-//! The weights of neighbours overlap so that the farther of two is whole where the nearer fades: laid over one another
-//! they mix in the nearer one's share.
+//! The weights of neighbours overlap: the farther of two has weight 1 where the nearer one fades, so that compositing them blends
+//! by the nearer one's weight.
 //!
-//! GPU twin: `shaders/shared/sub_images.wgsl`.
+//! GPU version: `shaders/shared/sub_images.wgsl`.
 
 use super::pyramid::max_levels;
 #[cfg(feature = "gpu")]
@@ -37,11 +37,11 @@ mirrored! {
 /// The sub-images that a picture needs.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct SubImages {
-    /// Signed CoC radius of each, nearest first, after that of one that would be nearer still.
+    /// Signed CoC radius of each, nearest first, preceded by that of the next nearer number, which does not exist.
     anchors_px: Vec<f32>,
     /// Number `i` of the nearest sub-image, 0 or less.
     first: i32,
-    /// `r_∞`: CoC radius of what is infinitely far.
+    /// `r_∞`: CoC radius at infinity.
     coc_infinity_px: f32,
 }
 
@@ -52,19 +52,21 @@ fn radius_px(i: i32, first_radius_px: f32) -> f32 {
 }
 
 impl SubImages {
-    /// As many on either side of focus as the CoC radii of a frame of this size ask for.
+    /// The sub-images that the CoC range of a frame of this size requires, on either side of focus.
     pub(in crate::methods) fn new(
         first_radius_px: f32,
         coc_range_px: [f32; 2],
         coc_infinity_px: f32,
         frame: (usize, usize),
     ) -> Self {
-        let most = max_levels(frame) as i32;
-        let enough =
-            |limit_px: f32| (0..most).find(|&i| radius_px(i, first_radius_px) >= limit_px).unwrap_or(most);
-        let first = -enough(-coc_range_px[0]);
-        let possible = (0..most).take_while(|&i| radius_px(i + 1, first_radius_px) < coc_infinity_px).count();
-        let last = enough(coc_range_px[1]).min(possible as i32);
+        let max_number = max_levels(frame) as i32;
+        let needed = |limit_px: f32| {
+            (0..max_number).find(|&i| radius_px(i, first_radius_px) >= limit_px).unwrap_or(max_number)
+        };
+        let first = -needed(-coc_range_px[0]);
+        let possible =
+            (0..max_number).take_while(|&i| radius_px(i + 1, first_radius_px) < coc_infinity_px).count();
+        let last = needed(coc_range_px[1]).min(possible as i32);
         let anchors_px = (first - 1..=last).map(|i| radius_px(i, first_radius_px)).collect();
         Self { anchors_px, first, coc_infinity_px }
     }
@@ -75,12 +77,12 @@ impl SubImages {
         (first..first + self.anchors_px.len() as i32 - 1).rev()
     }
 
-    /// Levels of the largest pyramid among them.
+    /// Number of levels of the largest pyramid among them.
     pub(in crate::methods) fn max_levels(&self) -> usize {
         self.far_to_near().map(|i| i.unsigned_abs() as usize).max().unwrap_or(0)
     }
 
-    /// Whether nothing is nearer than sub-image `i`.
+    /// Whether sub-image `i` is the nearest.
     pub(in crate::methods) fn is_nearest(&self, i: i32) -> bool {
         i == self.first
     }
@@ -90,7 +92,7 @@ impl SubImages {
         Arch::new().dispatch(Weigh { rise: self.rise(i), fall: self.fall(i), coc_px, weights });
     }
 
-    /// What [`Self::weigh`] weighs by.
+    /// The weight function of [`Self::weigh`], for a shader.
     #[cfg(feature = "gpu")]
     pub(in crate::methods) fn matting(&self, i: i32) -> Matting {
         let inverse = 1.0 / self.coc_infinity_px;
@@ -109,26 +111,27 @@ impl SubImages {
         }
     }
 
-    /// Share of fragments of CoC radius `coc_px` that is not before the range of sub-image `i`: the weight without its fall.
+    /// Fraction of fragments of CoC radius `coc_px` that is not nearer than the range of sub-image `i`: the weight without its
+    /// fall.
     pub(in crate::methods) fn weigh_not_nearer(&self, i: i32, coc_px: &[f32], weights: &mut [f32]) {
         Arch::new().dispatch(Weigh { rise: self.rise(i), fall: None, coc_px, weights });
     }
 
-    fn place(&self, i: i32) -> usize {
+    fn index(&self, i: i32) -> usize {
         (i - self.first + 1) as usize
     }
 
     fn anchor(&self, i: i32) -> Option<f32> {
-        self.anchors_px.get(self.place(i)).copied()
+        self.anchors_px.get(self.index(i)).copied()
     }
 
     fn rise(&self, i: i32) -> Option<Ramp> {
         (!self.is_nearest(i))
-            .then(|| self.ramp(self.anchors_px[self.place(i) - 2], self.anchors_px[self.place(i) - 1]))
+            .then(|| self.ramp(self.anchors_px[self.index(i) - 2], self.anchors_px[self.index(i) - 1]))
     }
 
     fn fall(&self, i: i32) -> Option<Ramp> {
-        self.anchor(i + 1).map(|end| self.ramp(self.anchors_px[self.place(i)], end))
+        self.anchor(i + 1).map(|end| self.ramp(self.anchors_px[self.index(i)], end))
     }
 
     /// From 0 at CoC radius `start` to 1 at `end`, linear in depth.
@@ -150,13 +153,13 @@ struct Ramp {
 impl Ramp {
     #[inline(always)]
     fn at(self, coc_px: f32) -> f32 {
-        // Rounding may carry what is infinitely far past infinity, where depth would turn negative.
+        // Rounding may give a CoC radius beyond that at infinity, for which depth would be negative.
         let nearness = (1.0 - coc_px * self.inverse).max(1e-6);
         ((coc_px - self.start) * self.scale / nearness).clamp(0.0, 1.0)
     }
 }
 
-/// Weighs one row; to be compiled for each instruction set.
+/// Weights of one row; compiled for each instruction set.
 struct Weigh<'a> {
     rise: Option<Ramp>,
     fall: Option<Ramp>,
@@ -202,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn there_are_as_many_as_the_blur_asks_for_and_none_past_infinity() {
+    fn there_are_as_many_sub_images_as_the_blur_needs_and_none_past_infinity() {
         let numbers = |range, infinity| {
             SubImages::new(2.0, range, infinity, (640, 480)).far_to_near().collect::<Vec<_>>()
         };
@@ -225,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fragment_is_whole_in_the_farthest_sub_image_that_has_it() {
+    fn every_fragment_has_weight_1_in_some_sub_image() {
         for coc in [-900.0, -8.0, -3.1, -2.0, -0.1, 0.0, 1e-20, 1.9, 4.0, 7.9, 39.999, 40.0, 41.0, 900.0] {
             let images = images();
             let farthest = images.far_to_near().map(|i| weight(&images, i, coc)).find(|&weight| weight > 0.0);
@@ -235,8 +238,8 @@ mod tests {
     }
 
     #[test]
-    fn ramps_of_a_hair_s_breadth_are_safe() {
-        // Depths that a single-precision z could not tell apart.
+    fn ramps_narrower_than_the_precision_of_depth_are_exact() {
+        // Depths that are equal in single precision.
         let images = SubImages::new(0.5, [-3.0, 3.0], 1e9, (64, 64));
         assert!((weight(&images, 1, 0.75) - 0.5).abs() < 1e-6, "half way from 0.5 to 1");
     }

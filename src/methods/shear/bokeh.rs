@@ -1,23 +1,24 @@
-//! The shape of a blurred point of light: the aperture's, of radius `|c|`, its edge softened by the squares of the pixel and of the
-//! fragment.
+//! The shape of a blurred point of light: the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel
+//! and of the fragment.
 //!
-//! A point of light `e` brings `e / (A c²)` to each pixel that is fully within its shape, `A` the aperture's area at radius 1;
-//! softening keeps the area. As a rule the shape is the aperture's outline, exact along rows. With spherical aberration or an image the
-//! light of a place is that of the ring through it ([`Radial`]), times what the aperture lets through there; where that changes within
-//! a pixel, it is asked for at [`GRID`] × [`GRID`] places. Either way what does not pass the lens barrel is missing, and the rest is over
-//! what the barrel leaves: as a picture is the mean over the rays that pass.
+//! A point of energy `e` adds `e / (A c²)` to each pixel that lies fully within its shape, where `A` is the aperture's area at
+//! radius 1. Softening keeps the area. Usually the shape is the aperture's outline, exact along rows. With spherical aberration
+//! or an aperture image the light at a point of the shape is that of the ring through it ([`Radial`]) times the aperture's
+//! transmittance there; where it varies within a pixel, it is sampled at [`GRID`] × [`GRID`] points. In both cases rays that
+//! the lens barrel blocks are excluded, and the rest is divided by the share of rays that passes, because a pixel is the mean
+//! over the rays that pass.
 
 use crate::lens::{BarrelShares, Field, Landing, Optics, Outline, Radial};
 use glam::Vec2;
 use std::f32::consts::FRAC_1_SQRT_2;
 
-/// Rows in which a pixel at an edge is measured.
+/// Rows over which the coverage of a pixel at an edge is integrated.
 const EDGE_ROWS: usize = 16;
 
-/// Places along each side of a pixel where light is asked for that is not even over it.
+/// Samples along each side of a pixel over which the light varies.
 const GRID: usize = 6;
 
-/// Least CoC radius of a shape, in picture pixels: what is sharper is a dot of about a pixel all the same.
+/// Smallest CoC radius of a shape, in picture pixels. A sharper point also covers about a pixel.
 const MIN_COC_PX: f32 = 0.7;
 
 /// The shapes of blurred points.
@@ -27,33 +28,33 @@ pub(super) struct Bokeh<'a> {
     field: Field,
     shares: BarrelShares,
     outline: Outline,
-    /// Width of the fragment, see [`crate::scene::Plan::fragment_px`].
+    /// Width of the fragment in picture pixels, see [`crate::methods::Plan::fragment_px`].
     fragment_px: f32,
-    /// Rows across the softening of an edge: their offsets, and the share of it that each stands for.
+    /// Rows across the softened edge: the offset of each in pixels, and its weight.
     edge_rows: [(f32, f32); EDGE_ROWS],
-    /// Offsets along an axis that stand for equal shares of what the squares of pixel and fragment spread.
+    /// Offsets along an axis of equal weight under the convolution of the squares of pixel and fragment, in pixels.
     grid: [f32; GRID],
-    /// Half the width of the ring that is taken about each of these.
-    half_px: f32,
-    /// Half the width of a ring that stands for both squares as a whole.
-    whole_half_px: f32,
+    /// Half the width of the ring of light around each of these samples, in pixels.
+    sample_half_px: f32,
+    /// Half the width of a ring that approximates both squares by one sample, in pixels.
+    pixel_half_px: f32,
 }
 
 /// The shape of one point, in a set of colours.
 #[derive(Debug)]
 pub(super) struct Shape {
-    /// Channels.
+    /// Indices of the channels.
     pub(super) colors: &'static [usize],
-    /// By how much their CoC radius differs from the lens's, in picture pixels.
+    /// Difference of their CoC radius from the lens's by axial colour, in picture pixels.
     pub(super) axial_px: f32,
-    /// Their CoC radius in picture pixels.
+    /// Signed CoC radius of these channels in picture pixels.
     pub(super) coc_px: f32,
-    /// Where the rays land, if the lens has faults.
+    /// Where rays land, for a lens with spherical aberration or an aperture image.
     radial: Option<Radial>,
 }
 
 impl<'a> Bokeh<'a> {
-    /// The shapes that a lens of `optics` gives fragments `fragment_px` wide.
+    /// The shapes of fragments `fragment_px` wide through a lens of `optics`.
     pub(super) fn new(optics: &'a Optics, field: Field, fragment_px: f32) -> Self {
         let height = (1.0 + fragment_px) / EDGE_ROWS as f32;
         let edge_rows = std::array::from_fn(|i| {
@@ -63,13 +64,13 @@ impl<'a> Bokeh<'a> {
         let (shares, outline) = (BarrelShares::new(optics), optics.aperture.outline());
         let grid = std::array::from_fn(|i| quantile((i as f32 + 0.5) / GRID as f32, fragment_px));
         let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
-        // A box of this half width has the rest of the variance.
-        let half_px = (0.25 * (1.0 + fragment_px * fragment_px) - 3.0 * spread).max(0.0).sqrt();
-        let whole_half_px = 0.5 * 1f32.hypot(fragment_px);
-        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, half_px, whole_half_px }
+        // A box of this half width has the variance that the grid lacks.
+        let sample_half_px = (0.25 * (1.0 + fragment_px * fragment_px) - 3.0 * spread).max(0.0).sqrt();
+        let pixel_half_px = 0.5 * 1f32.hypot(fragment_px);
+        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, sample_half_px, pixel_half_px }
     }
 
-    /// The shapes of a point of CoC radius `coc_px`, one for each set of colours that share it.
+    /// The shapes of a point of CoC radius `coc_px`, one for each set of colours with the same shape.
     pub(super) fn shapes(&self, coc_px: f32) -> Vec<Shape> {
         let sets: &[&[usize]] =
             if self.optics.has_axial_color() { &[&[0], &[1], &[2]] } else { &[&[0, 1, 2]] };
@@ -81,40 +82,40 @@ impl<'a> Bokeh<'a> {
         sets.iter().map(shape).collect()
     }
 
-    /// Where the rays of a point of CoC radius `coc_px` land; none where the aperture's outline says it.
+    /// Where the rays of a point of CoC radius `coc_px` land; `None` if the aperture's outline is the shape.
     fn radial(&self, coc_px: f32) -> Option<Radial> {
         let needed = self.optics.image.is_some() || self.optics.spherical_px != 0.0;
         let [first, third] = self.optics.spherical_terms();
         needed.then(|| Radial::new(coc_px + first, third))
     }
 
-    /// Radius within which `shape` and its edge lie.
+    /// Radius in pixels that holds `shape` and its softened edge.
     pub(super) fn reach_px(&self, shape: &Shape) -> f32 {
-        // Half the diagonals of pixel and fragment past the edge.
+        // The edge extends by half the diagonals of pixel and fragment.
         let edge = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
         shape.radial.as_ref().map_or(shape.coc_px.abs(), Radial::reach_px) + edge
     }
 
-    /// The share of the light of a point at `place` that its `shape` brings to `pixel`, both with pixel centres at whole numbers.
-    pub(super) fn share(&self, shape: &Shape, place: Vec2, pixel: Vec2) -> f32 {
-        let (offset, height) = (place - pixel, self.field.height(pixel + 0.5));
+    /// Share of the energy of a point at `position` that its `shape` adds to `pixel`; pixel centres are at whole numbers.
+    pub(super) fn share(&self, shape: &Shape, position: Vec2, pixel: Vec2) -> f32 {
+        let (offset, height) = (position - pixel, self.field.height(pixel + 0.5));
         let share = match &shape.radial {
             None => self.covered(offset, shape.coc_px, height) / (shape.coc_px * shape.coc_px),
-            Some(radial) => self.landed(radial, offset, height),
+            Some(radial) => self.density(radial, offset, height),
         };
-        let left = if self.optics.cats_eye > 0.0 { self.shares.at(height) } else { 1.0 };
-        if left > 0.0 { share / (left * self.optics.area()) } else { 0.0 }
+        let passing = if self.optics.cats_eye > 0.0 { self.shares.at(height) } else { 1.0 };
+        if passing > 0.0 { share / (passing * self.optics.area()) } else { 0.0 }
     }
 
-    /// Share of a pixel at the place `height` of the field that the aperture's shape of radius `coc_px` covers, `offset` from the pixel
-    /// to the point, seen through the squares of the pixel and of the fragment.
+    /// Share of a pixel that the aperture's shape of radius `coc_px` covers, filtered by the squares of the pixel and of the
+    /// fragment. `offset` leads from the pixel to the point, `height` is the pixel's position in the field.
     fn covered(&self, offset: Vec2, coc_px: f32, height: Vec2) -> f32 {
         let depth = self.optics.aperture.depth_inside(offset, coc_px); // q − p = c·u
         let depth = depth.min(coc_px.abs() * self.within_barrel(offset / coc_px, height));
         if depth.abs() >= FRAC_1_SQRT_2 * (1.0 + self.fragment_px) {
             return f32::from(u8::from(depth > 0.0));
         }
-        // Exact along x, row by row along y.
+        // Exact along x, midpoint rule along y.
         let row = |&(shift, share): &(f32, f32)| {
             let outline = self.outline.row(offset.y + shift, coc_px);
             outline.and_then(|row| self.past_barrel(row, offset.y + shift, coc_px, height)).map_or(
@@ -128,12 +129,13 @@ impl<'a> Bokeh<'a> {
         self.edge_rows.iter().map(row).sum()
     }
 
-    /// How far within the barrel the lens point `lens` lies, seen from the place `height` of the field.
+    /// Distance of the lens point `lens` from the barrel's edge, positive inside, seen from position `height` of the field.
     fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
         if self.optics.cats_eye > 0.0 { self.optics.within_barrel(lens, height) } else { f32::INFINITY }
     }
 
-    /// What of `row`, at `y` from the middle of a shape of radius `coc_px`, passes the barrel seen from the place `height` of the field.
+    /// The part of `row`, at `y` from the centre of a shape of radius `coc_px`, that passes the barrel, seen from position
+    /// `height` of the field.
     fn past_barrel(&self, row: [f32; 2], y: f32, coc_px: f32, height: Vec2) -> Option<[f32; 2]> {
         if self.optics.cats_eye <= 0.0 {
             return Some(row);
@@ -148,26 +150,28 @@ impl<'a> Bokeh<'a> {
         (left < right).then_some([left, right])
     }
 
-    /// The density of the light that lands on a pixel at the place `height` of the field, `offset` from the pixel to the point, over that
-    /// on the lens.
-    fn landed(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
+    /// Density of the light on a pixel relative to that on the lens. `offset` leads from the pixel to the point, `height` is
+    /// the pixel's position in the field.
+    fn density(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
         let reach = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
-        if let Some(light) = self.even_light(radial, offset, height, reach) {
+        if let Some(light) = self.uniform_light(radial, offset, height, reach) {
             return light;
         }
-        let columns = self.grid.iter().flat_map(|&x| self.grid.iter().map(move |&y| Vec2::new(x, y)));
-        let sum: f32 = columns.map(|shift| self.light(radial, offset + shift, height, self.half_px)).sum();
+        let shifts = self.grid.iter().flat_map(|&x| self.grid.iter().map(move |&y| Vec2::new(x, y)));
+        let sum: f32 =
+            shifts.map(|shift| self.light(radial, offset + shift, height, self.sample_half_px)).sum();
         sum / (GRID * GRID) as f32
     }
 
-    /// The light `offset` from a point, if neither rays nor what is open to them end `reach` around: but for an image, it is then even.
-    fn even_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
+    /// The light at `offset` from a point, if neither an end of the rays nor an edge of the opening lies within `reach`: except
+    /// for an aperture image, it is then uniform over the pixel. Otherwise `None`.
+    fn uniform_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
         let distance = offset.length();
         let (inner, outer) = (distance - reach, distance + reach);
         if radial.ends_between(inner, outer) {
             return None;
         }
-        // Ends that lie askew come nearer within the pixel.
+        // A slanted edge may come nearer within the pixel.
         let wide = |landing: Landing| {
             let margin = 2.0 * reach * landing.per_px;
             [landing.lens[0] - margin, landing.lens[1] + margin]
@@ -177,10 +181,10 @@ impl<'a> Bokeh<'a> {
         radial
             .between(inner, outer)
             .all(|landing| holds_no_end(wide(landing)))
-            .then(|| self.light(radial, offset, height, self.whole_half_px))
+            .then(|| self.light(radial, offset, height, self.pixel_half_px))
     }
 
-    /// The light `offset` from a point, of the ring of half width `half_px` through there.
+    /// The light at `offset` from a point: the mean over the ring of half width `half_px` through it.
     fn light(&self, radial: &Radial, offset: Vec2, height: Vec2, half_px: f32) -> f32 {
         let distance = offset.length();
         let (inner, outer) = ((distance - half_px).max(0.0), distance + half_px);
@@ -188,14 +192,14 @@ impl<'a> Bokeh<'a> {
         let open = self.optics.open_along(direction, height);
         let light = |landing: Landing| {
             let middle = 0.5 * (landing.lens[0] + landing.lens[1]);
-            let let_through = self.optics.light_around(middle * direction, 2.0 * half_px * landing.per_px);
-            landing.share_within(open) * let_through
+            let transmittance = self.optics.light_around(middle * direction, 2.0 * half_px * landing.per_px);
+            landing.share_within(open) * transmittance
         };
         radial.between(inner, outer).map(light).sum::<f32>() / (outer * outer - inner * inner)
     }
 }
 
-/// Where the step through a box 1 wide and one `size_px` wide reaches `share`: the inverse of [`soft_step`].
+/// The position at which [`soft_step`] reaches `share`: its inverse.
 fn quantile(share: f32, size_px: f32) -> f32 {
     let end = 0.5 * (1.0 + size_px);
     let halved = |[low, high]: [f32; 2], _| {
@@ -205,7 +209,7 @@ fn quantile(share: f32, size_px: f32) -> f32 {
     (0..24).fold([-end, end], halved)[0]
 }
 
-/// A step at 0, seen through a box 1 wide and one `size_px` wide: the integral of the trapezoid that the two make.
+/// A step at 0, convolved with a box of width 1 and a box of width `size_px`: the integral of their trapezoid.
 fn soft_step(depth: f32, size_px: f32) -> f32 {
     let (flat, end) = (0.5 * (1.0 - size_px), 0.5 * (1.0 + size_px));
     let from_end = (end - depth.abs()).max(0.0);
@@ -220,7 +224,7 @@ mod tests {
     use crate::lens::Aperture;
 
     #[test]
-    fn a_soft_step_rises_from_nothing_to_everything_through_a_half() {
+    fn a_soft_step_rises_from_0_through_a_half_to_1() {
         for size in [0.0, 0.25, 1.0] {
             assert_eq!(
                 [soft_step(-2.0, size), soft_step(0.0, size), soft_step(2.0, size)],
@@ -237,19 +241,19 @@ mod tests {
 
     const SIZE: usize = 96;
 
-    /// The sums of the light of a point of CoC radius `coc_px` at `place`, times 1, x and y from it, and its second moments.
-    fn moments(optics: &Optics, coc_px: f32, place: Vec2) -> (f32, Vec2, Vec2) {
+    /// The sum and the first and second moments of the light of a point of CoC radius `coc_px` at `position`, about that point.
+    fn moments(optics: &Optics, coc_px: f32, position: Vec2) -> (f32, Vec2, Vec2) {
         let bokeh = Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), 1.0);
         let shape = &bokeh.shapes(coc_px)[0];
         let pixels = (0..SIZE * SIZE).map(|i| Vec2::new((i % SIZE) as f32, (i / SIZE) as f32));
         pixels.fold((0.0, Vec2::ZERO, Vec2::ZERO), |(sum, first, second), pixel| {
-            let (share, offset) = (bokeh.share(shape, place, pixel), pixel - place);
+            let (share, offset) = (bokeh.share(shape, position, pixel), pixel - position);
             (sum + share, first + share * offset, second + share * offset * offset)
         })
     }
 
     #[test]
-    fn rays_land_with_all_their_light_where_the_lens_sends_them() {
+    fn a_shape_with_spherical_aberration_has_the_energy_and_variance_of_its_rays() {
         let hexagon = Aperture::new(6, 10.0).unwrap();
         for (aperture, spherical_px) in
             [(Aperture::DISC, -5.0), (Aperture::DISC, 4.0), (hexagon, 3.0), (hexagon, -4.0)]
@@ -264,7 +268,7 @@ mod tests {
                     let landed = coc * view.lens + view.shift;
                     landed * landed
                 };
-                // And the squares of pixel and fragment.
+                // The squares of pixel and fragment add a twelfth each.
                 let expected = rays.green().iter().map(land).sum::<Vec2>() / 1024.0 + 2.0 / 12.0;
                 assert!(
                     (second / sum / expected - 1.0).abs().max_element() < 0.02,
@@ -275,53 +279,58 @@ mod tests {
     }
 
     #[test]
-    fn an_image_of_a_shape_gives_the_shape() {
+    fn an_aperture_image_of_a_polygon_gives_the_shape_of_the_polygon() {
         let side = 256;
         let polygon = Aperture::new(5, 20.0).unwrap();
-        // Behind focus, p = q − c·u: the picture of the aperture, x to the right and y down, is −u.
+        // Behind focus p = q − c·u: the image of the aperture, x to the right and y down, is −u.
         let at = |i: usize| {
             let pixel = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5);
-            let seen = pixel / (0.5 * side as f32) - 1.0;
-            (polygon.depth_inside(-seen, 1.0) * 0.5 * side as f32 + 0.5).clamp(0.0, 1.0)
+            let image_point = pixel / (0.5 * side as f32) - 1.0;
+            (polygon.depth_inside(-image_point, 1.0) * 0.5 * side as f32 + 0.5).clamp(0.0, 1.0)
         };
         let values = (0..side * side).map(at).collect();
         let mask = crate::settings::Mask { name: "polygon".to_owned(), width: side, height: side, values };
         let image = crate::lens::ApertureImage::new(&mask, 0.0).unwrap();
-        let drawn =
+        let from_image =
             Optics { image: Some(std::sync::Arc::new(image)), ..Optics::from_aperture(Aperture::DISC) };
         let exact = Optics::from_aperture(polygon);
-        assert!((drawn.area() / exact.area() - 1.0).abs() < 5e-3, "{} and {}", drawn.area(), exact.area());
+        assert!(
+            (from_image.area() / exact.area() - 1.0).abs() < 5e-3,
+            "{} and {}",
+            from_image.area(),
+            exact.area()
+        );
         let field = Field::from_picture_size(SIZE, SIZE);
-        let [drawn, exact] = [&drawn, &exact].map(|optics| Bokeh::new(optics, field, 0.0));
+        let [from_image, exact] = [&from_image, &exact].map(|optics| Bokeh::new(optics, field, 0.0));
         for coc in [25.0, -18.0] {
-            let (a, b) = (drawn.shapes(coc).remove(0), exact.shapes(coc).remove(0));
+            let (a, b) = (from_image.shapes(coc).remove(0), exact.shapes(coc).remove(0));
             let off = |x: usize, y: usize| {
-                let (place, pixel) = (Vec2::splat(48.0), Vec2::new(x as f32, y as f32));
-                (drawn.share(&a, place, pixel) - exact.share(&b, place, pixel)).abs()
+                let (position, pixel) = (Vec2::splat(48.0), Vec2::new(x as f32, y as f32));
+                (from_image.share(&a, position, pixel) - exact.share(&b, position, pixel)).abs()
             };
             let sum: f32 =
                 (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))).map(|(x, y)| off(x, y)).sum();
-            assert!(sum < 0.03, "c = {coc}: {sum} of all light lies elsewhere");
+            assert!(sum < 0.03, "c = {coc}: the sum of differences is {sum} of the energy");
         }
     }
 
     #[test]
-    fn in_the_corners_the_rim_leaves_a_cats_eye_and_its_light_per_pixel_is_that_of_a_mean_over_it() {
+    fn in_the_corners_the_barrel_cuts_the_disc_and_the_rest_gets_its_energy() {
         let optics = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
         let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 0.0);
         let shape = &bokeh.shapes(12.0)[0];
-        let place = Vec2::splat(20.0);
-        let light = |x: f32, y: f32| bokeh.share(shape, place, Vec2::new(x, y));
-        let even = 1.0 / (std::f32::consts::PI * 144.0);
-        // Behind focus the barrel cuts off what lies outwards.
-        assert_eq!(light(13.0, 13.0), 0.0, "outwards");
-        assert!(light(27.0, 27.0) > even, "inwards");
-        let left = bokeh.shares.at(bokeh.field.height(Vec2::splat(20.5)));
-        assert!((light(20.0, 20.0) * left / even - 1.0).abs() < 1e-3);
+        let position = Vec2::splat(20.0);
+        let light = |x: f32, y: f32| bokeh.share(shape, position, Vec2::new(x, y));
+        let uniform = 1.0 / (std::f32::consts::PI * 144.0);
+        // Behind focus the barrel blocks the outer side of the shape.
+        assert_eq!(light(13.0, 13.0), 0.0, "outer side");
+        assert!(light(27.0, 27.0) > uniform, "inner side");
+        let passing = bokeh.shares.at(bokeh.field.height(Vec2::splat(20.5)));
+        assert!((light(20.0, 20.0) * passing / uniform - 1.0).abs() < 1e-3);
     }
 
     #[test]
-    fn colours_that_focus_elsewhere_have_shapes_of_other_sizes() {
+    fn axial_colour_gives_each_channel_a_shape_of_its_own_size() {
         let optics = Optics { axial_px: [-2.0, 0.0, 1.0], ..Optics::from_aperture(Aperture::DISC) };
         let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 1.0);
         let sizes = |coc: f32| bokeh.shapes(coc).iter().map(|shape| shape.coc_px).collect::<Vec<_>>();

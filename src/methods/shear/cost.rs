@@ -1,18 +1,18 @@
-//! What `shear` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `shear`, in the terms of the module's head; the nanoseconds per unit are fitted by `examples/cost_model.rs`.
 
 use super::bins::bin_width_px;
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::{Discs, EffectKind, Workload};
 
-/// What carrying out `plan` costs.
+/// The cost of rendering `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let stats = workload.stats;
     let views = workload.views();
     let width_px = f64::from(bin_width_px(plan.views.unwrap_or(0)));
     let [edges, changes] = [stats.spread.edges, stats.spread.changes].map(|sums| sums.iter().sum::<f64>());
-    // Half as wide slices cut slopes twice as often, and edges as often as before.
-    let runs = (edges + (changes - edges) * 0.5 / width_px) / workload.supersample() + workload.size()[1];
+    // Bins of half the width cut slopes twice as often; edges are cut as often whatever the width.
+    let spans = (edges + (changes - edges) * 0.5 / width_px) / workload.supersample() + workload.size()[1];
     let translucent = stats.translucent_fragments as f64 / workload.supersample().powi(2);
     let discs = plan
         .strength(EffectKind::Highlights)
@@ -27,7 +27,7 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
             term("pixels × views", 0.738, workload.pixels() * views),
             term("translucent fragments × views", 24.582, translucent * views),
             term("rows × slices × views", 3.462, workload.row_slices(width_px) * views),
-            term("runs × views", 15.656, runs * views),
+            term("spans × views", 15.656, spans * views),
             term("highlights", 10644.557, discs.count),
             term("rows of highlights", 1163.577, discs.rows),
         ],

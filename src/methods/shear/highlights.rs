@@ -1,51 +1,52 @@
-//! Bright points as exact discs: a few views would show a point a thousand times brighter than its surroundings as dots.
+//! Bright points as exact discs: with few views a point a thousand times brighter than its surroundings would show as dots.
 //!
-//! [`extract`] takes the excess of a bright, blurred fragment over its surroundings out of its surface; [`draw`] adds it
-//! back in the shape that [`super::bokeh`] gives it. Each row of a disc is clipped by the runs of nearer bins, seen from the highlight: the ray of picture point `p` and highlight `q` passes CoC depth `c_k` at
-//! `s = p (1 − f) + q f`, `f = c_k / c_q`, which is affine in `p`: a run stays a run.
+//! [`extract`] removes the excess of a bright, blurred fragment over its surroundings from its surface; [`draw`] adds it back
+//! in the shape that [`super::bokeh`] computes. Each row of a disc is clipped by the spans of nearer bins, seen from the
+//! highlight: the ray from picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`.
+//! This is affine in `p`, so a span is projected to a span.
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
-use super::runs::{Run, Runs};
+use super::spans::{Span, Spans};
 use crate::image::Image;
 use crate::methods::contract::Plan;
 use crate::scene::{EffectKind, Layer};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// A fragment with a smaller CoC radius is no disc, in picture pixels.
+/// Only fragments of a larger CoC radius become discs, in picture pixels.
 const MIN_COC_PX: f32 = 1.0;
 
-/// Half the side of the square whose unflagged fragments give a highlight its surroundings, in samples.
+/// Half the side of the square around a highlight whose fragments below the threshold are its surroundings, in samples.
 const SURROUNDINGS: usize = 4;
 
 /// Rows that one task draws.
 const STRIP: usize = 16;
 
-/// The excess light of one fragment.
+/// The excess energy of one fragment over its surroundings.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Highlight {
-    /// Where it is, in picture pixels; pixel centres are at whole numbers.
-    pub(super) place: Vec2,
-    /// Its CoC radius in picture pixels.
+    /// Position in picture pixels; pixel centres are at whole numbers.
+    pub(super) position: Vec2,
+    /// Signed CoC radius in picture pixels.
     pub(super) coc_px: f32,
-    /// Light over that of its surroundings, summed over the fragment's area in picture pixels.
+    /// Excess over the colour of the surroundings, integrated over the fragment's area in picture pixels.
     pub(super) energy: [f32; 3],
 }
 
-/// Takes what is brighter than the plan's threshold out of `layers`, `supersample` samples a picture pixel along each
-/// axis.
+/// Removes the excess of fragments brighter than the plan's threshold from `layers`, which have `supersample` samples per picture
+/// pixel along each axis.
 pub(super) fn extract(layers: &mut [Layer], plan: &Plan, supersample: usize) -> Vec<Highlight> {
     layers.iter_mut().flat_map(|layer| extract_from(layer, plan, supersample)).collect()
 }
 
 fn extract_from(layer: &mut Layer, plan: &Plan, supersample: usize) -> Vec<Highlight> {
     let threshold = plan.strength(EffectKind::Highlights).unwrap_or(f32::INFINITY);
-    let view = &*layer;
-    let found: Vec<(usize, usize, [f32; 3])> = (0..view.height())
+    let original = &*layer;
+    let found: Vec<(usize, usize, [f32; 3])> = (0..original.height())
         .into_par_iter()
-        .flat_map_iter(|y| flagged(view, y, threshold).into_iter().map(move |x| (x, y)))
-        .map(|(x, y)| (x, y, surroundings(view, x, y, threshold)))
+        .flat_map_iter(|y| flagged(original, y, threshold).into_iter().map(move |x| (x, y)))
+        .map(|(x, y)| (x, y, surroundings(original, x, y, threshold)))
         .collect();
     let (scale, samples) = (1.0 / supersample as f32, (supersample * supersample) as f32);
     found
@@ -54,7 +55,7 @@ fn extract_from(layer: &mut Layer, plan: &Plan, supersample: usize) -> Vec<Highl
             let color = layer.color_at(x, y);
             layer.color.iter_mut().zip(base).for_each(|(plane, value)| plane.set(x, y, value));
             Highlight {
-                place: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
+                position: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
                 coc_px: layer.coc_px.get(x, y),
                 energy: std::array::from_fn(|k| (color[k] - base[k]) / samples),
             }
@@ -74,8 +75,8 @@ fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
     (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && coc[x].abs() > MIN_COC_PX).collect()
 }
 
-/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, never more than the fragment's own;
-/// where there are none, the fragment's own colour at the threshold.
+/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, at most the fragment's own colour. Without
+/// such fragments, the fragment's own colour scaled to the threshold.
 fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
     let own = layer.color_at(x, y);
     let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
@@ -88,27 +89,27 @@ fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
             }
         }
     }
-    // Premultiplied colours over their alpha, at the fragment's own alpha.
+    // The mean of premultiplied colours, unpremultiplied and premultiplied again by the fragment's own alpha.
     let scale = layer.alpha.get(x, y) / alpha_sum;
     std::array::from_fn(|k| {
         if alpha_sum > 0.0 { (sum[k] * scale).min(own[k]) } else { own[k] * threshold / brightness(own) }
     })
 }
 
-/// What [`draw`] reads beside the highlights.
+/// The scene that occludes highlights.
 #[derive(Debug)]
 pub(super) struct Occluders<'a> {
     /// Width of the picture.
     pub(super) width: usize,
-    /// The runs of all layers.
-    pub(super) runs: &'a Runs,
-    /// Their bins.
+    /// The spans of all layers.
+    pub(super) spans: &'a Spans,
+    /// The bins of the spans.
     pub(super) bins: &'a Bins,
-    /// The layers themselves.
+    /// The layers.
     pub(super) layers: &'a [Layer],
 }
 
-/// Adds the discs of `highlights`, each in the shape of `bokeh`, to `image`.
+/// Adds the discs of `highlights` to `image`, each in the shape of `bokeh` and occluded by nearer fragments.
 pub(super) fn draw(
     image: &mut Image,
     highlights: &[Highlight],
@@ -125,23 +126,23 @@ pub(super) fn draw(
         .enumerate()
         .for_each(|(strip, ((red, green), blue))| {
             let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut seen = Vec::new();
+            let mut visibility = Vec::new();
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
                     let row =
                         [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
-                    disc.draw_row(y, row, occluders, &mut seen);
+                    disc.draw_row(y, row, occluders, &mut visibility);
                 }
             }
         });
 }
 
-/// A highlight about to be drawn.
+/// A highlight with its shape.
 struct Disc<'a> {
     highlight: &'a Highlight,
     bokeh: &'a Bokeh<'a>,
-    /// Its shape, in each set of colours that share one.
+    /// The shape of each set of colours that share one.
     shapes: Vec<Shape>,
 }
 
@@ -152,13 +153,19 @@ impl<'a> Disc<'a> {
 
     fn touches(&self, first_row: usize, end_row: usize) -> bool {
         let reach = self.shapes.iter().fold(0.0, |reach: f32, shape| reach.max(self.bokeh.reach_px(shape)));
-        let y = self.highlight.place.y;
+        let y = self.highlight.position.y;
         y + reach >= first_row as f32 && y - reach <= (end_row - 1) as f32
     }
 
-    fn draw_row(&self, y: usize, mut row: [&mut [f32]; 3], occluders: &Occluders<'_>, seen: &mut Vec<f32>) {
+    fn draw_row(
+        &self,
+        y: usize,
+        mut row: [&mut [f32]; 3],
+        occluders: &Occluders<'_>,
+        visibility: &mut Vec<f32>,
+    ) {
         for shape in &self.shapes {
-            self.draw_shape(shape, y, &mut row, occluders, seen);
+            self.draw_shape(shape, y, &mut row, occluders, visibility);
         }
     }
 
@@ -168,26 +175,26 @@ impl<'a> Disc<'a> {
         y: usize,
         row: &mut [&mut [f32]; 3],
         occluders: &Occluders<'_>,
-        seen: &mut Vec<f32>,
+        visibility: &mut Vec<f32>,
     ) {
-        let place = self.highlight.place;
-        let (dy, reach) = (y as f32 - place.y, self.bokeh.reach_px(shape));
+        let position = self.highlight.position;
+        let (dy, reach) = (y as f32 - position.y, self.bokeh.reach_px(shape));
         let half_width_squared = reach * reach - dy * dy;
         if half_width_squared <= 0.0 {
             return;
         }
         let half_width = half_width_squared.sqrt();
-        let first = (place.x - half_width).ceil().max(0.0) as usize;
-        let end = (place.x + half_width).floor() as i64 + 1;
+        let first = (position.x - half_width).ceil().max(0.0) as usize;
+        let end = (position.x + half_width).floor() as i64 + 1;
         let end = end.clamp(0, row[0].len() as i64) as usize;
         if first >= end {
             return;
         }
-        seen.clear();
-        seen.resize(end - first, 1.0);
-        self.hide(shape, y, first, seen, occluders);
-        for (x, &seen) in (first..end).zip(seen.iter()) {
-            let share = seen * self.bokeh.share(shape, place, Vec2::new(x as f32, y as f32));
+        visibility.clear();
+        visibility.resize(end - first, 1.0);
+        self.occlude(shape, y, first, visibility, occluders);
+        for (x, &visible) in (first..end).zip(visibility.iter()) {
+            let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
             if share > 0.0 {
                 for &channel in shape.colors {
                     row[channel][x] += self.highlight.energy[channel] * share;
@@ -196,30 +203,38 @@ impl<'a> Disc<'a> {
         }
     }
 
-    /// Takes from `seen`, columns from `first` of row `y`, what nearer fragments hide.
-    fn hide(&self, shape: &Shape, y: usize, first: usize, seen: &mut [f32], occluders: &Occluders<'_>) {
-        let Highlight { place, coc_px, .. } = *self.highlight;
-        let height = occluders.runs.rows.len();
-        // Nearer by less than this is the highlight's own layer.
-        let own = f32::max(0.75, 0.06 * coc_px.abs());
+    /// Subtracts from `visibility`, of the columns from `first` on of row `y`, what nearer fragments occlude.
+    fn occlude(
+        &self,
+        shape: &Shape,
+        y: usize,
+        first: usize,
+        visibility: &mut [f32],
+        occluders: &Occluders<'_>,
+    ) {
+        let Highlight { position, coc_px, .. } = *self.highlight;
+        let height = occluders.spans.rows.len();
+        // Fragments nearer by less than this belong to the highlight's own surface.
+        let own_surface_px = f32::max(0.75, 0.06 * coc_px.abs());
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
-            if bin_coc >= coc_px - own {
+            if bin_coc >= coc_px - own_surface_px {
                 break;
             }
-            // Where the rays of these colours focus elsewhere, all CoC radii are others by as much.
+            // Axial colour changes all CoC radii of these colours by the same amount.
             let f = (bin_coc + shape.axial_px) / shape.coc_px;
-            let row = ((y as f32) * (1.0 - f) + place.y * f + 0.5).floor();
+            let row = ((y as f32) * (1.0 - f) + position.y * f + 0.5).floor();
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
-            let map = Affine { offset: -place.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
-            for run in occluders.runs.rows[row].of_bin(bin) {
-                let alpha = (!run.opaque).then(|| occluders.layers[run.layer as usize].alpha.row(row));
-                hide_behind(run, occluders.columns_of(run), map, (first, &mut *seen), alpha);
+            let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
+            for span in occluders.spans.rows[row].of_bin(bin) {
+                let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
+                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), alpha);
             }
         }
     }
 }
 
-/// `p = offset + scale · s`: where a column of an occluder's row lies in the picture, seen from the highlight.
+/// `p = offset + scale · s`: the projection of column `s` of an occluder's row to column `p` of the picture, seen from the
+/// highlight.
 #[derive(Clone, Copy)]
 struct Affine {
     offset: f32,
@@ -227,26 +242,26 @@ struct Affine {
 }
 
 impl Occluders<'_> {
-    /// From where to where `run` reaches, in columns: for ever, where it ends at the picture's border.
-    fn columns_of(&self, run: &Run) -> [f32; 2] {
-        let start = if run.start == 0 { f32::NEG_INFINITY } else { run.start as f32 - 0.5 };
-        let end = if run.end as usize == self.width { f32::INFINITY } else { run.end as f32 - 0.5 };
+    /// The columns that `span` covers; a span that ends at the picture's border is unbounded there.
+    fn columns_of(&self, span: &Span) -> [f32; 2] {
+        let start = if span.start == 0 { f32::NEG_INFINITY } else { span.start as f32 - 0.5 };
+        let end = if span.end as usize == self.width { f32::INFINITY } else { span.end as f32 - 0.5 };
         [start, end]
     }
 }
 
-/// Takes what `run`, which reaches over `columns`, hides from the columns `seen` (the first column, and what is seen of each),
-/// with fractional ends; `alpha` is the coverage of the run's row if it lets light through.
-fn hide_behind(
-    run: &Run,
+/// Subtracts the occlusion by `span`, which covers `columns`, from the visibility of the columns from `first` on, with fractional
+/// coverage at its ends; `alpha` is the coverage of the span's row if the span is translucent.
+fn occlude_by(
+    span: &Span,
     columns: [f32; 2],
     map: Affine,
-    (first, seen): (usize, &mut [f32]),
+    (first, visibility): (usize, &mut [f32]),
     alpha: Option<&[f32]>,
 ) {
     let ends = columns.map(|s| map.offset + map.scale * s);
     let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-    let last = first + seen.len() - 1;
+    let last = first + visibility.len() - 1;
     if to < first as f32 - 0.5 || from > last as f32 + 0.5 {
         return;
     }
@@ -256,10 +271,10 @@ fn hide_behind(
         let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
         let opacity = alpha.map_or(1.0, |row| {
             let source = (x as f32 - map.offset) / map.scale;
-            row[(source.round() as usize).clamp(run.start as usize, run.end as usize - 1)]
+            row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
         });
-        let seen = &mut seen[x - first];
-        *seen = (*seen - covered * opacity).max(0.0);
+        let visible = &mut visibility[x - first];
+        *visible = (*visible - covered * opacity).max(0.0);
     }
 }
 
@@ -268,11 +283,12 @@ mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::lens::{Aperture, Field, Optics};
-    use crate::methods::shear::runs;
+    use crate::methods::shear::spans;
 
     const SIZE: usize = 64;
 
-    /// The disc of one highlight of energy 1 at the middle, behind a wall of CoC radius −10 where `wall` says so.
+    /// The disc of one highlight of energy 1 at the centre, behind a wall of CoC radius −10 and of coverage `wall(x)` in column
+    /// `x`.
     fn drawn(coc_px: f32, size_px: f32, optics: &Optics, wall: impl Fn(usize) -> f32) -> Image {
         drawn_behind(-10.0, coc_px, size_px, optics, wall)
     }
@@ -290,14 +306,14 @@ mod tests {
         let near = Plane::filled(SIZE, SIZE, wall_px);
         let layers = [Layer { color: [zeros(), zeros(), zeros()], alpha, coc_px: near }];
         let bins = Bins::new([-10.0, 25.0], 0.5);
-        let runs = runs::find(&layers, &bins);
-        let highlight = Highlight { place: Vec2::splat(32.0), coc_px, energy: [1.0; 3] };
+        let spans = spans::find(&layers, &bins);
+        let highlight = Highlight { position: Vec2::splat(32.0), coc_px, energy: [1.0; 3] };
         let mut image = Image::transparent(SIZE, SIZE);
         draw(
             &mut image,
             &[highlight],
             &Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), size_px),
-            &Occluders { width: SIZE, runs: &runs, bins: &bins, layers: &layers },
+            &Occluders { width: SIZE, spans: &spans, bins: &bins, layers: &layers },
         );
         image
     }
@@ -311,8 +327,8 @@ mod tests {
     }
 
     #[test]
-    fn a_disc_holds_its_energy_at_every_radius_shape_and_softness() {
-        let blades = |n, turn| Aperture::new(n, turn).unwrap();
+    fn a_disc_keeps_its_energy_at_every_radius_shape_and_softness() {
+        let blades = |n, rotation_deg| Aperture::new(n, rotation_deg).unwrap();
         let curved = blades(6, 0.0).curved(0.7).unwrap();
         for aperture in
             [Aperture::DISC, blades(5, 10.0), blades(6, 0.0), curved, curved.squeezed(2.0).unwrap()]
@@ -320,7 +336,8 @@ mod tests {
             for coc in [-25.0, -7.9, -1.2, 1.0, 3.3, 8.1, 19.0] {
                 for size in [0.0, 0.5, 1.0] {
                     let sum = energy(&drawn(coc, size, &Optics::from_aperture(aperture), |_| 0.0));
-                    // Rows 2/16 px high, midpoint rule: the smallest disc, all edge, is off by less than their square.
+                    // Midpoint rule over rows 2/16 px high: the smallest disc, which is all edge, is off by less than their
+                    // square.
                     assert!((sum - 1.0).abs() < 5e-3, "{aperture:?}, c = {coc}, fragment {size}: {sum}");
                 }
             }
@@ -328,9 +345,9 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_before_the_right_half_of_the_view_hides_half_of_the_disc() {
-        // A wall from column 32 on, its edge at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10 / 20: it
-        // meets the edge from p = (31.5 + 16) / 1.5 = 31 ⅔ on, which leaves column 32 a sixth of its width.
+    fn a_wall_in_front_of_the_right_half_of_the_picture_hides_half_of_the_disc() {
+        // The wall begins at column 32, so its edge lies at 31.5. A ray from p to q passes c = −10 at p (1 − f) + q f, f = −10
+        // / 20. It passes the edge at p = (31.5 + 16) / 1.5 = 31 ⅔, so a sixth of the width of column 32 is visible.
         let free = drawn(20.0, 1.0, &disc(), |_| 0.0);
         let hidden = drawn(20.0, 1.0, &disc(), |x| f32::from(u8::from(x >= 32)));
         for x in 0..SIZE {
@@ -341,11 +358,11 @@ mod tests {
     }
 
     #[test]
-    fn colours_that_focus_elsewhere_are_hidden_as_if_everything_lay_elsewhere() {
-        // A CoC that is 5 px larger for all colours, behind a wall in whose bin the difference falls.
+    fn axial_colour_moves_highlight_and_occluder_by_the_same_coc() {
+        // Axial colour of 5 px gives the picture of a highlight and a wall whose CoC radii are 5 px larger.
         let right = |x: usize| f32::from(u8::from(x >= 32));
-        let astray = Optics { axial_px: [5.0; 3], ..disc() };
-        let found = drawn_behind(-10.0, 15.0, 1.0, &astray, right);
+        let with_axial_color = Optics { axial_px: [5.0; 3], ..disc() };
+        let found = drawn_behind(-10.0, 15.0, 1.0, &with_axial_color, right);
         let expected = drawn_behind(-5.0, 20.0, 1.0, &disc(), right);
         for x in 0..SIZE {
             let off = (found.pixel(x, 32)[1] - expected.pixel(x, 32)[1]).abs();
@@ -354,14 +371,14 @@ mod tests {
     }
 
     #[test]
-    fn a_veil_dims_the_disc_by_its_coverage() {
-        let (free, veiled) = (drawn(12.0, 0.0, &disc(), |_| 0.0), drawn(12.0, 0.0, &disc(), |_| 0.25));
-        assert!((energy(&veiled) / energy(&free) - 0.75).abs() < 1e-4, "three quarters pass");
+    fn a_translucent_layer_attenuates_the_disc_by_its_coverage() {
+        let (free, attenuated) = (drawn(12.0, 0.0, &disc(), |_| 0.0), drawn(12.0, 0.0, &disc(), |_| 0.25));
+        assert!((energy(&attenuated) / energy(&free) - 0.75).abs() < 1e-4, "transmittance of three quarters");
     }
 
     #[test]
-    fn a_highlight_before_the_wall_is_not_hidden_by_it() {
+    fn a_highlight_in_front_of_the_wall_is_not_occluded() {
         let sum = energy(&drawn(-14.0, 1.0, &disc(), |_| 1.0));
-        assert!((sum - 1.0).abs() < 1e-2, "all of it: {sum}");
+        assert!((sum - 1.0).abs() < 1e-2, "sum {sum}");
     }
 }

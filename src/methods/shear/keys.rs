@@ -1,35 +1,36 @@
-//! Keys: for each fragment its bin, and which neighbouring bins it joins.
+//! Keys: for each fragment its bin, and the neighbouring bins that it joins.
 //!
-//! **Watertight rule**: an opaque fragment also joins the neighbouring bin when one of its four neighbours lies that way,
-//! less than [`surface::JOIN_PX`] off: the neighbour in its own peel or, where that is of another surface, in any other peel. Surfaces
-//! then have no cracks where they pass from bin to bin, nor where something nearer begins and pushes them one peel back;
-//! joining wider would thicken edges. A translucent fragment never joins twice: it would count twice.
+//! **Watertight rule**: an opaque fragment also joins the next nearer or farther bin if one of its four neighbours lies on that
+//! side and differs by less than [`surface::JOIN_PX`] in CoC radius. The neighbour is the one in the fragment's own peel or, where that
+//! belongs to another surface, in any other peel. Surfaces then have no cracks where they cross from bin to bin, nor where a
+//! nearer surface begins and they continue one peel farther back. A larger limit would thicken edges. A translucent fragment is
+//! in one bin only: in two it would be composited twice.
 
 use super::bins::{Bins, EMPTY};
 use crate::scene::{Layer, OPAQUE_ALPHA, surface};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// The first bin that a fragment is in, from [`BIN_SHIFT`] on; how many more it joins, two bits from [`EXTRA_SHIFT`] on; and [`OPAQUE`] if
-/// it hides what is behind it. [`NO_KEY`] without a fragment.
+/// A fragment's bins and opacity, packed: its first bin from bit [`BIN_SHIFT`] on, the number of further bins in two bits from
+/// [`EXTRA_SHIFT`] on, and the flag [`OPAQUE`]. [`NO_KEY`] for a sample without a fragment.
 pub(super) type Key = u16;
 
-/// Where the first bin begins.
+/// Lowest bit of the first bin.
 pub(super) const BIN_SHIFT: u32 = 3;
 
-/// Where the number of bins more begins.
+/// Lowest bit of the number of further bins.
 pub(super) const EXTRA_SHIFT: u32 = 1;
 
-/// The mask of that number.
-pub(super) const EXTRA: Key = 3;
+/// Mask of the number of further bins, before the shift.
+pub(super) const EXTRA_MASK: Key = 3;
 
-/// The fragment hides what is behind it.
+/// Flag of an opaque fragment.
 pub(super) const OPAQUE: Key = 1;
 
 /// The key of a sample without a fragment.
 pub(super) const NO_KEY: Key = Key::MAX;
 
-/// The keys of a stack, made a row at a time.
+/// The keys of a stack, computed row by row.
 #[derive(Debug)]
 pub(super) struct Keys<'a> {
     layers: &'a [Layer],
@@ -39,7 +40,7 @@ pub(super) struct Keys<'a> {
 }
 
 impl<'a> Keys<'a> {
-    /// Of the fragments of `layers` in `bins`.
+    /// The keys of the fragments of `layers` in `bins`.
     pub(super) fn new(layers: &'a [Layer], bins: &Bins) -> Self {
         let indices = layers.iter().map(|layer| bin_indices(layer, bins)).collect();
         Self { layers, indices, arch: Arch::new() }
@@ -53,17 +54,17 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// Room for a row of keys.
+/// Memory for a row of keys.
 #[derive(Debug)]
 pub(super) struct KeyRow {
     /// The keys.
     pub(super) keys: Vec<Key>,
-    /// Scratch: for each column, whether the neighbour at hand is found.
+    /// Scratch: for each column, 1 if the current neighbour has been found.
     found: Vec<Key>,
 }
 
 impl KeyRow {
-    /// Of `width` samples.
+    /// Memory for `width` samples.
     pub(super) fn new(width: usize) -> Self {
         Self { keys: vec![NO_KEY; width], found: vec![0; width] }
     }
@@ -84,7 +85,7 @@ fn bin_indices(layer: &Layer, bins: &Bins) -> Vec<u16> {
     indices
 }
 
-/// Fills `keys` for row `y` of surface `layer`; to be compiled for each instruction set.
+/// Fills `keys` for row `y` of layer `layer`; compiled for each instruction set.
 struct RowKeys<'a> {
     layers: &'a [Layer],
     indices: &'a [Vec<u16>],
@@ -121,26 +122,28 @@ impl<'a> NullaryFnOnce for RowKeys<'a> {
             let opaque = Key::from(alpha >= OPAQUE_ALPHA);
             let joined = *key * opaque;
             let (nearer, farther) = (joined & NEARER, (joined & FARTHER) / FARTHER);
-            let made =
+            let packed =
                 ((bin - nearer) << BIN_SHIFT) | ((nearer + farther) << EXTRA_SHIFT) | (opaque * OPAQUE);
-            *key = if bin == EMPTY { NO_KEY } else { made };
+            *key = if bin == EMPTY { NO_KEY } else { packed };
         }
     }
 }
 
-/// Bins and CoC radii of a stretch of a row.
+/// Bins and CoC radii of part of a row.
 type Row<'a> = (&'a [u16], &'a [f32]);
 
-/// A fragment joins the bin before its own, a count of one; it joins the bin after.
+/// Flag of a fragment that joins the bin before its own.
 const NEARER: Key = 1;
+
+/// Flag of a fragment that joins the bin after its own.
 const FARTHER: Key = 2;
 
-/// Columns whose neighbours in other peels are looked at together.
-const STRETCH: usize = 32;
+/// Columns that are searched together in other peels.
+const CHUNK_COLUMNS: usize = 32;
 
-/// Joins the fragments `here`, of peel `layer`, to their neighbours on one side, of which `there(peel)` are those in `peel`.
+/// Joins the fragments `here`, of peel `layer`, to their neighbours on one side; `neighbours(peel)` are those in `peel`.
 ///
-/// A surface goes on in its own peel; only where another one begins there may it go on in any other peel.
+/// A surface continues in its own peel. The other peels are searched only where another surface begins in its own.
 #[inline(always)]
 fn join_surface<'a>(
     keys: &mut [Key],
@@ -148,28 +151,35 @@ fn join_surface<'a>(
     here: Row<'a>,
     layer: usize,
     peels: usize,
-    there: impl Fn(usize) -> Row<'a>,
+    neighbours: impl Fn(usize) -> Row<'a>,
 ) {
     let found = &mut found[..keys.len()];
     found.fill(0);
-    join(keys, found, here, there(layer));
-    for start in (0..keys.len()).step_by(STRETCH) {
-        let columns = start..(start + STRETCH).min(keys.len());
+    join(keys, found, here, neighbours(layer));
+    for start in (0..keys.len()).step_by(CHUNK_COLUMNS) {
+        let columns = start..(start + CHUNK_COLUMNS).min(keys.len());
         let fragments = here.0[columns.clone()].iter().zip(&found[columns.clone()]);
-        let lost = fragments.fold(false, |lost, (&bin, &found)| lost | ((bin != EMPTY) & (found == 0)));
-        if lost {
+        let missing =
+            fragments.fold(false, |missing, (&bin, &found)| missing | ((bin != EMPTY) & (found == 0)));
+        if missing {
             let part = |row: Row<'a>| (&row.0[columns.clone()], &row.1[columns.clone()]);
             for peel in (0..peels).filter(|&peel| peel != layer) {
-                join(&mut keys[columns.clone()], &mut found[columns.clone()], part(here), part(there(peel)));
+                join(
+                    &mut keys[columns.clone()],
+                    &mut found[columns.clone()],
+                    part(here),
+                    part(neighbours(peel)),
+                );
             }
         }
     }
 }
 
-/// Marks in `keys` the bins that neighbours `there` make the fragments `here` join, unless the neighbour is already `found`.
+/// Sets in `keys` the flags of the bins that the fragments `here` join because of `neighbours`, except where a neighbour was
+/// `found` before.
 #[inline(always)]
-fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, there: Row<'_>) {
-    let fragments = here.0.iter().zip(here.1).zip(there.0.iter().zip(there.1));
+fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, neighbours: Row<'_>) {
+    let fragments = here.0.iter().zip(here.1).zip(neighbours.0.iter().zip(neighbours.1));
     for ((key, found), ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(found).zip(fragments)
     {
         let near = surface::joins(coc, other_coc) & (other_bin != EMPTY) & (*found == 0);

@@ -1,61 +1,60 @@
-//! `shear`: the default method. The stack in slices of equal CoC radius, sheared for each lens sample.
+//! `shear`: the default method. The stack is cut into slices of equal CoC radius, which are sheared for each lens sample.
 //!
-//! In `(x, y, c)` space a lens ray is straight, so all fragments of one CoC radius, seen from lens point `u`, are their own
-//! image shifted by `−c·u`. The picture is the mean over `N` views `(u, j)`, lens point and place in the pixel, of the first
-//! fragment each ray meets. That is what casting `N` rays a pixel gives, visibility correlated over the lens included, at
-//! the price of about one masked add for each visible pixel and view. It converges to [`super::accumulate`].
+//! In `(x, y, c)` space a lens ray is straight, so that all fragments of one CoC radius, seen from lens point `u`, are their
+//! own image shifted by `−c·u`. The picture is the mean over `N` views `(u, j)`, lens point and position in the pixel, of the
+//! first fragment that each ray hits. This equals casting `N` rays per pixel, including visibility correlated over the lens, at
+//! the cost of about one masked add for each visible pixel and view. It converges to [`super::accumulate`].
 //!
-//! Passes, each a function of its own:
+//! Passes:
 //!
 //! | pass | module | does |
 //! | --- | --- | --- |
-//! | highlights | [`highlights`] | takes bright points out, to be drawn as exact discs |
+//! | highlights | [`highlights`] | removes bright points, which are drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
-//! | fill | [`Scene::filled`] | a guessed surface where the stack has none |
-//! | bins, keys, runs | [`bins`], [`keys`], [`runs`] | stretches of fragments that move together |
+//! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
+//! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
-//! | paint | [`canvas`], [`mod@paint`] | the views |
-//! | draw | [`highlights`], [`bokeh`] | the discs |
+//! | paint | [`canvas`], [`mod@paint`] | accumulates the views |
+//! | draw | [`highlights`], [`bokeh`] | adds the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
-//! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) it is the pixels that look for fragments, and no runs are made.
+//! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) each pixel searches for its fragments, and no spans are made.
 //!
-//! Cost: rows × views × (bins + pixels). Memory: the scene, in which it works, the runs, and the picture. Limits: knows only what the
-//! peels know; content past the frame is its border repeated.
+//! Cost: rows × views × (bins + pixels). Memory: the scene, which is modified in place, the spans, and the picture. Limits:
+//! only surfaces in the peels are known; past the frame the border is repeated.
 
-mod cost;
-mod parameters;
-mod passes;
 mod bins;
 mod bokeh;
 mod canvas;
+mod cost;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod highlights;
 mod keys;
 mod paint;
+mod parameters;
+mod passes;
 mod prefilter;
+mod prepare;
 mod reach;
 mod resolve;
-mod runs;
 mod sampler;
 mod saved;
+mod spans;
 
 use crate::error::Error;
 use crate::image::Image;
+#[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::scene::{Effect, EffectKind, Inputs, Layer, Scene, Workload};
+use crate::scene::{Effect, EffectKind, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
-use highlights::Highlight;
-#[cfg(feature = "gpu")]
 use parameters::ShearParameters;
 use sampler::ShearSampler;
 
-/// Ours.
+/// The default method.
 #[derive(Debug)]
 pub(in crate::methods) struct Shear;
 
@@ -84,7 +83,7 @@ impl Method for Shear {
             deviations: &[Deviation {
                 law: Law::NoCracksAcrossCorners,
                 within: [0.0, 0.02],
-                reason: "from bin to bin a view may move across the corner of a sample, where a ray passes its sides",
+                reason: "between bins a view may step across the corner of a sample, while a ray crosses its sides",
             }],
         }
     }
@@ -118,22 +117,11 @@ impl Method for Shear {
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
         let frame = (scene.picture_size(), scene.field);
-        Box::new(ShearSampler::new(plan, frame, load(scene, plan)))
+        Box::new(ShearSampler::new(plan, frame, prepare::layers(scene, plan)))
     }
 
-    /// More than rays gain: the prefilter.
+    /// Larger than the gain of rays, because of the prefilter.
     fn gain_db(&self) -> [f64; 2] {
         [21.5, 1.25]
     }
-}
-
-/// The layers to paint, at picture resolution, and the highlights taken out of them.
-fn load(mut scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
-    let highlights = if plan.does(EffectKind::Highlights) {
-        highlights::extract(&mut scene.layers, plan, scene.supersample)
-    } else {
-        Vec::new()
-    };
-    let scene = if plan.does(EffectKind::Fill) { scene.filled() } else { scene.merged() };
-    (scene.layers, highlights)
 }

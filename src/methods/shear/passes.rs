@@ -1,4 +1,4 @@
-//! DECIDE, for the passes of this method: exact discs, disocclusion fill, prefilter and resolve.
+//! DECIDE for the passes of this method: highlights as exact discs, disocclusion fill, prefilter and resolve.
 
 use super::parameters::ShearParameters;
 use super::prefilter::MIN_VARIANCE;
@@ -7,33 +7,34 @@ use crate::scene::{BrightStep, Effect, EffectKind, Inputs, SceneStats, bright_st
 use crate::stack::StackKind;
 use std::f32::consts::PI;
 
-/// Stacks of this many layers rarely lack a surface that a lens ray could meet.
+/// Stacks of this many layers rarely lack a surface that a lens ray could hit.
 const COMPLETE_LAYERS: usize = 3;
 
-/// Without near blur of more than this CoC radius, only far edges uncover what the stack lacks.
+/// CoC radius in picture pixels up to which near blur is ignored: then only far edges disocclude surfaces that the stack lacks.
 const NEAR_BLUR_FROM_PX: f32 = 0.5;
 
-/// From this CoC radius on a fragment is out of focus for every bin: that is 1 px, and the bin that it may be rounded into.
+/// A fragment of at least this CoC radius is out of focus whatever bin it is rounded to: 1 px plus the bin width, in picture
+/// pixels.
 const OUT_OF_FOCUS_FROM_PX: f32 = 1.5;
 
-/// Exact discs may cover this many times the picture's area: past it they would cost more than the views themselves.
+/// The largest total area of exact discs, as a multiple of the picture's area. More discs would cost more than the views.
 const HIGHLIGHT_COVER: f64 = 8.0;
 
-/// Exact discs may be this many for each pixel of the picture.
+/// The largest number of exact discs per picture pixel.
 const HIGHLIGHT_SHARE: f64 = 0.05;
 
 /// The decisions about this method's passes.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Settings`] for a threshold of highlights below white.
+/// [`crate::error::ErrorKind::Settings`] for a highlight threshold below white.
 pub(super) fn decide(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Result<Vec<Effect>, Error> {
     let threshold = parameters.highlight_threshold;
     if threshold != 0.0 && threshold.is_nan() | (threshold < bright_step_floor(0)) {
         return Err(Error::settings(
-            "a highlight is brighter than white: its threshold must be 1 or more, or 0 for none",
+            "the highlight threshold must be 1 (white) or more, or 0 for no highlights",
         )
         .with("found", threshold.to_string())
-        .help("set highlight_threshold in the preset's [method.shear]"));
+        .help("set `highlight_threshold` in the preset's [method.shear]"));
     }
     Ok(vec![
         highlights(inputs, parameters),
@@ -43,7 +44,7 @@ pub(super) fn decide(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Resul
     ])
 }
 
-/// The blurred fragments that are brighter than `threshold`, to within half a stop.
+/// The blurred fragments brighter than `threshold`, to within half a stop.
 fn brighter(stats: &SceneStats, threshold: f32) -> BrightStep {
     let steps = stats.bright.iter().enumerate().filter(|(step, _)| bright_step_floor(step + 1) > threshold);
     steps.fold(BrightStep::default(), |sum, (_, step)| BrightStep {
@@ -79,9 +80,9 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     let off = |reason: &str| {
         let all = brighter(stats, if_forced);
         let change = match all.fragments {
-            0 => "with it, no effect: there is none to draw".to_owned(),
+            0 => "with it, no effect: there is no disc to draw".to_owned(),
             count => format!(
-                "with it, {count} discs of together {:.2} times the picture's area would be drawn",
+                "with it, {count} discs with a total of {:.2} times the picture's area would be drawn",
                 all.disc_area_px / pixels
             ),
         };
@@ -93,7 +94,7 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     let (threshold, discs) = affordable(stats, requested);
     if discs.fragments == 0 {
         return off(if brighter(stats, requested).fragments > 0 {
-            "the bright parts are areas, not points: the views are enough for them"
+            "the bright parts are areas, not points: views are enough to render them"
         } else {
             "no blurred fragment is brighter than the threshold"
         });
@@ -108,17 +109,17 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     Effect::new(EffectKind::Highlights, true, reason, change).with_strength(threshold)
 }
 
-/// What the views alone would show of `discs`.
+/// What changes if `discs` are rendered by the views alone.
 fn without_discs(discs: BrightStep, views: Option<usize>) -> String {
     let area = discs.disc_area_px / discs.fragments.max(1) as f64;
-    let disc = format!("a disc of {area:.0} px, their mean,");
+    let disc = format!("a disc of mean area ({area:.0} px)");
     match views {
-        None => format!("without it, {disc} would be as many dots as there are views"),
+        None => format!("without it, {disc} would be one dot per view"),
         Some(views) if area <= views as f64 => {
             format!("without it, the {views} views would be enough: {disc} has no more pixels")
         }
         Some(views) => format!(
-            "without it, {disc} would be {views} dots {:.1} times as bright as it",
+            "without it, {disc} would be {views} dots {:.1} times as bright as the disc",
             area / views as f64
         ),
     }
@@ -129,22 +130,25 @@ fn fill(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     let (on, reason) = if !parameters.fill {
         (false, "switched off".to_owned())
     } else if layers >= COMPLETE_LAYERS {
-        (false, format!("{layers} layers know what lies behind"))
+        (false, format!("{layers} layers hold most surfaces that lens rays can hit"))
     } else if inputs.stats.coc_range_px[0] > -NEAR_BLUR_FROM_PX {
-        (true, format!("{layers} layer(s): what far edges uncover is guessed from their surroundings"))
+        (true, format!("{layers} layer(s): what far edges disocclude is estimated from its surroundings"))
     } else {
-        (true, format!("{layers} layer(s): what the near blur uncovers is guessed from its surroundings"))
+        (
+            true,
+            format!("{layers} layer(s): what the near blur disoccludes is estimated from its surroundings"),
+        )
     };
-    let which = "rays that pass all layers; how many is not known before painting";
+    let rays = "rays that pass all layers; their number is not known before rendering";
     let change = if on {
-        format!("without it, nothing is found by {which}")
+        format!("without it, no surface is hit by {rays}")
     } else {
-        format!("with it, a guess is found by {which}")
+        format!("with it, an estimated surface is hit by {rays}")
     };
     Effect::new(EffectKind::Fill, on, reason, change)
 }
 
-/// How far apart the lens samples move what is blurred most, in pixels.
+/// Distance between neighbouring copies of the most blurred fragment, in picture pixels.
 fn gap_px(inputs: &Inputs<'_>, views: usize) -> f32 {
     inputs.max_coc_px() * (PI / views as f32).sqrt()
 }
@@ -156,14 +160,15 @@ fn prefilter(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
         |on, reason, change| Effect::new(EffectKind::Prefilter, on, reason, change).with_strength(if_forced);
     let filter = format!("{strength} × half the gap between lens samples");
     let Some(views) = inputs.views else {
-        let change = "without it, what is blurred would be as many copies as there are views".to_owned();
+        let change = "without it, blurred surfaces would show one copy per view".to_owned();
         return decided(strength > 0.0, filter, change);
     };
     let gap = gap_px(inputs, views);
-    // A margin, so that rounding never makes a filter where the plan expects none.
+    // A margin, so that rounding never applies a filter that the plan does not expect.
     let idle = (0.5 * strength * gap).powi(2) / 3.0 < 0.999 * MIN_VARIANCE;
     if strength > 0.0 && !idle {
-        let change = format!("without it, what is blurred most would be {views} copies {gap:.2} px apart");
+        let change =
+            format!("without it, the most blurred surface would show {views} copies {gap:.2} px apart");
         return decided(true, filter, change);
     }
     if strength <= 0.0 {
@@ -206,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lights_without_discs_are_dots_as_much_brighter_as_the_disc_is_larger_than_their_number() {
+    fn without_discs_dots_are_brighter_by_the_ratio_of_disc_area_to_views() {
         let discs = BrightStep { fragments: 2, disc_area_px: 1280.0 };
         let text = without_discs(discs, Some(64));
         assert!(text.contains("64 dots 10.0 times as bright"), "640 px over 64 views: {text}");

@@ -1,9 +1,10 @@
-//! Smoothing within a surface by the gap between lens samples, so that few views show no copies.
+//! Smoothing within a surface by the gap between lens samples, so that few views show no separate copies.
 //!
-//! `N` lens samples on a disc of `|c|` pixels lie `|c|·√(π/N)` apart; what is finer than that in a blurred surface would
-//! show as `N` separate copies. A box of half that gap times a strength is what the blur would hide anyway. It is
-//! applied as an edge-aware recursive filter of the same variance, along rows, then along columns, each way once:
-//! `y_i = x_i + a (y_{i−1} − x_i)`, `a = 0` wherever the surface ends. Always a convex mix of the surface's own colours.
+//! `N` lens samples on a disc of radius `|c|` pixels lie `|c|·√(π/N)` apart. Finer detail of a blurred surface would show as
+//! `N` separate copies. The filter is a box whose radius is half that gap times a strength: with enough views the blur removes
+//! the same detail. It is applied as an edge-aware recursive filter of the same variance, along rows, then along columns, once
+//! in each direction: `y_i = x_i + a (y_{i−1} − x_i)`, with `a = 0` where the surface ends. The result is always a convex
+//! combination of the surface's own colours.
 
 use crate::image::Plane;
 use crate::scene::{Layer, surface};
@@ -11,17 +12,17 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// A filter of less variance than this, in squared pixels, is not worth the work.
+/// A filter of at most this variance, in squared pixels, is not applied.
 pub(super) const MIN_VARIANCE: f32 = 0.03;
 
-/// Columns that one task smooths.
+/// Columns that one task filters.
 const STRIP: usize = 128;
 
-/// Past so many radii of the box what it brings is below a millionth: `e^(−√6 · 6)`.
+/// Beyond this number of box radii the filter's response is below a millionth: `e^(−√6 · 6)`.
 #[cfg(feature = "gpu")]
 pub(super) const REACH_RADII: f32 = 6.0;
 
-/// Radius of the box, for each pixel of CoC radius, that closes the gaps between `views` lens samples times `strength`.
+/// Radius of the box per pixel of CoC radius: half the gap between `views` lens samples, times `strength`.
 pub(super) fn radius_per_coc(views: usize, strength: f32) -> f32 {
     0.5 * strength * (PI / views as f32).sqrt()
 }
@@ -35,14 +36,14 @@ pub(super) fn smooth(layers: &mut [Layer], views: usize, strength: f32) {
     }
 }
 
-/// Rows of a layer: where it is, and how blurred.
+/// Coverage and CoC radius of consecutive rows of a layer.
 #[derive(Debug)]
 pub(super) struct Surface<'a> {
-    /// Columns.
+    /// Number of columns.
     pub(super) width: usize,
     /// Coverage, row by row.
     pub(super) alpha: &'a [f32],
-    /// CoC radius, likewise.
+    /// Signed CoC radius in picture pixels, row by row.
     pub(super) coc_px: &'a [f32],
 }
 
@@ -64,7 +65,7 @@ pub(super) fn smooth_surface(mut color: Channels<'_>, surface: &Surface<'_>, rad
     along_columns(color, surface, radius_per_coc);
 }
 
-/// The weight `a` between two neighbours, from the farther one's CoC radius.
+/// The weight `a` between two neighbours of CoC radii `coc` and `other_coc`; `coc` sets the radius of the box.
 ///
 /// A box of radius `r` has variance `v = r²/3`; the two-way recursion with weight `a` has `2a/(1 − a)²`.
 #[inline(always)]
@@ -77,10 +78,10 @@ fn weight(coc: f32, other_coc: f32, same_surface: bool, radius_per_coc: f32) -> 
     if smooth { a } else { 0.0 }
 }
 
-/// Fills `weights` with the weight between `here` and `there` (alpha and CoC radius each) and says whether any is not 0.
+/// Fills `weights` with the weights between `here` and `neighbours` (alpha and CoC radius each). Returns whether any is not 0.
 struct FillWeights<'a> {
     weights: &'a mut [f32],
-    there: (&'a [f32], &'a [f32]),
+    neighbours: (&'a [f32], &'a [f32]),
     here: (&'a [f32], &'a [f32]),
     radius_per_coc: f32,
 }
@@ -90,9 +91,9 @@ impl NullaryFnOnce for FillWeights<'_> {
 
     #[inline(always)]
     fn call(self) -> bool {
-        let Self { weights, there, here, radius_per_coc } = self;
+        let Self { weights, neighbours, here, radius_per_coc } = self;
         let mut blurred = false;
-        let pairs = there.0.iter().zip(there.1).zip(here.0.iter().zip(here.1));
+        let pairs = neighbours.0.iter().zip(neighbours.1).zip(here.0.iter().zip(here.1));
         for (out, ((&other_alpha, &other_coc), (&alpha, &coc))) in weights.iter_mut().zip(pairs) {
             let same = (alpha > 0.0) & (alpha == other_alpha);
             *out = weight(coc, other_coc, same, radius_per_coc);
@@ -113,15 +114,16 @@ fn along_rows([red, green, blue]: Channels<'_>, surface: &Surface<'_>, radius_pe
             || vec![0.0; width],
             |weights, (y, ((red, green), blue))| {
                 let ((alpha, coc), last) = (surface.row(y), width - 1);
-                let (there, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
-                if arch.dispatch(FillWeights { weights: &mut weights[1..], there, here, radius_per_coc }) {
+                let (neighbours, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
+                if arch.dispatch(FillWeights { weights: &mut weights[1..], neighbours, here, radius_per_coc })
+                {
                     arch.dispatch(SmoothRow { row: [red, green, blue], weights });
                 }
             },
         );
 }
 
-/// Both passes over one row; `weights[x]` lies between `x − 1` and `x`.
+/// Both directions over one row; `weights[x]` is the weight between `x − 1` and `x`.
 struct SmoothRow<'a> {
     row: [&'a mut [f32]; 3],
     weights: &'a [f32],
@@ -147,7 +149,7 @@ impl NullaryFnOnce for SmoothRow<'_> {
     }
 }
 
-/// `color` moved towards `other` by weight `a`; itself, bit for bit, for weight 0.
+/// `color` moved towards `other` by weight `a`; for weight 0 the bits of `color`.
 #[inline(always)]
 fn mixed(color: [f32; 3], other: [f32; 3], a: f32) -> [f32; 3] {
     let keep = 1.0 - a;
@@ -168,8 +170,12 @@ fn along_columns(color: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32
             let mut blurred = vec![false; height];
             for y in 1..height {
                 let weights = &mut weights[y * STRIP..y * STRIP + columns.len()];
-                blurred[y] =
-                    arch.dispatch(FillWeights { weights, there: row(y - 1), here: row(y), radius_per_coc });
+                blurred[y] = arch.dispatch(FillWeights {
+                    weights,
+                    neighbours: row(y - 1),
+                    here: row(y),
+                    radius_per_coc,
+                });
             }
             for rows in &mut channels {
                 arch.dispatch(SmoothColumns { rows, weights, blurred: &blurred });
@@ -181,7 +187,7 @@ fn along_columns(color: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32
 /// One strip: the rows of each channel.
 type Strip<'a> = [Vec<&'a mut [f32]>; 3];
 
-/// The channels, `width` columns each, cut into upright strips of [`STRIP`] columns.
+/// The channels, `width` columns each, cut into vertical strips of [`STRIP`] columns.
 fn strips(color: Channels<'_>, width: usize) -> Vec<Strip<'_>> {
     let empty = || std::array::from_fn(|_| Vec::with_capacity(color[0].len() / width));
     let mut strips: Vec<Strip<'_>> = (0..width.div_ceil(STRIP)).map(|_| empty()).collect();
@@ -195,8 +201,8 @@ fn strips(color: Channels<'_>, width: usize) -> Vec<Strip<'_>> {
     strips
 }
 
-/// Both passes over one channel of a strip; row `y` of `weights` lies between rows `y − 1` and `y`, and is all 0 where
-/// `blurred` says no.
+/// Both directions over one channel of a strip. Row `y` of `weights` has the weights between rows `y − 1` and `y`, which are
+/// all 0 where `blurred[y]` is false.
 struct SmoothColumns<'a, 'b> {
     rows: &'a mut [&'b mut [f32]],
     weights: &'a [f32],
@@ -249,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn one_colour_stays_one_colour() {
+    fn a_constant_colour_stays_constant() {
         let result = smoothed(300, 9, |_, _| 0.7, |x, _| x as f32 * 0.3);
         assert!(result.values().iter().all(|v| (v - 0.7).abs() < 1e-6), "0.7 everywhere");
     }
@@ -273,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_crosses_an_edge_in_depth() {
+    fn colours_do_not_mix_across_an_edge_in_depth() {
         let result = smoothed(40, 5, |x, _| f32::from(x >= 20), |x, _| if x < 20 { 30.0 } else { 28.0 });
         assert!(
             (0..20).all(|x| result.get(x, 2) == 0.0) && (20..40).all(|x| result.get(x, 2) == 1.0),
@@ -282,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_focus_is_left_alone() {
+    fn fragments_in_focus_do_not_change() {
         let result = smoothed(16, 16, |x, y| ((x + y) % 2) as f32, |_, _| 0.5);
         assert_eq!(result, Plane::from_fn(16, 16, |x, y| ((x + y) % 2) as f32), "untouched");
     }

@@ -1,45 +1,45 @@
-//! Which bins the views can bring to single pixels: most lie elsewhere in the picture, and for a few pixels looking for their runs
-//! in vain would be most of the work.
+//! The bins that views can move to single pixels. Most bins lie elsewhere in the picture, and for a few pixels most of the time
+//! would be spent on looking for their spans.
 
 use super::bins::Bins;
 use super::canvas::Canvas;
-use super::runs::Runs;
+use super::spans::Spans;
 
-/// Rows of the picture that are looked at together.
+/// Rows of the picture that share an entry.
 const ROWS: usize = 8;
 
-/// Where each bin has runs: in blocks of [`ROWS`] rows and a 64th of the picture's width.
+/// Where each bin has spans: in blocks of [`ROWS`] rows and a 64th of the picture's width.
 #[derive(Debug)]
 pub(super) struct Reach {
-    /// A bit for each 64th of the width, by bin and, within a bin, by block of rows.
+    /// One bit for each 64th of the width, by bin and, within a bin, by block of rows.
     columns: Vec<u64>,
-    /// Blocks of rows of a bin.
+    /// Number of blocks of rows of a bin.
     blocks: usize,
     /// Width and height of the picture.
     size: (usize, usize),
 }
 
 impl Reach {
-    /// That of `runs` in `bins`, in a picture of `size`.
-    pub(super) fn of(runs: &Runs, bins: &Bins, size: (usize, usize)) -> Self {
+    /// The reach of `spans` in `bins`, in a picture of `size`.
+    pub(super) fn from_spans(spans: &Spans, bins: &Bins, size: (usize, usize)) -> Self {
         let blocks = size.1.div_ceil(ROWS);
         let mut reach = Self { columns: vec![0; bins.count() * blocks], blocks, size };
-        for (y, row) in runs.rows.iter().enumerate() {
+        for (y, row) in spans.rows.iter().enumerate() {
             for bin in 0..bins.count() {
                 let bits = row
                     .of_bin(bin)
                     .iter()
-                    .fold(0, |bits, run| bits | reach.bits(run.start as usize, run.end as usize - 1));
+                    .fold(0, |bits, span| bits | reach.bits(span.start as usize, span.end as usize - 1));
                 reach.columns[bin * blocks + y / ROWS] |= bits;
             }
         }
         reach
     }
 
-    /// The bins of `canvas` that any view can bring to one of `columns` of output row `y`, nearest first.
+    /// The bins of `canvas` that some view can move to one of `columns` of output row `y`, nearest first.
     pub(super) fn bins(&self, canvas: &Canvas<'_>, y: usize, columns: &[usize]) -> Vec<u16> {
         let in_reach = |(bin, coc): (usize, &f32)| {
-            let reach = (coc.abs() + canvas.astray_px).ceil() as usize + 1;
+            let reach = (coc.abs() + canvas.aberration_px).ceil() as usize + 1;
             let around = |at: usize, length: usize| [at.saturating_sub(reach), (at + reach).min(length - 1)];
             let [top, bottom] = around(y, self.size.1);
             let blocks = &self.columns[bin * self.blocks..][top / ROWS..=bottom / ROWS];
@@ -64,31 +64,31 @@ impl Reach {
 mod tests {
     use super::*;
     use crate::image::Plane;
-    use crate::methods::shear::runs;
+    use crate::methods::shear::spans;
     use crate::scene::Layer;
 
     #[test]
-    fn a_bin_is_in_reach_as_far_as_its_radius() {
+    fn a_bin_is_in_reach_within_its_coc_radius() {
         let (width, height) = (100, 50);
-        // A ground in focus, and one fragment of radius 10 at 60, 20.
-        let there = |x, y| (x, y) == (60, 20);
+        // A background in focus, and one fragment of radius 10 at 60, 20.
+        let at_fragment = |x, y| (x, y) == (60, 20);
         let layer = |coc: f32, alpha: &dyn Fn(usize, usize) -> bool| Layer {
             color: std::array::from_fn(|_| Plane::zeros(width, height)),
             alpha: Plane::from_fn(width, height, |x, y| f32::from(u8::from(alpha(x, y)))),
             coc_px: Plane::filled(width, height, coc),
         };
-        let layers = [layer(0.0, &|_, _| true), layer(10.0, &there)];
+        let layers = [layer(0.0, &|_, _| true), layer(10.0, &at_fragment)];
         let bins = Bins::new([0.0, 10.0], 0.5);
-        let runs = runs::find(&layers, &bins);
-        let reach = Reach::of(&runs, &bins, (width, height));
-        let canvas = Canvas { layers: &layers, runs: &runs, bins: &bins, barrel: None, astray_px: 0.0 };
+        let spans = spans::find(&layers, &bins);
+        let reach = Reach::from_spans(&spans, &bins, (width, height));
+        let canvas = Canvas { layers: &layers, spans: &spans, bins: &bins, barrel: None, aberration_px: 0.0 };
         let (sharp, blurred) = (bins.index(0.0), bins.index(10.0));
         assert_eq!(reach.bins(&canvas, 20, &[52]), [sharp, blurred], "within its radius");
-        assert_eq!(reach.bins(&canvas, 29, &[60]), [sharp, blurred], "and below it");
+        assert_eq!(reach.bins(&canvas, 29, &[60]), [sharp, blurred], "within its radius below it");
         assert_eq!(reach.bins(&canvas, 20, &[5, 66]), [sharp, blurred], "for one column of several");
-        assert_eq!(reach.bins(&canvas, 20, &[30]), [sharp], "not far beside it");
-        assert_eq!(reach.bins(&canvas, 45, &[60]), [sharp], "nor far below");
-        let astray = Canvas { astray_px: 16.0, ..canvas };
-        assert_eq!(reach.bins(&astray, 45, &[60]), [sharp, blurred], "unless aberrations bring it there");
+        assert_eq!(reach.bins(&canvas, 20, &[30]), [sharp], "outside its radius beside it");
+        assert_eq!(reach.bins(&canvas, 45, &[60]), [sharp], "nor below it");
+        let aberrated = Canvas { aberration_px: 16.0, ..canvas };
+        assert_eq!(reach.bins(&aberrated, 45, &[60]), [sharp, blurred], "unless aberrations move it there");
     }
 }

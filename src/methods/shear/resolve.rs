@@ -1,11 +1,11 @@
-//! Anti-aliasing of what is in focus: point samples there have no blur to hide behind.
+//! Anti-aliasing of point-sampled fragments in focus, where no blur softens the edges.
 //!
-//! A five-tap cross whose weight is the share of the pixel's rays that met something in focus.
+//! A five-tap cross filter, weighted by the share of the pixel's rays that hit something in focus.
 
 use crate::image::{Image, Plane};
 use rayon::prelude::*;
 
-/// Softens `image` where `focused_share` is not 0; `weight` is that of each of the four neighbours.
+/// Softens `image` where `focused_share` is not 0; `weight` is the weight of each of the four neighbours for a share of 1.
 pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
     let (width, height) = (image.width(), image.height());
     if width == 0 {
@@ -26,7 +26,7 @@ pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
     }
 }
 
-/// `value` among its neighbours, each of which weighs `weight`.
+/// `value` filtered with its four neighbours, each of weight `weight`.
 pub(super) fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f32 {
     value * (1.0 - 4.0 * weight) + weight * (left + right + above + below)
 }
@@ -36,17 +36,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_colour_stays_and_a_point_keeps_its_sum() {
+    fn a_point_keeps_its_sum() {
         let point = |x, y| if (x, y) == (4, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
         let mut image = Image::from_fn(9, 9, point);
         soften(&mut image, &Plane::filled(9, 9, 1.0), 0.08);
         let sum: f32 = image.planes[0].values().iter().sum();
         assert!((sum - 1.0).abs() < 1e-6, "sum {sum}");
-        assert!((image.planes[0].get(4, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 stays");
+        assert!((image.planes[0].get(4, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
     }
 
     #[test]
-    fn what_is_out_of_focus_is_left_alone() {
+    fn pixels_out_of_focus_do_not_change() {
         let mut image = Image::from_fn(5, 5, |x, y| [(x * y) as f32; 4]);
         let before = image.clone();
         soften(&mut image, &Plane::zeros(5, 5), 0.08);

@@ -1,37 +1,38 @@
-//! The colours of the layers as they were before smoothing, so that they can be smoothed again for another number of views.
+//! The colours of the layers before the prefilter, so that they can be filtered again for another number of views.
 //!
-//! Only stretches with fragments are kept: deeper peels are mostly empty, and fresh memory costs more than the copying.
+//! Only chunks of columns with fragments are kept: deeper peels are mostly empty, and allocating memory costs more than copying.
 
 use crate::scene::Layer;
 use rayon::prelude::*;
 
-/// Columns that are kept together.
-const STRETCH: usize = 16;
+/// Columns of a chunk, which is kept if it has a fragment.
+const CHUNK_COLUMNS: usize = 16;
 
-/// What was there, row by row of each layer.
+/// The saved colours, row by row of each layer.
 #[derive(Debug)]
 pub(super) struct SavedColors {
     layers: Vec<Vec<SavedRow>>,
 }
 
-/// The stretches of a row that have fragments.
+/// The chunks of a row that have fragments.
 #[derive(Debug, Default)]
 struct SavedRow {
-    /// Their first columns.
+    /// The first column of each chunk.
     starts: Vec<u32>,
-    /// Red, then green, then blue of each.
+    /// Red, then green, then blue of each chunk.
     values: Vec<f32>,
 }
 
 impl SavedColors {
-    /// Those of `layers`.
-    pub(super) fn of(layers: &[Layer]) -> Self {
-        let saved =
-            |layer| (0..Layer::height(layer)).into_par_iter().map(|y| SavedRow::of(layer, y)).collect();
+    /// Saves the colours of `layers`.
+    pub(super) fn from_layers(layers: &[Layer]) -> Self {
+        let saved = |layer| {
+            (0..Layer::height(layer)).into_par_iter().map(|y| SavedRow::from_layer(layer, y)).collect()
+        };
         Self { layers: layers.iter().map(saved).collect() }
     }
 
-    /// Puts them back into the `layers` that they come from.
+    /// Writes the colours back into `layers`, from which they were saved.
     pub(super) fn restore(&self, layers: &mut [Layer]) {
         for (layer, rows) in layers.iter_mut().zip(&self.layers) {
             let width = layer.width();
@@ -45,15 +46,15 @@ impl SavedColors {
 }
 
 impl SavedRow {
-    fn of(layer: &Layer, y: usize) -> Self {
-        let alphas = layer.alpha.row(y).chunks(STRETCH);
+    fn from_layer(layer: &Layer, y: usize) -> Self {
+        let alphas = layer.alpha.row(y).chunks(CHUNK_COLUMNS);
         let has_fragments = |alphas: &[f32]| alphas.iter().fold(false, |any, alpha| any | (*alpha > 0.0));
         let starts = alphas.enumerate().filter(|(_, alphas)| has_fragments(alphas));
-        let starts: Vec<u32> = starts.map(|(index, _)| (index * STRETCH) as u32).collect();
-        let mut values = Vec::with_capacity(3 * STRETCH * starts.len());
+        let starts: Vec<u32> = starts.map(|(index, _)| (index * CHUNK_COLUMNS) as u32).collect();
+        let mut values = Vec::with_capacity(3 * CHUNK_COLUMNS * starts.len());
         for &start in &starts {
             for plane in &layer.color {
-                values.extend_from_slice(stretch(plane.row(y), start));
+                values.extend_from_slice(chunk(plane.row(y), start));
             }
         }
         Self { starts, values }
@@ -64,7 +65,7 @@ impl SavedRow {
         for &start in &self.starts {
             for channel in &mut row {
                 let (start, width) = (start as usize, channel.len());
-                let channel = &mut channel[start..(start + STRETCH).min(width)];
+                let channel = &mut channel[start..(start + CHUNK_COLUMNS).min(width)];
                 let (values, others) = rest.split_at(channel.len());
                 channel.copy_from_slice(values);
                 rest = others;
@@ -73,10 +74,10 @@ impl SavedRow {
     }
 }
 
-/// The stretch of `row` that begins at column `start`.
-fn stretch(row: &[f32], start: u32) -> &[f32] {
+/// The chunk of `row` that begins at column `start`.
+fn chunk(row: &[f32], start: u32) -> &[f32] {
     let start = start as usize;
-    &row[start..(start + STRETCH).min(row.len())]
+    &row[start..(start + CHUNK_COLUMNS).min(row.len())]
 }
 
 #[cfg(test)]
@@ -85,7 +86,7 @@ mod tests {
     use crate::image::Plane;
 
     #[test]
-    fn what_has_fragments_is_as_it_was() {
+    fn restoring_brings_back_the_colours_of_all_fragments() {
         let (width, height) = (37, 3);
         let layer = || Layer {
             color: std::array::from_fn(|k| {
@@ -95,13 +96,13 @@ mod tests {
             coc_px: Plane::zeros(width, height),
         };
         let mut layers = [layer(), layer()];
-        let saved = SavedColors::of(&layers);
+        let saved = SavedColors::from_layers(&layers);
         layers.iter_mut().flat_map(|layer| &mut layer.color).for_each(|plane| plane.values_mut().fill(-1.0));
         saved.restore(&mut layers);
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            let was = layer();
-            if was.alpha.get(x, y) > 0.0 {
-                assert_eq!(layers[1].color_at(x, y), was.color_at(x, y), "{x}, {y}");
+            let original = layer();
+            if original.alpha.get(x, y) > 0.0 {
+                assert_eq!(layers[1].color_at(x, y), original.color_at(x, y), "{x}, {y}");
             }
         }
         assert_eq!(layers[0].color_at(20, 1), [-1.0; 3], "a row without fragments is left alone");

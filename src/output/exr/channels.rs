@@ -1,4 +1,4 @@
-//! The channels of the output: the picture's four and those carried over from the input.
+//! The channels of the output: `R G B A` and the channels copied from the input.
 
 use crate::finding::Finding;
 use crate::image::{Image, Plane};
@@ -8,17 +8,17 @@ use exr::meta::attribute::{ChannelDescription, SampleType, Text};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
-/// Names at the root that are the picture's own.
+/// Names of the picture's channels at the root.
 const PICTURE: [&str; 4] = ["R", "G", "B", "A"];
 
-/// The longest name that OpenEXR allows, in bytes.
-const LONGEST_NAME: usize = 255;
+/// Maximum length of a name in OpenEXR, in bytes.
+const MAX_NAME_BYTES: usize = 255;
 
 /// Samples of one channel.
 enum Samples<'a> {
     /// A plane to be rounded to half.
     Half(&'a Plane),
-    /// A plane as it is.
+    /// A plane of floats.
     Float(&'a Plane),
     /// Samples of the input, in their own type.
     Carried(&'a FlatSamples),
@@ -26,14 +26,14 @@ enum Samples<'a> {
 
 /// One channel to write.
 pub(super) struct Channel<'a> {
-    /// What the header says of it.
+    /// Its description in the header.
     pub(super) description: ChannelDescription,
     samples: Samples<'a>,
 }
 
 impl Channel<'_> {
-    /// Appends row `y` in the machine's byte order. Half values beyond the largest half are clamped to it, so that no
-    /// bright pixel becomes infinite.
+    /// Appends row `y` in native byte order. Values beyond the largest half float are clamped to it, so that
+    /// bright pixels do not become infinite.
     pub(super) fn append_row(&self, y: usize, width: usize, bytes: &mut Vec<u8>) {
         let row = y * width..(y + 1) * width;
         match self.samples {
@@ -61,7 +61,7 @@ fn append_halves(halves: &[f16], bytes: &mut Vec<u8>) {
     bytes.extend_from_slice(bytemuck::cast_slice(bits));
 }
 
-/// All channels in the order of the file, by the bytes of their names; what cannot be carried goes to `findings`.
+/// All channels in the order of the file, sorted by the bytes of their names. Channels that cannot be copied are reported in `findings`.
 pub(super) fn collect<'a>(
     image: &'a Image,
     frame: &Frame,
@@ -83,7 +83,7 @@ pub(super) fn collect<'a>(
     for channel in &carried.channels {
         let name = encode_name(&channel.name);
         let known = channels.iter().any(|other| other.description.name == name);
-        match obstacle(channel, &name, known, frame) {
+        match conflict(channel, &name, known, frame) {
             Some(reason) => findings.push(Finding::warning(
                 "channels",
                 format!("channel {:?} of the input is left out: {reason}", channel.name),
@@ -107,15 +107,15 @@ fn carry(channel: &CarriedChannel, name: Text) -> Channel<'_> {
     }
 }
 
-/// Why a channel cannot stand beside the picture.
-fn obstacle(channel: &CarriedChannel, name: &Text, known: bool, frame: &Frame) -> Option<String> {
+/// The reason why a channel cannot be written beside the picture.
+fn conflict(channel: &CarriedChannel, name: &Text, known: bool, frame: &Frame) -> Option<String> {
     let (width, height) = (frame.data.width, frame.data.height);
     if PICTURE.contains(&channel.name.as_str()) {
-        Some("the picture takes its name".to_owned())
+        Some("the picture has a channel of this name".to_owned())
     } else if known {
-        Some("another channel has its name".to_owned())
-    } else if name.as_slice().is_empty() || name.as_slice().len() > LONGEST_NAME {
-        Some(format!("a channel's name has 1 to {LONGEST_NAME} bytes"))
+        Some("another channel has the same name".to_owned())
+    } else if name.as_slice().is_empty() || name.as_slice().len() > MAX_NAME_BYTES {
+        Some(format!("a channel's name has 1 to {MAX_NAME_BYTES} bytes"))
     } else if channel.samples.len() != width * height {
         Some(format!("it has {} samples, the picture {width}×{height}", channel.samples.len()))
     } else {
@@ -123,7 +123,7 @@ fn obstacle(channel: &CarriedChannel, name: &Text, known: bool, frame: &Frame) -
     }
 }
 
-/// A name in the bytes of the file: one byte a character as the EXR library reads them, UTF-8 where that cannot be.
+/// The bytes of a name in the file: one byte per character, as the EXR library decodes them, or UTF-8 if that is not possible.
 fn encode_name(name: &str) -> Text {
     Text::new_or_none(name).unwrap_or_else(|| Text::from_slice_unchecked(name.as_bytes()))
 }

@@ -1,34 +1,35 @@
-//! How an EXR's pixels are compressed.
+//! Compression of EXR files.
 
 use crate::error::Error;
 use exr::compression::Compression;
 use std::fmt;
 use std::str::FromStr;
 
-/// A compression that this tool writes. HTJ2K and ZSTD are not among them: the EXR library cannot write them.
+/// A compression that can be written. The EXR library cannot write HTJ2K and ZSTD.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Codec {
     /// No compression.
     None,
-    /// Runs of equal bytes; lossless.
+    /// Run-length encoding; lossless.
     Rle,
-    /// Deflate, one scan line a block; lossless.
+    /// Deflate, one scan line per block; lossless.
     Zips,
-    /// Deflate, 16 scan lines a block; lossless.
+    /// Deflate, 16 scan lines per block; lossless.
     #[default]
     Zip,
-    /// Wavelets; lossless, small for grainy pictures.
+    /// Wavelets; lossless, small files for grainy pictures.
     Piz,
     /// Deflate with floats rounded to 24 bits; lossless for half and integers.
     Pxr24,
-    /// Blocks of fixed size for half; lossy.
+    /// Fixed-size blocks for half; lossy.
     B44,
-    /// B44 with flat blocks made smaller; lossy.
+    /// B44 with smaller flat blocks; lossy.
     B44a,
-    /// Cosine transform, 32 scan lines a block; lossy.
+    /// Cosine transform, 32 scan lines per block; lossy.
     Dwaa,
-    /// Cosine transform, 256 scan lines a block; lossy.
+    /// Cosine transform, 256 scan lines per block; lossy.
     Dwab,
 }
 
@@ -47,7 +48,7 @@ impl Codec {
         Self::Dwab,
     ];
 
-    /// The name that flags and reports use.
+    /// The name in flags and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -90,7 +91,7 @@ impl FromStr for Codec {
 
     fn from_str(name: &str) -> Result<Self, Error> {
         Self::ALL.into_iter().find(|codec| codec.name() == name).ok_or_else(|| {
-            Error::settings(format!("no EXR compression is called {name:?}"))
+            Error::settings(format!("there is no EXR compression called {name:?}"))
                 .with("known", Self::ALL.map(Self::name).join(", "))
         })
     }

@@ -1,7 +1,7 @@
-//! The header of the output, byte by byte.
+//! The header of the output file.
 //!
-//! Written here rather than by the EXR library, because the library keeps further attributes in hash maps: their order
-//! in the file would change from run to run, and with it the file of an unchanged picture.
+//! It is not written by the EXR library, because the library stores custom attributes in hash maps: their order
+//! would differ between runs, and equal pictures would give different files.
 
 use super::channels::Channel;
 use crate::finding::Finding;
@@ -13,7 +13,7 @@ use exr::meta::attribute::{self, AttributeValue, ChannelList, IntegerBounds, Lin
 use exr::meta::header::{Header, LayerAttributes, standard_names};
 use std::collections::BTreeMap;
 
-/// Attributes that describe how the input was stored, not what it shows.
+/// Attributes that describe the storage of the input, not its content.
 const STRUCTURAL: [&[u8]; 13] = [
     standard_names::CHANNELS,
     standard_names::COMPRESSION,
@@ -30,7 +30,7 @@ const STRUCTURAL: [&[u8]; 13] = [
     standard_names::DWA_COMPRESSION_LEVEL,
 ];
 
-/// Names from this many bytes on need [`LONG_NAMES`].
+/// Names of this many bytes or more require [`LONG_NAMES`].
 const LONG_NAME: usize = 32;
 
 /// Flag in the version field: names of up to 255 bytes.
@@ -39,7 +39,7 @@ const LONG_NAMES: u32 = 1 << 10;
 /// Attributes by name.
 pub(super) type Attributes = BTreeMap<Vec<u8>, AttributeValue>;
 
-/// What the EXR library needs to know to compress a block.
+/// The header that the EXR library requires to compress blocks.
 pub(super) fn describe(frame: &Frame, channels: &[Channel<'_>], compression: Compression) -> Header {
     let size = (frame.data.width, frame.data.height);
     let list = channels.iter().map(|channel| channel.description.clone()).collect();
@@ -55,7 +55,7 @@ pub(super) fn describe(frame: &Frame, channels: &[Channel<'_>], compression: Com
     header
 }
 
-/// The carried attributes overlaid with those of this file; what cannot be written goes to `findings`.
+/// The carried attributes, overridden by those of this file. Attributes that cannot be written are reported in `findings`.
 pub(super) fn attributes(header: &Header, carried: &Carried, findings: &mut Vec<Finding>) -> Attributes {
     let mut all = Attributes::new();
     for (name, value) in &carried.attributes {
@@ -85,7 +85,7 @@ pub(super) fn attributes(header: &Header, carried: &Carried, findings: &mut Vec<
     all
 }
 
-/// Writes everything that stands before the table of block offsets.
+/// Writes everything before the table of block offsets.
 pub(super) fn write(mut target: &mut dyn Target, attributes: &Attributes) -> exr::error::UnitResult {
     let long = |name: &[u8]| name.len() >= LONG_NAME;
     let long_names = attributes.iter().any(|(name, value)| match value {

@@ -1,8 +1,8 @@
-//! EXR: the picture as `R G B A` at the root, with the channels and attributes carried over from the input.
+//! EXR: the picture as `R G B A` at the root, with channels and attributes copied from the input.
 //!
-//! The EXR library compresses single blocks and knows the attribute types; the file around them is written here, so that
-//! blocks are compressed in the caller's thread pool (the library would build a pool of its own at every call) and equal
-//! pictures give equal files. Cost: the compression. Memory: a band of blocks.
+//! The EXR library compresses single blocks and encodes attributes. The file itself is written here, so that
+//! blocks are compressed in the caller's thread pool (the library creates a pool at every call) and equal
+//! pictures give equal files. Cost: the compression. Memory: one band of blocks.
 
 mod channels;
 mod codec;
@@ -24,10 +24,10 @@ use rayon::prelude::*;
 use std::io::SeekFrom;
 use std::path::Path;
 
-/// Blocks compressed before they are written: enough to keep every thread busy to the end of a band.
-const BLOCKS_A_THREAD: usize = 8;
+/// Blocks per thread that are compressed before they are written: enough to balance the load within a band.
+const BLOCKS_PER_THREAD: usize = 8;
 
-/// How an EXR is stored.
+/// Storage options of an EXR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct ExrOptions {
     /// Numeric type of `R G B A`; carried channels keep their own.
@@ -36,11 +36,18 @@ pub struct ExrOptions {
     pub codec: Codec,
 }
 
-/// Writes `image` with its `frame` and what is `carried` from the input to the file `path` (`-`: standard output).
+impl ExrOptions {
+    /// Options for `precision`, with the default compression.
+    pub fn new(precision: Precision) -> Self {
+        Self { precision, codec: Codec::default() }
+    }
+}
+
+/// Writes `image` with its `frame` and the data `carried` from the input to the file `path` (`-`: standard output).
 ///
-/// `image` has the size of `frame.data`. Half values beyond ±65504 are clamped to it. Returns what could not be carried:
-/// channels called `R`, `G`, `B` or `A` at the root (the picture takes these names), of another size, or with a name or
-/// value that the format forbids.
+/// `image` has the size of `frame.data`. Half values beyond ±65504 are clamped. Returns findings about data that cannot be copied:
+/// channels called `R`, `G`, `B` or `A` at the root (names of the picture's channels), channels of another size, and names or
+/// values that the format does not allow.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Output`] for a picture of another size than its frame, a frame that EXR cannot express, and
@@ -81,7 +88,7 @@ fn write_blocks(
     let table = target.stream_position()?;
     let mut offsets = Vec::with_capacity(header.chunk_count);
     target.write_all(&vec![0; header.chunk_count * size_of::<u64>()])?;
-    let band = BLOCKS_A_THREAD * rayon::current_num_threads();
+    let band = BLOCKS_PER_THREAD * rayon::current_num_threads();
     for first in (0..header.chunk_count).step_by(band) {
         let last = header.chunk_count.min(first + band);
         let chunks: Vec<_> =

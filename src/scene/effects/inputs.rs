@@ -7,6 +7,7 @@ use crate::scene::stats::SceneStats;
 
 /// The inputs of a decision. Every decision is a pure function of them.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Inputs<'a> {
     /// The scene's statistics.
     pub stats: &'a SceneStats,
@@ -39,6 +40,6 @@ impl Inputs<'_> {
 }
 
 /// `part` of `whole` in percent; 0 where `whole` is 0.
-pub fn percent(part: usize, whole: usize) -> f64 {
+pub(crate) fn percent(part: usize, whole: usize) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }

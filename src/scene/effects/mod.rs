@@ -9,11 +9,12 @@ mod lens;
 mod scene;
 mod words;
 
-pub use inputs::{Inputs, percent};
+pub use inputs::Inputs;
+pub(crate) use inputs::percent;
 pub use words::{Effect, EffectKind};
 
 /// The decisions about the scene and its lens, which hold for every method.
-pub fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
+pub(crate) fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
     vec![
         scene::blur(inputs),
         scene::merge(inputs.stats),

@@ -24,6 +24,7 @@ pub enum EffectKind {
     /// Fragments with an alpha below 1.
     Translucency,
     /// Transparent background: lens rays that hit nothing make the picture transparent.
+    #[serde(rename = "open-background")]
     TransparentBackground,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
@@ -142,6 +143,7 @@ impl EffectKind {
 
 /// One decision, with its reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Effect {
     /// Which effect.
     pub name: EffectKind,

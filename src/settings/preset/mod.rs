@@ -23,6 +23,7 @@ pub struct Preset {
 
 /// A built-in preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BuiltIn {
     /// Its name.
     pub name: &'static str,

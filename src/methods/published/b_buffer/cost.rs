@@ -1,10 +1,10 @@
-//! What `b-buffer` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `b-buffer`, in the terms that its module head names. The nanoseconds are fitted by `examples/cost_model.rs`.
 
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     // Level n has the variance (4ⁿ − 1) / 2, a disc c² / 4.
     let levels: f64 = workload.reach_px().map(|coc| (1.0 + 0.5 * coc * coc).log(4.0).ceil()).iter().sum();

@@ -1,15 +1,15 @@
 //! The A-buffer and the two B-buffers on a GPU.
 //!
-//! The rows of a peel that have contributions to a level are found before culling, which can only make them fewer.
+//! The rows of a peel that contribute to a level are found before culling. Culling only removes contributions, so these rows
+//! include all that are needed.
 
-use super::field::{Field, Side, Weighing};
+use super::field::{Field, LevelWeights, Side};
 use super::parameters::BBufferParameters;
 use super::{BBuffer, ranges_px};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     self, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_COVERAGE_PLANES_WGSL,
     PYRAMID_WGSL, Peel, Planes, RowNeeds, SPLAT, Step, at_pixels, corners, picture_in_bands,
@@ -30,17 +30,17 @@ static SHADER: Shader = Shader {
         FIRST_LEVEL_WGSL,
         include_str!("../../../../shaders/methods/b_buffer.wgsl"),
     ],
-    structs: &[Step::LAYOUT, Frame::LAYOUT, Weighing::LAYOUT, PeelStats::LAYOUT],
+    structs: &[Step::LAYOUT, Frame::LAYOUT, LevelWeights::LAYOUT, PeelUniform::LAYOUT],
 };
 
 mirrored! {
-    /// What a pass has to know of a peel.
-    struct PeelStats {
-        /// Whether it is opaque where it covers: all but the backdrop of an open background are.
-        shows: u32,
-        /// Whether it is the nearest.
-        first: u32,
-        /// The first row that the pass looks at.
+    /// Inputs of a pass over a peel.
+    struct PeelUniform {
+        /// 1 where alpha is coverage; 0 for the backdrop of a transparent background, which has no alpha.
+        has_alpha: u32,
+        /// 1 for the nearest peel.
+        is_nearest: u32,
+        /// The first row of the pass.
         first_row: i32,
         same_surface_px: f32,
         in_focus_px: f32,
@@ -51,21 +51,23 @@ impl GpuBackend for BBuffer {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let size = scene.picture_size();
         let fields = [Side::Far, Side::Near].map(|side| Field::new(side, plan, size));
-        // Level 1 is there to be bound even where nothing goes to it.
-        let top = fields.iter().map(|field| field.top).max().unwrap_or(0).max(1);
+        // Level 1 always exists, because its buffer has to be bound.
+        let coarsest = fields.iter().map(|field| field.coarsest).max().unwrap_or(0).max(1);
         let peels = shared::peels(scene.clone(), plan);
         let ranges_px = peels.iter().map(ranges_px).collect();
-        let open = plan.does(EffectKind::TransparentBackground);
-        let painter = Painter { gpu, plan, kernels: Kernels::new(gpu)?, peels, ranges_px, fields, top, open };
-        let channels = painter.channels();
-        let widest = Grid::new(size, top, Edge::Repeat).sizes[0].0;
+        let transparent_background = plan.does(EffectKind::TransparentBackground);
+        let kernels = Kernels::new(gpu)?;
+        let renderer =
+            BandRenderer { gpu, plan, kernels, peels, ranges_px, fields, coarsest, transparent_background };
+        let channels = renderer.channels();
+        let widest = Grid::new(size, coarsest, Edge::Repeat).sizes[0].0;
         let needs = RowNeeds {
-            planes: 5 * painter.peels.len() + 2 * (channels + 1),
+            planes: 5 * renderer.peels.len() + 2 * (channels + 1),
             values: (channels + 2) * widest.div_ceil(2),
         };
-        let reach = shared::reach(top);
-        picture_in_bands(gpu, (size, open), (reach, needs), progress, |band, progress| {
-            painter.band(size, band, progress)
+        let reach = shared::reach(coarsest);
+        picture_in_bands(gpu, (size, transparent_background), (reach, needs), progress, |band, progress| {
+            renderer.band(size, band, progress)
         })
     }
 
@@ -74,18 +76,18 @@ impl GpuBackend for BBuffer {
     }
 }
 
-/// The entry points.
+/// The entry points of the shader.
 struct Kernels {
     cull: Kernel,
     clear: Kernel,
     splat: Kernel,
     reduce: Kernel,
     saturate_top: Kernel,
-    unite_level: Kernel,
+    combine_level: Kernel,
     clear_sums: Kernel,
     gather: Kernel,
-    lay: Kernel,
-    lay_in_focus: Kernel,
+    composite_field: Kernel,
+    composite_in_focus: Kernel,
     normalise: Kernel,
 }
 
@@ -98,33 +100,33 @@ impl Kernels {
             splat: kernel("splat")?,
             reduce: kernel("reduce")?,
             saturate_top: kernel("saturate_top")?,
-            unite_level: kernel("unite_level")?,
+            combine_level: kernel("combine_level")?,
             clear_sums: kernel("clear_sums")?,
             gather: kernel("gather")?,
-            lay: kernel("lay")?,
-            lay_in_focus: kernel("lay_in_focus")?,
+            composite_field: kernel("composite_field")?,
+            composite_in_focus: kernel("composite_in_focus")?,
             normalise: kernel("normalise")?,
         })
     }
 }
 
-/// What every band is made from.
-struct Painter<'a> {
+/// Renders bands.
+struct BandRenderer<'a> {
     gpu: &'a Gpu,
     plan: &'a Plan,
     kernels: Kernels,
     peels: Vec<Peel>,
-    /// Of each peel, the range of CoC radii in each row.
+    /// For each peel, the range of signed CoC radii in each row.
     ranges_px: Vec<Vec<[f32; 2]>>,
     /// Behind focus, and in front of it.
     fields: [Field; 2],
-    /// The coarsest level of either.
-    top: usize,
-    open: bool,
+    /// The coarsest level of either field.
+    coarsest: usize,
+    transparent_background: bool,
 }
 
 /// The buffers of a band.
-struct Canvas<'a> {
+struct BandBuffers<'a> {
     band: &'a Band,
     width: usize,
     levels: Levels,
@@ -135,35 +137,36 @@ struct Canvas<'a> {
     result: Planes,
 }
 
-impl Painter<'_> {
-    /// Planes of content.
+impl BandRenderer<'_> {
+    /// Number of planes of content.
     fn channels(&self) -> usize {
-        if self.open { 4 } else { 3 }
+        if self.transparent_background { 4 } else { 3 }
     }
 
-    /// Content, and then coverage, of a band's rows.
+    /// Content and, last, coverage of the rows of a band.
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
-        let canvas = self.canvas(size, band)?;
-        self.cull(&canvas)?;
+        let buffers = self.buffers(size, band)?;
+        self.cull(&buffers)?;
         progress(0.2);
         let [far, near] = &self.fields;
-        self.lay_field(far, &canvas)?;
+        self.composite_field(far, &buffers)?;
         progress(0.6);
-        self.lay_in_focus(&canvas)?;
-        self.lay_field(near, &canvas)?;
-        let Planes { colors, rest } = &canvas.result;
-        let bindings = [(2, &canvas.frame), (6, colors), (7, rest)];
-        let made = (canvas.width, band.rows.len());
+        self.composite_in_focus(&buffers)?;
+        self.composite_field(near, &buffers)?;
+        let Planes { colors, rest } = &buffers.result;
+        let bindings = [(2, &buffers.frame), (6, colors), (7, rest)];
+        let made = (buffers.width, band.rows.len());
         self.gpu.submit(|work| at_pixels(work, &self.kernels.normalise, &bindings, made))?;
-        Ok(canvas.result)
+        Ok(buffers.result)
     }
 
-    fn canvas<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<Canvas<'b>, Error> {
+    /// The buffers of a band, with the peels uploaded.
+    fn buffers<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<BandBuffers<'b>, Error> {
         let (gpu, channels) = (self.gpu, self.channels());
-        let levels = Levels::new(Grid::new(size, self.top, Edge::Repeat), &band.rows, channels + 2);
+        let levels = Levels::new(Grid::new(size, self.coarsest, Edge::Repeat), &band.rows, channels + 2);
         let peels =
             self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.covered, &peel.coc_px, &band.source));
-        Ok(Canvas {
+        Ok(BandBuffers {
             band,
             width: size.0,
             frame: gpu.uniform(&levels.frame(band, channels))?,
@@ -175,157 +178,153 @@ impl Painter<'_> {
         })
     }
 
-    /// What a pass that begins at a row has to know of peel `i`.
-    fn stats(&self, i: usize, first_row: usize) -> Result<Buffer, Error> {
+    /// Inputs of a pass over peel `i` that begins at `first_row`.
+    fn peel_uniform(&self, i: usize, first_row: usize) -> Result<Buffer, Error> {
         let parameters = self.plan.parameters.get::<BBufferParameters>();
-        self.gpu.uniform(&PeelStats {
-            shows: u32::from(!self.open || i + 1 < self.peels.len()),
-            first: u32::from(i == 0),
+        self.gpu.uniform(&PeelUniform {
+            has_alpha: u32::from(!self.transparent_background || i + 1 < self.peels.len()),
+            is_nearest: u32::from(i == 0),
             first_row: first_row as i32,
             same_surface_px: parameters.same_surface_px,
             in_focus_px: parameters.in_focus_px,
         })
     }
 
-    /// From the first to the last of `rows` in which peel `i` has CoC radii that are `wanted`.
+    /// The part of `rows` from the first to the last row in which peel `i` has a CoC range that `matches`; `None` without any.
     fn rows_with(
         &self,
         i: usize,
         rows: &Range<usize>,
-        wanted: impl Fn([f32; 2]) -> bool,
+        matches: impl Fn([f32; 2]) -> bool,
     ) -> Option<Range<usize>> {
-        let mut found = rows.clone().filter(|&y| wanted(self.ranges_px[i][y]));
+        let mut found = rows.clone().filter(|&y| matches(self.ranges_px[i][y]));
         let first = found.next()?;
         Some(first..found.next_back().unwrap_or(first) + 1)
     }
 
-    /// Takes from the peels what the A-buffer need not keep.
-    fn cull(&self, canvas: &Canvas<'_>) -> Result<(), Error> {
-        let source = (canvas.width, canvas.band.source.len());
+    /// Removes from the peels the contributions that the A-buffer does not need.
+    fn cull(&self, buffers: &BandBuffers<'_>) -> Result<(), Error> {
+        let source = (buffers.width, buffers.band.source.len());
         self.gpu.submit(|work| {
-            for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate() {
-                let stats = self.stats(i, 0)?;
+            for (i, Planes { colors, rest }) in buffers.peels.iter().enumerate() {
+                let peel = self.peel_uniform(i, 0)?;
                 let bindings =
-                    [(2, &canvas.frame), (4, colors), (5, rest), (8, &canvas.sums.colors), (10, &stats)];
+                    [(2, &buffers.frame), (4, colors), (5, rest), (8, &buffers.sums.colors), (10, &peel)];
                 at_pixels(work, &self.kernels.cull, &bindings, source)?;
             }
             Ok(())
         })
     }
 
-    /// Lays the contributions of `field` over the result.
-    fn lay_field(&self, field: &Field, canvas: &Canvas<'_>) -> Result<(), Error> {
-        for n in (1..=field.top).rev() {
-            self.gpu.submit(|work| self.add_level(work, field, n, canvas))?;
+    /// Composites the contributions of `field` over the result.
+    fn composite_field(&self, field: &Field, buffers: &BandBuffers<'_>) -> Result<(), Error> {
+        for n in (1..=field.coarsest).rev() {
+            self.gpu.submit(|work| self.add_level(work, field, n, buffers))?;
         }
         self.gpu.submit(|work| {
-            self.gather(work, field, canvas)?;
-            let weighing = self.gpu.uniform(&field.weighing(0))?;
-            let (step, _) = canvas.levels.synthesis(self.gpu, 0)?;
-            let Canvas { sums, result, .. } = canvas;
+            self.gather(work, field, buffers)?;
+            let level_weights = self.gpu.uniform(&field.level_weights(0))?;
+            let (step, _) = buffers.levels.synthesis(self.gpu, 0)?;
+            let BandBuffers { sums, result, .. } = buffers;
             let bindings = [
                 (0, &step),
-                (1, &canvas.pyramid),
-                (2, &canvas.frame),
-                (3, &weighing),
+                (1, &buffers.pyramid),
+                (2, &buffers.frame),
+                (3, &level_weights),
                 (6, &result.colors),
                 (7, &result.rest),
                 (8, &sums.colors),
                 (9, &sums.rest),
             ];
-            let fours = (corners(canvas.width), corners(canvas.band.rows.len()));
-            at_pixels(work, &self.kernels.lay, &bindings, fours)
+            let blocks = (corners(buffers.width), corners(buffers.band.rows.len()));
+            at_pixels(work, &self.kernels.composite_field, &bindings, blocks)
         })
     }
 
-    /// Makes level `n` of what goes there and of the level above it.
+    /// Computes level `n` from the contributions that go there and from the next coarser level.
     fn add_level(
         &self,
         work: &mut Work<'_>,
         field: &Field,
         n: usize,
-        canvas: &Canvas<'_>,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
-        let Canvas { levels, pyramid, frame, .. } = canvas;
+        let BandBuffers { levels, pyramid, frame, .. } = buffers;
         let (step, groups) = levels.analysis(self.gpu, 0, SPLAT)?;
         work.pass(&self.kernels.clear, &[(0, &step), (1, pyramid)], groups)?;
-        let weighing = self.gpu.uniform(&field.weighing(n))?;
-        for i in 0..canvas.peels.len() {
-            self.splat(work, field, (n, i), &weighing, canvas)?;
+        let level_weights = self.gpu.uniform(&field.level_weights(n))?;
+        for i in 0..buffers.peels.len() {
+            self.splat(work, field, (n, i), &level_weights, buffers)?;
         }
         for level in 1..n {
             let (step, groups) = levels.analysis(self.gpu, level, SPLAT)?;
             work.pass(&self.kernels.reduce, &[(0, &step), (1, pyramid)], groups)?;
         }
-        if n == field.top {
+        if n == field.coarsest {
             let (step, groups) = levels.each_of(self.gpu, n)?;
             return work.pass(&self.kernels.saturate_top, &[(0, &step), (1, pyramid), (2, frame)], groups);
         }
         let (step, [across, down, _]) = levels.synthesis(self.gpu, n)?;
-        let bindings = [(0, &step), (1, pyramid), (2, frame), (3, &weighing)];
-        work.pass(&self.kernels.unite_level, &bindings, [across, down, 1])
+        let bindings = [(0, &step), (1, pyramid), (2, frame), (3, &level_weights)];
+        work.pass(&self.kernels.combine_level, &bindings, [across, down, 1])
     }
 
-    /// Adds to level 1 what of peel `i` goes to level `n`.
+    /// Adds to level 1 the contributions of peel `i` that go to level `n`.
     fn splat(
         &self,
         work: &mut Work<'_>,
         field: &Field,
         (n, i): (usize, usize),
-        weighing: &Buffer,
-        canvas: &Canvas<'_>,
+        level_weights: &Buffer,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
-        let has = |range| field.has(n, range);
-        let Some(rows) = self.rows_with(i, &canvas.band.source, has) else { return Ok(()) };
-        let (step, [across, down, _]) = canvas.levels.analysis_of_rows(self.gpu, SPLAT, &rows)?;
-        let (stats, Planes { colors, rest }) = (self.stats(i, rows.start)?, &canvas.peels[i]);
+        let may_have = |range_px| field.may_have(n, range_px);
+        let Some(rows) = self.rows_with(i, &buffers.band.source, may_have) else { return Ok(()) };
+        let (step, [across, down, _]) = buffers.levels.analysis_of_rows(self.gpu, SPLAT, &rows)?;
+        let (peel, Planes { colors, rest }) = (self.peel_uniform(i, rows.start)?, &buffers.peels[i]);
         let bindings = [
             (0, &step),
-            (1, &canvas.pyramid),
-            (2, &canvas.frame),
-            (3, weighing),
+            (1, &buffers.pyramid),
+            (2, &buffers.frame),
+            (3, level_weights),
             (4, colors),
             (5, rest),
-            (10, &stats),
+            (10, &peel),
         ];
         work.pass(&self.kernels.splat, &bindings, [across, down, 1])
     }
 
-    /// Sums what of `field` goes to level 0.
-    fn gather(&self, work: &mut Work<'_>, field: &Field, canvas: &Canvas<'_>) -> Result<(), Error> {
-        let Canvas { frame, sums, width, band, .. } = canvas;
+    /// Sums the contributions of `field` that go to level 0.
+    fn gather(&self, work: &mut Work<'_>, field: &Field, buffers: &BandBuffers<'_>) -> Result<(), Error> {
+        let BandBuffers { frame, sums, width, band, .. } = buffers;
         let sums = [(8, &sums.colors), (9, &sums.rest)];
-        let clear = [&[(2, frame)], &sums[..]].concat();
-        at_pixels(work, &self.kernels.clear_sums, &clear, (*width, band.source.len()))?;
-        let weighing = self.gpu.uniform(&field.weighing(0))?;
-        for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate() {
-            let Some(rows) = self.rows_with(i, &band.rows, |range| field.has(0, range)) else { continue };
-            let stats = self.stats(i, rows.start)?;
-            let peel = [(2, frame), (3, &weighing), (4, colors), (5, rest), (10, &stats)];
-            let bindings = [&peel[..], &sums].concat();
+        let cleared = [&[(2, frame)], &sums[..]].concat();
+        at_pixels(work, &self.kernels.clear_sums, &cleared, (*width, band.source.len()))?;
+        let level_weights = self.gpu.uniform(&field.level_weights(0))?;
+        for (i, Planes { colors, rest }) in buffers.peels.iter().enumerate() {
+            let Some(rows) = self.rows_with(i, &band.rows, |range_px| field.may_have(0, range_px)) else {
+                continue;
+            };
+            let peel = self.peel_uniform(i, rows.start)?;
+            let inputs = [(2, frame), (3, &level_weights), (4, colors), (5, rest), (10, &peel)];
+            let bindings = [&inputs[..], &sums].concat();
             at_pixels(work, &self.kernels.gather, &bindings, (*width, rows.len()))?;
         }
         Ok(())
     }
 
-    /// Lays the contributions in focus over the result, farthest first.
-    fn lay_in_focus(&self, canvas: &Canvas<'_>) -> Result<(), Error> {
+    /// Composites the contributions in focus over the result, farthest first.
+    fn composite_in_focus(&self, buffers: &BandBuffers<'_>) -> Result<(), Error> {
         let in_focus_px = self.plan.parameters.get::<BBufferParameters>().in_focus_px;
-        let wanted = |[near, far]: [f32; 2]| near <= in_focus_px && far >= -in_focus_px;
-        let Canvas { frame, result, .. } = canvas;
+        let has_in_focus = |[near, far]: [f32; 2]| near <= in_focus_px && far >= -in_focus_px;
+        let BandBuffers { frame, result, .. } = buffers;
         self.gpu.submit(|work| {
-            for (i, Planes { colors, rest }) in canvas.peels.iter().enumerate().rev() {
-                let Some(rows) = self.rows_with(i, &canvas.band.rows, wanted) else { continue };
-                let stats = self.stats(i, rows.start)?;
-                let bindings = [
-                    (2, frame),
-                    (4, colors),
-                    (5, rest),
-                    (6, &result.colors),
-                    (7, &result.rest),
-                    (10, &stats),
-                ];
-                at_pixels(work, &self.kernels.lay_in_focus, &bindings, (canvas.width, rows.len()))?;
+            for (i, Planes { colors, rest }) in buffers.peels.iter().enumerate().rev() {
+                let Some(rows) = self.rows_with(i, &buffers.band.rows, has_in_focus) else { continue };
+                let peel = self.peel_uniform(i, rows.start)?;
+                let bindings =
+                    [(2, frame), (4, colors), (5, rest), (6, &result.colors), (7, &result.rest), (10, &peel)];
+                at_pixels(work, &self.kernels.composite_in_focus, &bindings, (buffers.width, rows.len()))?;
             }
             Ok(())
         })

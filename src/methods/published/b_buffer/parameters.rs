@@ -3,9 +3,10 @@
 crate::declare_parameters! {
     /// Parameters of `b-buffer`.
     pub(super) BBufferParameters {
-        /// Contributions within this of the winner's CoC radius, in pixels, or within half of it, are culled as parts of the same surface.
+        /// A contribution is culled as part of the same surface where its CoC radius differs from that of the last opaque
+        /// contribution by less than this, in pixels, or by less than half of that radius.
         same_surface_px: f32 = 0.5, Number(0.0, 64.0);
-        /// Largest CoC radius, in pixels, that still counts as in focus.
+        /// Largest CoC radius, in pixels, that counts as in focus.
         in_focus_px: f32 = 0.5, Number(0.1, 8.0);
     }
 }

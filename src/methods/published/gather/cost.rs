@@ -1,17 +1,17 @@
-//! What `gather` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `gather`, in the terms that its module head names. The nanoseconds are fitted by `examples/cost_model.rs`.
 
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
-    let most = workload.views();
+    let max_samples = workload.views();
     let visited = |reach: f64| {
         let disc = std::f64::consts::PI * (reach + 0.5).powi(2);
-        if reach <= 0.5 { 0.0 } else { disc.min(most) }
+        if reach <= 0.5 { 0.0 } else { disc.min(max_samples) }
     };
-    // Eight levels of radius an octave, four a step, each a pass over the picture.
+    // Eight levels of radius per octave, four per step, each a pass over the picture.
     let steps = workload.stats.spread.steps.iter().skip(1);
     let levels = 4.0 * steps.filter(|step| step.front[0] > 0).count() as f64;
     let pixels = workload.pixels();

@@ -1,45 +1,44 @@
-//! `gather`: each pixel collects what spreads over it, from the visible picture alone.
+//! `gather`: each pixel is a weighted mean of the visible pixels whose discs cover it.
 //!
 //! Zhou, Chen & Pullen 2007, "Accurate Depth of Field Simulation in Real Time". A pixel `p` is the weighted mean of the
-//! pixels `q` around it, the weight a product of three:
+//! pixels `q` around it. The weight is a product of three factors:
 //!
-//! - *overlap*: whether the disc of `q` covers `p`; its rim is one pixel wide;
-//! - *intensity*: one over the disc's area, as its energy is spread evenly;
-//! - *leakage control*: a `q` behind `p` spreads no further than `p` itself does, so that nothing blurred bleeds into what
-//!   is in focus before it. Its disc then has `p`'s radius in both weights above, which makes it fade in without a step.
+//! - *overlap*: whether the disc of `q` covers `p`; the edge of the disc is one pixel wide;
+//! - *intensity*: one over the area of the disc, because its energy is spread evenly;
+//! - *leakage control*: a `q` behind `p` spreads no further than `p` itself does, so that no blurred background leaks into an
+//!   in-focus foreground. The disc of `q` then has the radius of `p` in both factors above, so that it fades in continuously.
 //!
-//! The paper filters along rows, then along columns: what its graphics cards could do, and no real disc. Here the disc is
-//! whole. Every pixel of it is visited as long as they are no more than the parameter `samples`; a larger disc is sampled,
-//! more densely towards its centre, where small discs have to be met too (see [`mod@quadrature`]). Only what is in front of
-//! focus may reach further than the pixel's own CoC, so the disc to visit is known exactly (see [`reach`]). Past the frame
-//! there is nothing to collect.
+//! The paper filters along rows, then along columns, as the graphics cards of its time required; that is not a true disc. Here
+//! the whole disc is evaluated. Every pixel of it is visited if their number is at most the parameter `samples`. A larger disc is
+//! sampled, more densely towards its centre so that small discs are found too (see [`mod@quadrature`]). Only fragments in front
+//! of focus can reach further than the CoC of the pixel itself, so the radius to visit is known exactly (see [`reach`]). Samples
+//! past the frame are skipped.
 //!
-//! Lee, Kim & Choi 2009, "Real-Time Depth-of-Field Rendering Using Anisotropically Filtered Mipmap Interpolation", is the
-//! same filter on a pyramid. What the two share is what is here, and of the pyramid that a sample which stands for many
-//! pixels brings their mean (see [`prefilter`]).
+//! Lee, Kim & Choi 2009, "Real-Time Depth-of-Field Rendering Using Anisotropically Filtered Mipmap Interpolation", apply the
+//! same filter to a pyramid. This module implements what both papers share. From the pyramid it takes one idea: a sample that
+//! stands for many pixels reads their mean (see [`prefilter`]).
 //!
-//! Cost: pixels × their disc's area, up to `samples` each; pixels in focus that nothing reaches are copied. Memory: the
-//! picture three times, and once more for each width of mean. Limits, by design: knows only what the pinhole sees, so a
-//! blurred front has nothing behind it to show and keeps a sharp outline, on whose inside all is front; outside it the mean
-//! of front and back is weighted by area where it should be by visibility. Behind what is blurred itself, the back's blur
-//! changes with the outline: a faint edge between two blurs.
+//! Cost: pixels × the area of their discs, at most `samples` each; in-focus pixels that nothing reaches are copied. Memory: three
+//! times the picture, and once more for each box width. Limits, by design: the method reads only the pinhole picture, so there is
+//! nothing to show behind a blurred foreground, which keeps a sharp outline. Inside the outline all is foreground; outside it,
+//! foreground and background are weighted by area instead of visibility. Behind a blurred foreground, the blur of the background
+//! changes at the outline, which leaves a faint edge between two blurs.
 
 mod cost;
 mod parameters;
 mod prefilter;
 mod quadrature;
 mod reach;
+mod source;
 mod sums;
 
 use crate::error::Error;
-use crate::image::{Image, Plane};
-use crate::lens::Aperture;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::image::Image;
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
+use crate::methods::shared;
 use crate::methods::shared::planes_from_rows;
-use crate::methods::shared::{self, DiscAreas, Visible};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use glam::Vec2;
@@ -48,9 +47,10 @@ use pulp::Arch;
 use quadrature::quadrature;
 use rayon::prelude::*;
 use reach::Reach;
-use sums::{Sample, Stretch, Sums};
+use source::Source;
+use sums::{Sample, SumSpan, Sums};
 
-/// The filter of games and compositors.
+/// The gather filter that is usual in games and compositors.
 #[derive(Debug)]
 pub(in crate::methods) struct Gather;
 
@@ -84,16 +84,16 @@ impl Method for Gather {
             .into_par_iter()
             .map(|level| reach.has(level).then(|| samples(reach.radius_px(level), plan)))
             .collect();
-        let last_box = samples.iter().flatten().flatten().map(|sample| sample.reads_box).max().unwrap_or(0);
+        let max_box = samples.iter().flatten().flatten().map(|sample| sample.box_index).max().unwrap_or(0);
         let channels = visible.content.len();
-        let source = Source::new(visible, plan.optics.aperture, last_box);
+        let source = Source::new(visible, plan.optics.aperture, max_box);
         let arch = Arch::new();
         let new_sums = || Sums::new(width, channels);
         let planes = planes_from_rows((width, height), progress, new_sums, |sums, y, planes: &mut [_; 4]| {
-            for (columns, level) in reach.stretches(y) {
+            for (columns, level) in reach.spans(y) {
                 let samples = samples[usize::from(level)].as_deref().unwrap_or_default();
                 if samples.len() > 1 {
-                    arch.dispatch(Stretch { source: &source, samples, y, columns: columns.clone(), sums });
+                    arch.dispatch(SumSpan { source: &source, samples, y, columns: columns.clone(), sums });
                 }
                 for (channel, plane) in planes[..channels].iter_mut().enumerate() {
                     let copied = &source.boxes[0][channel].row(y)[columns.clone()];
@@ -108,41 +108,20 @@ impl Method for Gather {
     }
 }
 
-/// Pixels to visit where nothing from further than `radius_px` spreads to: one alone, where that is within the pixel.
+/// The samples of a pixel that no disc reaches from further than `radius_px`; only its own where the radius is within the pixel.
 fn samples(radius_px: f32, plan: &Plan) -> Vec<Sample> {
-    let [far, near] = [1.0, -1.0].map(|side| {
-        // Distance from the centre, measured across the nearest side of the aperture.
+    let [far_distance_px, near_distance_px] = [1.0, -1.0].map(|side| {
+        // Distance from the centre, measured perpendicularly to the nearest side of the aperture.
         move |offset: Vec2| plan.optics.aperture.apothem() - plan.optics.aperture.depth_inside(offset, side)
     });
     let sample = |(offset, area_px): (glam::IVec2, f32)| Sample {
         offset,
         area_px,
-        reads_box: prefilter::box_for(area_px),
-        far_px: far(offset.as_vec2()),
-        near_px: near(offset.as_vec2()),
+        box_index: prefilter::box_for(area_px),
+        far_distance_px: far_distance_px(offset.as_vec2()),
+        near_distance_px: near_distance_px(offset.as_vec2()),
     };
     quadrature(radius_px, plan.lens_samples()).into_iter().map(sample).collect()
-}
-
-/// What the filter reads.
-struct Source {
-    /// The picture's channels, and their means over ever wider boxes: see [`prefilter`].
-    boxes: Vec<Vec<Plane>>,
-    coc_px: Plane,
-    /// One over the area of the disc.
-    intensity: Plane,
-    apothem: f32,
-}
-
-impl Source {
-    fn new(visible: Visible, aperture: Aperture, last_box: usize) -> Self {
-        let areas = DiscAreas::new(aperture);
-        let mut intensity = visible.coc_px.clone();
-        intensity.values_mut().par_iter_mut().for_each(|value| *value = 1.0 / areas.area(*value));
-        let Visible { content, coc_px } = visible;
-        let boxes = prefilter::boxes(content, &coc_px, last_box);
-        Self { boxes, coc_px, intensity, apothem: aperture.apothem() }
-    }
 }
 
 /// Measured over all cases of each law.
@@ -150,16 +129,16 @@ const DEVIATIONS: &[Deviation] = &[
     Deviation {
         law: Law::SeeThrough,
         within: [0.0, 0.001],
-        reason: "one picture knows nothing behind a blurred front, and what is in focus spreads nowhere",
+        reason: "one picture shows nothing behind a blurred foreground, and pixels in focus do not spread",
     },
     Deviation {
         law: Law::Transparency,
         within: [0.999, 1.22],
-        reason: "inside a near outline all is front; outside it front and nothing are weighted by area",
+        reason: "inside a near outline all is foreground; outside it foreground and nothing are weighted by area",
     },
     Deviation {
         law: Law::Convergence,
         within: [31.5, 33.0],
-        reason: "it is a filter of the visible picture: what is hidden is missing, however many the samples",
+        reason: "a filter of the visible picture lacks hidden surfaces at any number of samples",
     },
 ];

@@ -3,7 +3,7 @@
 crate::declare_parameters! {
     /// Parameters of `gather`.
     pub(super) GatherParameters {
-        /// Samples a pixel when `--views` does not say.
+        /// Samples per pixel where `views` is not set.
         samples: usize = 1024, Count(1, 65536);
     }
 }

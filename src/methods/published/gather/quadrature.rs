@@ -1,15 +1,15 @@
-//! Which pixels to visit of a disc, and how many each stands for.
+//! The pixels of a disc to visit, and how many pixels each stands for.
 
 use crate::lens::{Aperture, views};
 use glam::IVec2;
 use std::f32::consts::{PI, TAU};
 
-/// At most about `count` pixels of the disc of `radius_px` and half a pixel more, by their offset from its centre, each with
-/// the number of pixels that it stands for: 1 for all of them where they are few enough.
+/// At most about `count` pixels of the disc of radius `radius_px` + 0.5, as offsets from its centre, each with the number of
+/// pixels that it stands for: 1 for all of them where the disc has at most `count` pixels.
 ///
-/// Of a larger disc the inner part of radius `r₀` is visited whole and the rest `r₀/r` densely at radius `r`: a pixel there
-/// matters only when its own disc has radius `r` or more, so each scale gets its share. With `R` the outer radius,
-/// `π r₀² + 2π r₀ (R − r₀) = count` gives `r₀ = R − √(R² − count/π)`.
+/// Of a larger disc, the inner part of radius `r₀` is visited whole, and the rest with density `r₀/r` at radius `r`. A pixel
+/// there contributes only if its own disc has radius `r` or more, so every scale of discs gets its share of the samples. With the
+/// outer radius `R`, `π r₀² + 2π r₀ (R − r₀) = count` gives `r₀ = R − √(R² − count/π)`.
 pub(super) fn quadrature(radius_px: f32, count: usize) -> Vec<(IVec2, f32)> {
     let outer = radius_px + 0.5;
     let inner = outer - (outer * outer - count as f32 / PI).max(0.0).sqrt();
@@ -21,11 +21,12 @@ pub(super) fn quadrature(radius_px: f32, count: usize) -> Vec<(IVec2, f32)> {
         .map(|offset| (offset, 1.0))
         .collect();
     if inner < outer {
-        // The radius of a disc as large as the pixels visited so far.
+        // The radius of a disc of the same area as the pixels visited so far.
         let core = (samples.len() as f32 / PI).sqrt();
         let rest = count.saturating_sub(samples.len());
         for view in views(rest, Aperture::DISC) {
-            // The square of a uniform disc's radius is uniform, and so is the radius here: density falls as 1/r.
+            // For points uniform over a disc, the squared radius is uniform. So the radius here is uniform, and density falls as
+            // 1/r.
             let radius = core + (outer - core) * view.lens.length_squared();
             let offset = (view.lens.normalize_or_zero() * radius).round().as_ivec2();
             if !is_inner(offset) {
@@ -42,9 +43,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_disc_of_few_pixels_is_visited_whole() {
+    fn every_pixel_of_a_small_disc_is_visited() {
         let samples = quadrature(2.0, 64);
-        // Within 2.5: 5 × 5 pixels without the corners.
+        // Within a radius of 2.5 lie 5 × 5 pixels without the corners.
         assert_eq!(samples.len(), 21, "{samples:?}");
         assert!(samples.iter().all(|&(_, area)| area == 1.0), "each stands for itself");
     }
@@ -55,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn the_samples_of_a_large_disc_stand_for_all_of_it() {
+    fn the_samples_of_a_large_disc_stand_for_its_whole_area() {
         for (radius, count) in [(32.0, 64), (32.0, 1024), (200.0, 64), (10.0, 100), (37.0, 4096)] {
             let samples = quadrature(radius, count);
             let total: f32 = samples.iter().map(|(_, area)| area).sum();
@@ -64,7 +65,7 @@ mod tests {
                 (total / area - 1.0).abs() < 0.02,
                 "{count} for {radius} px stand for {total}, not {area}"
             );
-            assert!(samples.len() <= count, "no more than asked for");
+            assert!(samples.len() <= count, "no more than requested");
         }
     }
 
@@ -78,8 +79,8 @@ mod tests {
     }
 
     #[test]
-    fn a_small_disc_within_a_large_reach_is_met_often() {
-        // Density r₀/r: half the reach gets half of the samples, not a quarter.
+    fn the_inner_half_of_the_radius_gets_half_of_the_samples() {
+        // Uniform density would give it a quarter.
         let samples = quadrature(32.0, 256);
         let within = samples.iter().filter(|(offset, _)| offset.as_vec2().length() <= 16.0).count();
         assert!(

@@ -1,46 +1,49 @@
-//! The weighted mean, for neighbouring pixels of a row at once.
+//! The weighted mean, for a span of a row at once.
 
-use super::Source;
+use super::source::Source;
 use glam::IVec2;
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 
-/// So many samples are summed in single precision before they join the sum in double: thousands would drift.
-const A_GO: usize = 64;
+/// Samples summed in f32 before the sum is added to the f64 total, so that the f32 error does not grow with the sample count.
+const BATCH: usize = 64;
 
 /// A pixel to visit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
-    /// From the pixel that collects to the one visited.
+    /// Offset in pixels from the pixel that gathers to the one visited.
     pub offset: IVec2,
     /// How many pixels it stands for.
     pub area_px: f32,
-    /// Which of the source's boxes it brings.
-    pub reads_box: usize,
-    /// Distance across the nearest side of the aperture, as a disc behind focus has it.
-    pub far_px: f32,
-    /// The same in front of focus, where the aperture is turned by 180°.
-    pub near_px: f32,
+    /// Index of the box that it reads, in [`Source::boxes`].
+    pub box_index: usize,
+    /// Distance in pixels, measured perpendicularly to the nearest side of the aperture, of a disc behind focus.
+    pub far_distance_px: f32,
+    /// The same of a disc in front of focus, where the aperture is turned by 180°.
+    pub near_distance_px: f32,
 }
 
-/// Sums of a row: of weights, and of each channel.
+/// Sums over the samples of each pixel of a span: one row per channel and, last, the sum of weights.
 pub(super) struct Sums {
+    /// Weights of one sample.
     weights: Vec<f32>,
-    go: Vec<Vec<f32>>,
+    /// Sums over one batch of samples.
+    batch: Vec<Vec<f32>>,
+    /// Sums over all batches.
     total: Vec<Vec<f64>>,
 }
 
 impl Sums {
-    /// For rows of `width` pixels with `channels` channels.
+    /// Sums for rows of `width` pixels with `channels` channels.
     pub(super) fn new(width: usize, channels: usize) -> Self {
         Self {
             weights: vec![0.0; width],
-            go: vec![vec![0.0; width]; channels + 1],
+            batch: vec![vec![0.0; width]; channels + 1],
             total: vec![vec![0.0; width]; channels + 1],
         }
     }
 
-    /// The mean of `channel` over the stretch last summed.
+    /// Writes the means of `channel` for the last summed span.
     pub(super) fn mean(&self, channel: usize, means: &mut [f32]) {
         let weights = &self.total[self.total.len() - 1];
         for ((mean, &sum), &weight) in means.iter_mut().zip(&self.total[channel]).zip(weights) {
@@ -49,8 +52,8 @@ impl Sums {
     }
 }
 
-/// Sums a stretch of row `y` with one set of samples; to be compiled for each instruction set.
-pub(super) struct Stretch<'a> {
+/// Sums a span of row `y` with one set of samples; compiled for each instruction set.
+pub(super) struct SumSpan<'a> {
     pub source: &'a Source,
     pub samples: &'a [Sample],
     pub y: usize,
@@ -58,28 +61,28 @@ pub(super) struct Stretch<'a> {
     pub sums: &'a mut Sums,
 }
 
-impl NullaryFnOnce for Stretch<'_> {
+impl NullaryFnOnce for SumSpan<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
         let length = self.columns.len();
         self.sums.total.iter_mut().for_each(|total| total[..length].fill(0.0));
-        for samples in self.samples.chunks(A_GO) {
-            self.sums.go.iter_mut().for_each(|go| go[..length].fill(0.0));
+        for samples in self.samples.chunks(BATCH) {
+            self.sums.batch.iter_mut().for_each(|batch| batch[..length].fill(0.0));
             for sample in samples {
                 add(self.source, sample, self.y, &self.columns, self.sums);
             }
-            for (total, go) in self.sums.total.iter_mut().zip(&self.sums.go) {
-                for (total, &go) in total[..length].iter_mut().zip(go) {
-                    *total += f64::from(go);
+            for (total, batch) in self.sums.total.iter_mut().zip(&self.sums.batch) {
+                for (total, &batch) in total[..length].iter_mut().zip(batch) {
+                    *total += f64::from(batch);
                 }
             }
         }
     }
 }
 
-/// Adds one sample of each pixel of a stretch, where it lies in the frame.
+/// Adds one sample of each pixel of a span, where the sample lies in the frame.
 #[inline(always)]
 fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums: &mut Sums) {
     let (width, height) = (source.coc_px.width() as i64, source.coc_px.height() as i64);
@@ -91,7 +94,7 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
     }
     let own = from as usize..to as usize;
     let visited = (from + dx) as usize..(to + dx) as usize;
-    let in_stretch = own.start - columns.start..own.end - columns.start;
+    let in_span = own.start - columns.start..own.end - columns.start;
     let visited_y = visited_y as usize;
     let weights = &mut sums.weights[..own.len()];
     weigh(
@@ -101,20 +104,20 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
         [&source.coc_px.row(y)[own.clone()], &source.intensity.row(y)[own]],
         [&source.coc_px.row(visited_y)[visited.clone()], &source.intensity.row(visited_y)[visited.clone()]],
     );
-    let (of_weights, of_channels) = sums.go.split_last_mut().expect("there is always the sum of weights");
-    for (sum, plane) in of_channels.iter_mut().zip(&source.boxes[sample.reads_box]) {
+    let (weight_sum, channel_sums) = sums.batch.split_last_mut().expect("the last row is the sum of weights");
+    for (sum, plane) in channel_sums.iter_mut().zip(&source.boxes[sample.box_index]) {
         let values = &plane.row(visited_y)[visited.clone()];
-        for ((sum, &weight), &value) in sum[in_stretch.clone()].iter_mut().zip(&*weights).zip(values) {
+        for ((sum, &weight), &value) in sum[in_span.clone()].iter_mut().zip(&*weights).zip(values) {
             *sum += weight * value;
         }
     }
-    for (sum, &weight) in of_weights[in_stretch].iter_mut().zip(&*weights) {
+    for (sum, &weight) in weight_sum[in_span].iter_mut().zip(&*weights) {
         *sum += weight;
     }
 }
 
-/// Weights of the pixels visited, `[c, 1/area]` each as the pixels that collect: overlap × intensity, with leakage control,
-/// × the pixels that the sample stands for.
+/// Weights of the visited pixels: overlap × intensity, with leakage control, × the number of pixels that the sample stands for.
+/// Gathering (`own_…`) and visited pixels are each given by signed CoC radius and one over the disc area.
 #[inline(always)]
 fn weigh(
     weights: &mut [f32],
@@ -131,11 +134,11 @@ fn weigh(
         let (intensity, own_intensity) = (intensity[i], own_intensity[i]);
         let behind = coc > own_coc;
         let (radius, own_radius) = (coc.abs(), own_coc.abs());
-        // Behind, the smaller of the two discs counts, which is the more intense.
+        // Leakage control: the smaller of the two discs, which has the higher intensity, for pixels behind.
         let as_own = behind & (own_radius < radius);
         let radius = if as_own { own_radius } else { radius };
         let intensity = if as_own { own_intensity } else { intensity };
-        let distance = if coc < 0.0 { sample.near_px } else { sample.far_px };
+        let distance = if coc < 0.0 { sample.near_distance_px } else { sample.far_distance_px };
         let overlap = (radius * apothem - distance + 0.5).clamp(0.0, 1.0);
         weights[i] = overlap * intensity * sample.area_px;
     }
@@ -147,11 +150,16 @@ mod tests {
     use crate::lens::Aperture;
     use crate::methods::shared::DiscAreas;
 
-    /// Weight of a pixel with CoC radius `coc`, `distance` pixels away, for one with `own`, with a disc for an aperture.
+    /// Weight of a pixel of CoC radius `coc`, `distance` pixels away, for a pixel of CoC radius `own`; the aperture is a disc.
     fn weight(own: f32, coc: f32, distance: f32) -> f32 {
         let areas = DiscAreas::new(Aperture::DISC);
-        let sample =
-            Sample { offset: IVec2::ZERO, area_px: 1.0, reads_box: 0, far_px: distance, near_px: distance };
+        let sample = Sample {
+            offset: IVec2::ZERO,
+            area_px: 1.0,
+            box_index: 0,
+            far_distance_px: distance,
+            near_distance_px: distance,
+        };
         let mut weights = [0.0];
         let [own, visited] = [own, coc].map(|coc| ([coc], [1.0 / areas.area(coc)]));
         weigh(&mut weights, &sample, 1.0, [&own.0, &own.1], [&visited.0, &visited.1]);
@@ -159,24 +167,24 @@ mod tests {
     }
 
     #[test]
-    fn what_is_blurred_behind_a_sharp_pixel_has_no_weight() {
+    fn a_blurred_pixel_behind_a_sharp_one_has_no_weight() {
         assert_eq!(weight(0.0, 20.0, 3.0), 0.0);
     }
 
     #[test]
-    fn what_is_blurred_before_a_sharp_pixel_spreads_its_light_evenly_over_it() {
+    fn a_blurred_pixel_in_front_of_a_sharp_one_has_the_same_weight_over_its_whole_disc() {
         let area = DiscAreas::new(Aperture::DISC).area(20.0);
         assert_eq!([weight(0.0, -20.0, 3.0), weight(0.0, -20.0, 19.0)], [1.0 / area; 2]);
     }
 
     #[test]
-    fn what_is_behind_a_blurred_pixel_spreads_as_far_as_that_pixel_does() {
-        let as_its_own = weight(5.0, 5.0, 3.0);
-        assert_eq!([weight(5.0, 20.0, 3.0), weight(5.0, 20.0, 6.0)], [as_its_own, 0.0]);
+    fn a_pixel_behind_a_blurred_one_spreads_as_far_as_the_blurred_one() {
+        let own = weight(5.0, 5.0, 3.0);
+        assert_eq!([weight(5.0, 20.0, 3.0), weight(5.0, 20.0, 6.0)], [own, 0.0]);
     }
 
     #[test]
-    fn a_pixel_always_counts_itself_and_in_focus_it_counts_once() {
+    fn the_own_weight_of_a_pixel_is_positive_and_one_in_focus() {
         for coc in [-3000.0, -4.0, 0.0, 0.4, 7.0] {
             assert!(weight(coc, coc, 0.0) > 0.0, "c = {coc}");
         }
@@ -184,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rim_of_a_disc_is_one_pixel_wide() {
+    fn the_edge_of_a_disc_is_one_pixel_wide() {
         let inside = weight(0.0, -4.0, 0.0);
         let share = |distance| weight(0.0, -4.0, distance) / inside;
         assert_eq!([share(3.5), share(4.0), share(4.25), share(4.5)], [1.0, 0.5, 0.25, 0.0]);

@@ -1,16 +1,16 @@
-//! What `layer-rays` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! Cost of `layer-rays`, in the terms of the module's head. `examples/cost_model.rs` fits the nanoseconds.
 
 use super::parameters::LayerRaysParameters;
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let parameters = plan.parameters.get::<LayerRaysParameters>();
     let rays = workload.pixels() * workload.views();
     let span: f64 = workload.reach_px().iter().sum();
-    // Layers share what tells whether they are in reach.
+    // Layers share N-buffers: there are at most 64 of them.
     let slabs = (1.0 + span / f64::from(parameters.delta_px)).min(64.0);
     let bundles = workload.pixels() * slabs;
     let cones = if parameters.cones { 1.0 } else { 0.0 };

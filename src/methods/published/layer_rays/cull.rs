@@ -1,28 +1,28 @@
-//! Early layer culling (section 4.3): an N-buffer a layer tells whether rays can meet anything in it.
+//! Early layer culling (section 4.3): one N-buffer per layer tells whether rays can hit anything in it.
 //!
-//! Each N-buffer is kept for blocks of samples, and for a slab of neighbouring layers where there are very many, so that
-//! memory stays bounded; either can only let more through, so no hit is lost.
+//! To bound memory, an N-buffer stores blocks of samples, and one N-buffer serves a slab of neighbouring layers where
+//! there are very many. Both are conservative: a ray may be tested in vain, and no hit is lost.
 
 use super::layers::{Ray, Spacing};
 use crate::methods::shared::{Blocks, Fragments, NBuffer};
 use glam::Vec2;
 
-/// Most N-buffers of a picture.
+/// Maximum number of N-buffers.
 pub(super) const MAX_SLABS: usize = 64;
 
-/// Where the layers of a stack have fragments.
+/// Where each layer of a stack has fragments.
 #[derive(Debug)]
 pub(super) struct Cull {
     pub(super) blocks: Blocks,
     spacing: Spacing,
     pub(super) layers_per_slab: usize,
-    /// The least CoC radius of the slab's layers in each block; infinite in empty blocks. None for an empty slab.
+    /// Smallest CoC radius of the slab's layers in each block; infinite in empty blocks. `None` for an empty slab.
     pub(super) slabs: Vec<Option<NBuffer>>,
     supersample: f32,
 }
 
 impl Cull {
-    /// The N-buffers of all layers.
+    /// Builds the N-buffers of all layers.
     pub(super) fn new(fragments: &Fragments, spacing: Spacing, supersample: f32) -> Self {
         let blocks = Blocks::of(fragments);
         let layers_per_slab = spacing.count.div_ceil(MAX_SLABS);
@@ -35,8 +35,9 @@ impl Cull {
             };
             let buffer = blocks.least(fragments, cull.reach(index) * 2.0, nearest);
             let (columns, rows) = buffer.size();
-            let everywhere = blocks.window(Vec2::ZERO, Vec2::splat((columns.max(rows) * blocks.side) as f32));
-            (buffer.least(&everywhere) < f32::INFINITY).then_some(buffer)
+            let full_window =
+                blocks.window(Vec2::ZERO, Vec2::splat((columns.max(rows) * blocks.side) as f32));
+            (buffer.least(&full_window) < f32::INFINITY).then_some(buffer)
         };
         cull.slabs = (0..spacing.count.div_ceil(layers_per_slab)).map(slab).collect();
         cull
@@ -48,28 +49,29 @@ impl Cull {
         [self.spacing.interval(slab * self.layers_per_slab)[0], self.spacing.interval(last)[1]]
     }
 
-    /// How far rays of one pixel go from its centre within a slab, in samples: its larger CoC, and the pixel itself.
+    /// Largest distance of a pixel's rays from its centre within a slab, in samples: the slab's larger CoC radius
+    /// plus half a pixel.
     pub(super) fn reach(&self, slab: usize) -> f32 {
         let [near, far] = self.interval(slab);
         (near.abs().max(far.abs()) + 0.5) * self.supersample
     }
 
-    /// The layers, front to back, that rays through the pixel whose centre is at sample position `centre` can meet.
-    pub(super) fn bundle(&self, centre: Vec2, layers: &mut Vec<usize>) {
+    /// The layers, front to back, that rays through the pixel with centre `centre` (in samples) can hit.
+    pub(super) fn layers_in_reach(&self, centre: Vec2, layers: &mut Vec<usize>) {
         layers.clear();
         for (index, slab) in self.slabs.iter().enumerate() {
             let Some(buffer) = slab else { continue };
             let reach = self.reach(index);
-            let least = buffer.least(&self.blocks.window(centre - reach, centre + reach));
+            let min_coc_px = buffer.least(&self.blocks.window(centre - reach, centre + reach));
             let first = index * self.layers_per_slab;
-            let own = first..(first + self.layers_per_slab).min(self.spacing.count);
-            layers.extend(own.filter(|&layer| least <= self.spacing.interval(layer)[1]));
+            let slab_layers = first..(first + self.layers_per_slab).min(self.spacing.count);
+            layers.extend(slab_layers.filter(|&layer| min_coc_px <= self.spacing.interval(layer)[1]));
         }
     }
 
-    /// Whether `ray` can meet anything in `layer`, which holds the CoC radii of `interval`.
+    /// Whether `ray` can hit anything in `layer`, whose CoC radii are `interval`.
     #[inline]
-    pub(super) fn can_meet(&self, ray: &Ray, layer: usize, interval: [f32; 2]) -> bool {
+    pub(super) fn can_hit(&self, ray: &Ray, layer: usize, interval: [f32; 2]) -> bool {
         let Some(buffer) = &self.slabs[layer / self.layers_per_slab] else { return false };
         let (a, b) = (ray.at(interval[0]), ray.at(interval[1]));
         buffer.least(&self.blocks.window(a.min(b), a.max(b))) <= interval[1]
@@ -82,7 +84,7 @@ mod tests {
     use super::*;
     use crate::methods::shared::noise;
 
-    /// Sparse fragments of many depths.
+    /// Sparse fragments at many depths.
     fn sparse() -> Fragments {
         Fragments::from_lists((70, 50), |x, y| match noise(x / 3, y / 3, 1) {
             v if v < 0.9 => vec![],
@@ -91,9 +93,9 @@ mod tests {
     }
 
     #[test]
-    fn no_ray_meets_anything_in_a_layer_that_is_culled() {
+    fn no_ray_hits_anything_in_a_culled_layer() {
         let fragments = sparse();
-        // Fine layers share their N-buffers, coarse ones have their own.
+        // Thin layers share their N-buffers, thick ones do not.
         for delta in [0.2, 3.0] {
             let spacing = Spacing::new([-20.0, 24.0], delta, 0.1);
             let cull = Cull::new(&fragments, spacing, 1.0);
@@ -101,17 +103,18 @@ mod tests {
             for i in 0..300 {
                 let random = |k| noise(i, k, 5);
                 let centre = Vec2::new((70.0 * random(0)).floor(), (50.0 * random(1)).floor()) + 0.5;
-                cull.bundle(centre, &mut layers);
+                cull.layers_in_reach(centre, &mut layers);
                 let start = centre + Vec2::new(random(2), random(3)) - 0.5;
                 let ray = Ray { start, step: Vec2::from_angle(6.3 * random(4)) * random(6).sqrt() };
                 for layer in 0..spacing.count {
                     let interval = spacing.interval(layer);
-                    let segment = Segment { fragments: &fragments, ray, interval, behind: f32::NEG_INFINITY };
-                    if layers.contains(&layer) && cull.can_meet(&ray, layer, interval) {
+                    let segment =
+                        Segment { fragments: &fragments, ray, interval, passed_coc_px: f32::NEG_INFINITY };
+                    if layers.contains(&layer) && cull.can_hit(&ray, layer, interval) {
                         kept += 1;
                     } else {
                         culled += 1;
-                        assert_eq!(segment.meet(3), None, "layer {layer} of δ = {delta}");
+                        assert_eq!(segment.intersect(3), None, "layer {layer} of δ = {delta}");
                     }
                 }
             }
@@ -120,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn however_thin_the_layers_their_n_buffers_are_few() {
+    fn the_number_of_n_buffers_is_bounded_for_thin_layers() {
         let cull = Cull::new(&sparse(), Spacing::new([-20.0, 24.0], 0.001, 0.1), 1.0);
         assert!(cull.slabs.len() <= MAX_SLABS, "{} N-buffers", cull.slabs.len());
     }

@@ -1,10 +1,10 @@
-//! Layer rays on a GPU: one thread a pixel, all rays of a go one after the other.
+//! `layer-rays` on a GPU: one thread per pixel traces all rays of a batch in sequence.
 //!
-//! Fragments, N-buffers and mipmaps are the CPU's own tables; what rays do with them is the shader's. Mipmaps go up as fragments do, a
-//! band of rows at a time.
+//! Fragments, N-buffers and mipmaps are the CPU's tables; the shader traces rays through them. Mipmaps are uploaded
+//! like fragments, one band of rows at a time.
 //!
-//! Memory: 20 bytes a fragment, and 20 for each texel of the mipmaps; 36 a pixel; the N-buffers, at most 64 of 65536 blocks a level, all of
-//! which must fit into one buffer.
+//! Memory: 20 bytes per fragment and per mipmap texel; 36 per pixel; the N-buffers, at most 64 with 65536 blocks per
+//! level, must fit into one buffer.
 
 use super::cones::{Level, Texel as ConeTexel};
 use super::cull::MAX_SLABS;
@@ -12,8 +12,7 @@ use super::{LayerRays, LayerTracer};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     Batch, Batches, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack,
     RayViews, Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_batches,
@@ -21,21 +20,21 @@ use crate::methods::shared::{
 use crate::scene::Scene;
 use std::ops::Range;
 
-/// Bytes of a fragment's share of the mipmaps.
+/// Average bytes of mipmap per fragment.
 const MIPMAP_BYTES: usize = 8;
 
-/// Words of a slab, of a layer, and of a mipmap level, before what they speak of.
+/// u32 words per slab, per layer and per mipmap level in the tables' headers.
 const SLAB_WORDS: usize = NBUFFER_WORDS + 1;
 const LAYER_WORDS: usize = 3;
 const LEVEL_WORDS: usize = 5;
 
-/// Bytes of what one layer has in a texel.
+/// Bytes of one layer in a texel.
 const TEXEL_BYTES: usize = 20;
 
-/// Rows of a mipmap level at either end of a band of which rays see no more than a part.
+/// Rows of a mipmap level at either end of a band of which rays read only a part.
 const PARTIAL_ROWS: usize = 2;
 
-/// Side of a workgroup.
+/// Side of a workgroup, in pixels.
 const SIDE: usize = 8;
 
 static SHADER: Shader = Shader {
@@ -55,33 +54,33 @@ static SHADER: Shader = Shader {
 };
 
 mirrored! {
-    /// The layers, and how rays meet them.
+    /// Sizes of the tables, and how rays are traced.
     struct Frame {
-        /// Views of a set.
+        /// Views per set.
         views: u32,
-        /// Sets.
+        /// Number of sets.
         sets: u32,
-        /// Layers.
+        /// Number of layers.
         layers: u32,
-        /// How many share an N-buffer.
+        /// Layers per N-buffer.
         layers_per_slab: u32,
-        /// N-buffers.
+        /// Number of N-buffers.
         slabs: u32,
-        /// Levels of the mipmaps above the stack.
+        /// Mipmap levels above the stack.
         levels: u32,
-        /// Diameter of a cone in samples for each pixel of CoC radius.
+        /// Cone diameter in samples per pixel of CoC radius.
         cone_per_coc_px: f32,
-        /// Steps of false position.
+        /// Iterations of false position.
         iterations: u32,
-        /// Whether rays that leave the frame are left out.
+        /// Whether rays that leave the frame are discarded.
         discard_outside: u32,
     }
 }
 
 mirrored! {
-    /// What one layer has in a texel of a mipmap.
+    /// One layer in a mipmap texel.
     struct Texel {
-        /// Which.
+        /// Index of the layer.
         layer: u32,
         /// Red, premultiplied.
         red: f32,
@@ -95,7 +94,7 @@ mirrored! {
 }
 
 impl LayerTracer {
-    /// The stack that rays go through.
+    /// The stack that rays are traced through.
     fn stack(&self) -> RayStack<'_> {
         RayStack {
             fragments: &self.fragments,
@@ -111,16 +110,16 @@ impl LayerTracer {
         RayViews::new(gpu, self.samples.sets.iter().flatten(), (self.jitter, self.supersample), [near, far])
     }
 
-    /// Rounds of loops that a ray takes at most: in each layer a look-up in the N-buffer, and the search with some look-ups in the
-    /// lists of samples.
+    /// Maximum loop iterations per ray: for each layer, one N-buffer look-up, and the search with several look-ups in
+    /// sample lists.
     fn rounds(&self) -> usize {
-        const IN_AN_NBUFFER: usize = 16;
-        const LOOKS_BESIDE_ITERATIONS: usize = 4;
-        let looks = self.iterations + LOOKS_BESIDE_ITERATIONS;
-        self.spacing.count * (IN_AN_NBUFFER + looks * (1 + self.fragments.depth()))
+        const PER_NBUFFER: usize = 16;
+        const LOOKUPS_BESIDE_ITERATIONS: usize = 4;
+        let lookups = self.iterations + LOOKUPS_BESIDE_ITERATIONS;
+        self.spacing.count * (PER_NBUFFER + lookups * (1 + self.fragments.depth()))
     }
 
-    /// N-buffers, how far rays go in them, and bounds of layers, as the shader has them.
+    /// N-buffers, their reaches, and the bounds of layers, in the shader's format.
     fn culling(&self) -> Vec<u32> {
         let slabs: Vec<_> = self.cull.slabs.iter().map(Option::as_ref).collect();
         let reaches = (0..slabs.len()).map(|slab| bits(self.cull.reach(slab)));
@@ -136,16 +135,16 @@ impl LayerTracer {
         self.cones.as_ref().map_or(&[], |cones| &cones.levels)
     }
 
-    /// The rows of each level that rays over `samples` see: where lists begin, and the lists.
+    /// The rows of each level that rays over `samples` read: headers with the starts of lists, and the lists.
     fn mipmaps(&self, samples: &Range<usize>) -> [Vec<u32>; 2] {
         let levels = self.levels();
         let (mut headers, mut starts, mut texels) = (Vec::new(), Vec::new(), Vec::new());
         for (level, number) in levels.iter().zip(1..) {
             let rows = level.rows_of(number, samples);
             let [first, end] = [rows.start * level.width, rows.end * level.width];
-            let begin = LEVEL_WORDS * levels.len() + starts.len();
+            let starts_at = LEVEL_WORDS * levels.len() + starts.len();
             headers.extend(
-                [level.width, rows.start, rows.end - 1, level.height - 1, begin].map(|word| word as u32),
+                [level.width, rows.start, rows.end - 1, level.height - 1, starts_at].map(|word| word as u32),
             );
             let before = texels.len() / Texel::LAYOUT.members.len();
             let lists = &level.starts[first..=end];
@@ -153,22 +152,22 @@ impl LayerTracer {
             texels.extend(level.texels[lists[0]..level.starts[end]].iter().flat_map(words));
         }
         headers.extend(starts);
-        // A buffer that has not even one cannot be bound.
+        // An empty buffer cannot be bound.
         texels.resize(texels.len().max(Texel::LAYOUT.members.len()), 0);
         [headers, texels]
     }
 
-    /// Rows of the picture that `gpu` holds at once.
+    /// Maximum picture rows that fit on `gpu` at once.
     fn max_rows(&self, gpu: &Gpu) -> usize {
-        let by_fragments = self.stack().max_rows(gpu, MIPMAP_BYTES);
-        let (mut row, mut ends) = (1.0, 0);
+        let rows_by_fragments = self.stack().max_rows(gpu, MIPMAP_BYTES);
+        let (mut bytes_per_row, mut end_bytes) = (1.0, 0);
         for (level, number) in self.levels().iter().zip(1..) {
-            let most = level.max_bytes_of_row();
-            row += most as f64 / f64::from(1 << number);
-            ends += 2 * PARTIAL_ROWS * most;
+            let max_bytes = level.max_bytes_of_row();
+            bytes_per_row += max_bytes as f64 / f64::from(1 << number);
+            end_bytes += 2 * PARTIAL_ROWS * max_bytes;
         }
-        let rows = gpu.max_binding_bytes().saturating_sub(ends as u64) as f64 / row;
-        by_fragments.min(rows as usize / self.supersample as usize)
+        let rows = gpu.max_binding_bytes().saturating_sub(end_bytes as u64) as f64 / bytes_per_row;
+        rows_by_fragments.min(rows as usize / self.supersample as usize)
     }
 
     fn frame(&self) -> Frame {
@@ -188,17 +187,17 @@ impl LayerTracer {
 }
 
 impl Level {
-    /// The rows that rays over `samples` see of level `number`.
+    /// The rows of level `number` that rays over `samples` read.
     fn rows_of(&self, number: usize, samples: &Range<usize>) -> Range<usize> {
         let first = (samples.start >> number).saturating_sub(PARTIAL_ROWS - 1);
         first..((samples.end >> number) + PARTIAL_ROWS).min(self.height)
     }
 
-    /// Bytes of the fullest row, of its lists or of where they begin.
+    /// Bytes of the largest row, either of its lists or of their starts.
     fn max_bytes_of_row(&self) -> usize {
-        let row = |y: usize| self.starts[(y + 1) * self.width] - self.starts[y * self.width];
-        let most = (0..self.height).map(row).max().unwrap_or(0);
-        (most * TEXEL_BYTES).max((self.width + 1) * size_of::<u32>())
+        let texels_of_row = |y: usize| self.starts[(y + 1) * self.width] - self.starts[y * self.width];
+        let max_texels = (0..self.height).map(texels_of_row).max().unwrap_or(0);
+        (max_texels * TEXEL_BYTES).max((self.width + 1) * size_of::<u32>())
     }
 }
 
@@ -206,7 +205,7 @@ fn words(&(layer, [red, green, blue, alpha]): &ConeTexel) -> Vec<u32> {
     Texel { layer, red, green, blue, alpha }.words()
 }
 
-/// What is the same for all bands.
+/// Tables shared by all bands.
 struct Tables<'g> {
     gpu: &'g Gpu,
     tracer: &'g LayerTracer,
@@ -231,11 +230,11 @@ impl<'g> Tables<'g> {
         })
     }
 
-    /// Makes the rows of `band`.
-    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
+    /// Renders the rows of `band`.
+    fn render(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let rows = Rows::new(self, band)?;
         let (width, height) = (self.tracer.stack().picture_size().0, band.rows.len());
-        let goes = Batches::new(self.gpu, &SHADER, width * height, self.tracer.transparent_background)?;
+        let batches = Batches::new(self.gpu, &SHADER, width * height, self.tracer.transparent_background)?;
         let groups = tiles(width, height, SIDE);
         let own = rows.bindings(self);
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
@@ -244,7 +243,7 @@ impl<'g> Tables<'g> {
         };
         let count = self.tracer.samples.sets[0].len();
         let done = std::cell::Cell::new(0);
-        goes.follow((0..count, self.tracer.rounds()), follow, |views| {
+        batches.follow((0..count, self.tracer.rounds()), follow, |views| {
             done.set(done.get() + views);
             progress(done.get() as f32 / count as f32);
         })?;
@@ -252,8 +251,8 @@ impl<'g> Tables<'g> {
             let bindings: Vec<_> = sums.into_iter().chain(own).collect();
             work.pass(&self.central, &bindings, groups)
         };
-        goes.resolve(&[0, 1, 2, 3], central)?;
-        Ok(goes)
+        batches.resolve(&[0, 1, 2, 3], central)?;
+        Ok(batches)
     }
 }
 
@@ -287,7 +286,9 @@ impl GpuBackend for LayerRays {
         let tracer = LayerTracer::new(scene.clone(), plan, plan.lens_samples());
         let tables = Tables::new(gpu, &tracer)?;
         let rows = [tables.views.reach_rows, tracer.max_rows(gpu)];
-        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
+        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| {
+            tables.render(band, progress)
+        })
     }
 
     fn shader(&self) -> &'static Shader {

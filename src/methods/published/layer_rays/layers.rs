@@ -1,30 +1,30 @@
-//! Depth layers of equal growth of CoC, and what a ray finds in one.
+//! Depth layers of equal CoC growth, and the intersection of a ray with one.
 
 use crate::methods::shared::Fragments;
 use glam::Vec2;
 
-/// A lens ray: at CoC radius `c` it is over sample position `start + c·step`.
+/// A lens ray: at CoC radius `c` it passes sample position `start + c·step`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ray {
-    /// Where it passes the plane of focus, in samples.
+    /// Position in the plane of focus, in samples.
     pub start: Vec2,
-    /// How far it moves, in samples, for each pixel of CoC radius.
+    /// Displacement in samples per pixel of CoC radius.
     pub step: Vec2,
 }
 
 impl Ray {
-    /// Where it is at CoC radius `c`.
+    /// Position at CoC radius `c`.
     #[inline(always)]
     pub(super) fn at(&self, c: f32) -> Vec2 {
         self.start + c * self.step
     }
 
-    /// CoC radii between which it is within a frame of `size` samples; it passes the plane of focus within it.
+    /// CoC radii between which the ray is inside a frame of `size` samples. It must be inside at the plane of focus.
     #[inline]
-    pub(super) fn stay(&self, size: Vec2) -> [f32; 2] {
+    pub(super) fn frame_interval(&self, size: Vec2) -> [f32; 2] {
         let sides = |start: f32, step: f32, size: f32| {
             let (a, b) = (-start / step, (size - start) / step);
-            // A ray that stands still never leaves: 0 / 0 on the very border is no number, and so no bound.
+            // A ray with zero step never leaves. On the very border 0 / 0 is NaN, which `min` and `max` ignore.
             [a.min(b).min(0.0), a.max(b).max(0.0)]
         };
         let (x, y) = (sides(self.start.x, self.step.x, size.x), sides(self.start.y, self.step.y, size.y));
@@ -32,19 +32,19 @@ impl Ray {
     }
 }
 
-/// How CoC depth is divided into layers.
+/// Division of CoC depth into layers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spacing {
     near_px: f32,
     delta_px: f32,
     overlap: f32,
-    /// How many layers there are.
+    /// Number of layers.
     pub count: usize,
 }
 
 impl Spacing {
-    /// Layers of `delta_px` from the near to the far end of `coc_range_px`, reaching into one another by a share of
-    /// `overlap`.
+    /// Layers of `delta_px` from the near to the far end of `coc_range_px`; each one extends into its neighbours by
+    /// `overlap` of its depth.
     pub(super) fn new(coc_range_px: [f32; 2], delta_px: f32, overlap: f32) -> Self {
         let mut spacing = Self { near_px: coc_range_px[0], delta_px, overlap, count: usize::MAX };
         spacing.count = spacing.index(coc_range_px[1]) + 1;
@@ -56,100 +56,102 @@ impl Spacing {
         (((c - self.near_px) / self.delta_px) as usize).min(self.count.saturating_sub(1))
     }
 
-    /// CoC radii that layer `index` holds, with what it shares with its neighbours.
+    /// CoC radii of layer `index`, with the overlap into its neighbours.
     pub(super) fn interval(&self, index: usize) -> [f32; 2] {
         let side = |layers: f32| self.near_px + layers * self.delta_px;
         [side(index as f32 - self.overlap), side((index + 1) as f32 + self.overlap)]
     }
 
-    /// The layers that hold CoC radius `c`.
-    pub(super) fn holding(&self, c: f32) -> impl Iterator<Item = usize> + use<> {
-        let (spacing, own) = (*self, self.index(c));
-        (own.saturating_sub(1)..(own + 2).min(self.count)).filter(move |&layer| {
+    /// The layers that contain CoC radius `c`.
+    pub(super) fn containing(&self, c: f32) -> impl Iterator<Item = usize> + use<> {
+        let (spacing, index) = (*self, self.index(c));
+        (index.saturating_sub(1)..(index + 2).min(self.count)).filter(move |&layer| {
             let [near, far] = spacing.interval(layer);
             (near..=far).contains(&c)
         })
     }
 }
 
-/// Where a ray meets a layer.
+/// A hit of a ray in a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hit {
-    /// CoC radius at which it does.
+    /// CoC radius of the ray at the hit.
     pub at: f32,
-    /// The sample that it is over there.
+    /// Sample at the hit.
     pub sample: usize,
-    /// Which of the sample's fragments it meets.
+    /// Index of the fragment in the sample's list.
     pub fragment: usize,
     /// CoC radius of that fragment.
     pub coc_px: f32,
 }
 
-/// A part of a ray that is tested against a layer's height field: the nearest fragments in an interval of CoC radii.
+/// A segment of a ray, to be tested against a layer's height field: the nearest fragments in an interval of CoC
+/// radii.
 #[derive(Debug)]
 pub(super) struct Segment<'a> {
     /// The stack.
     pub fragments: &'a Fragments,
     /// The ray.
     pub ray: Ray,
-    /// The interval.
+    /// CoC radii of the layer.
     pub interval: [f32; 2],
-    /// Fragments up to this CoC radius have been met before.
-    pub behind: f32,
+    /// Fragments up to this CoC radius were hit before.
+    pub passed_coc_px: f32,
 }
 
 impl Segment<'_> {
-    /// The layer's fragment where the ray is at `c`, as if it were met there.
+    /// The layer's fragment below the ray at `c`, as a hit at `c`.
     #[inline(always)]
-    fn over(&self, c: f32) -> Option<Hit> {
+    fn fragment_at(&self, c: f32) -> Option<Hit> {
         let sample = self.fragments.sample_at(self.ray.at(c));
         let [near, far] = self.interval;
         let list = self.fragments.coc_px(sample);
-        let fragment = list.iter().position(|&coc| coc >= near && coc > self.behind)?;
+        let fragment = list.iter().position(|&coc| coc >= near && coc > self.passed_coc_px)?;
         let coc_px = list[fragment];
         (coc_px <= far).then_some(Hit { at: c, sample, fragment, coc_px })
     }
 
-    /// Where the ray meets the height field, by false position (section 4.3).
+    /// Intersection of the ray with the height field, by false position (section 4.3).
     ///
-    /// The surface is taken to be straight between the ends of the search; where the surface at the point that follows is
-    /// nearer than the ray, the ray has met it before, otherwise it meets it later. An empty sample counts as the layer's
-    /// far bound before the surface and as its near bound after it, which keeps the search between the bounds.
+    /// The surface is assumed to be straight between the ends of the search. Where the surface at the next point is
+    /// nearer than the ray, the ray has hit it before that point, otherwise it hits it later. An empty sample counts
+    /// as the layer's far bound before the surface and as its near bound after it, which keeps the search between the
+    /// bounds.
     ///
-    /// A last look, where the ray is as deep as the surface that was found, keeps a ray that has slipped behind an edge from
-    /// being stopped by it: there it is over nothing, or over what it does meet.
+    /// The final look-up, where the ray is as deep as the found surface, keeps a ray that has passed behind an edge
+    /// from hitting it: at that depth the ray is over no fragment, or over the one that it hits.
     #[inline]
-    pub(super) fn meet(&self, iterations: usize) -> Option<Hit> {
+    pub(super) fn intersect(&self, iterations: usize) -> Option<Hit> {
         let [near, far] = self.interval;
         let (mut before, mut after) = (near, far);
-        let first = self.over(before);
-        let mut begun = first.is_some();
+        let first = self.fragment_at(before);
+        let mut surface_found = first.is_some();
         let mut ahead = first.map_or(far, |hit| hit.coc_px) - before;
-        let mut past = after - self.over(after).map_or(near, |hit| hit.coc_px);
+        let mut past = after - self.fragment_at(after).map_or(near, |hit| hit.coc_px);
         let mut at = crossing([before, after], ahead, past);
         for _ in 0..iterations {
-            let found = self.over(at);
-            let height = found.map_or(if begun { near } else { far }, |hit| hit.coc_px);
+            let guess = self.fragment_at(at);
+            let height = guess.map_or(if surface_found { near } else { far }, |hit| hit.coc_px);
             if height > at {
-                begun |= found.is_some();
+                surface_found |= guess.is_some();
                 (before, ahead) = (at, height - at);
             } else if height < at {
                 (after, past) = (at, at - height);
             } else {
-                return found;
+                return guess;
             }
             at = crossing([before, after], ahead, past);
         }
-        self.over(at).and_then(|hit| self.over(hit.coc_px))
+        self.fragment_at(at).and_then(|hit| self.fragment_at(hit.coc_px))
     }
 }
 
-/// Where a ray that is `ahead` before the surface at the first end and `past` behind it at the second crosses the straight
-/// line between.
+/// CoC radius where the straight line between the ends is zero, for a ray that is `ahead` before the surface at the
+/// first end and `past` behind it at the second.
 #[inline(always)]
 fn crossing([before, after]: [f32; 2], ahead: f32, past: f32) -> f32 {
-    let whole = ahead + past;
-    let share = if whole > 0.0 { ahead / whole } else { 0.0 };
+    let total = ahead + past;
+    let share = if total > 0.0 { ahead / total } else { 0.0 };
     (before + (after - before) * share).clamp(before, after)
 }
 
@@ -160,12 +162,12 @@ mod tests {
 
     const THREE: [f32; 2] = [0.0, 3.0];
 
-    fn meet(fragments: &Fragments, ray: Ray, iterations: usize) -> Option<Hit> {
-        Segment { fragments, ray, interval: THREE, behind: f32::NEG_INFINITY }.meet(iterations)
+    fn intersect(fragments: &Fragments, ray: Ray, iterations: usize) -> Option<Hit> {
+        Segment { fragments, ray, interval: THREE, passed_coc_px: f32::NEG_INFINITY }.intersect(iterations)
     }
 
     #[test]
-    fn a_layers_index_is_that_of_the_papers_equation() {
+    fn the_index_of_a_layer_follows_equation_4() {
         // Eq. 4: l = ⌊K d_f / δ · (1/d_near − 1/d)⌋, where K is the CoC radius at infinity.
         let (at_infinity, focus, nearest, delta) = (40.0, 2.0, 0.7, 3.0);
         let coc = |depth: f32| at_infinity * (1.0 - focus / depth);
@@ -177,38 +179,38 @@ mod tests {
     }
 
     #[test]
-    fn layers_reach_a_tenth_into_their_neighbours() {
+    fn layers_extend_a_tenth_into_their_neighbours() {
         let spacing = Spacing::new([-6.0, 4.0], 2.0, 0.1);
         assert_eq!(spacing.count, 6, "the last holds the far end alone");
-        let holding = |c| spacing.holding(c).collect::<Vec<_>>();
-        assert_eq!([holding(-6.0), holding(-4.1), holding(-3.7)], [vec![0], vec![0, 1], vec![1]]);
+        let containing = |c| spacing.containing(c).collect::<Vec<_>>();
+        assert_eq!([containing(-6.0), containing(-4.1), containing(-3.7)], [vec![0], vec![0, 1], vec![1]]);
         let [near, far] = spacing.interval(1);
         assert!((near + 4.2).abs() < 1e-6 && (far + 1.8).abs() < 1e-6, "a fifth of a pixel on either side");
     }
 
     #[test]
-    fn false_position_meets_a_plane_exactly() {
-        // Level at 1.25: both ends lie 1.25 and 1.75 from it, so the first guess is the plane itself.
+    fn false_position_hits_a_plane_exactly() {
+        // A level surface at 1.25 is 1.25 and 1.75 from the ends, so the first guess is exact.
         let fragments = Fragments::from_lists((40, 40), |_, _| vec![1.25]);
         let ray = Ray { start: Vec2::new(20.5, 20.5), step: Vec2::new(0.7, -0.6) };
-        let hit = meet(&fragments, ray, 1).unwrap();
+        let hit = intersect(&fragments, ray, 1).unwrap();
         assert_eq!((hit.at, hit.coc_px), (1.25, 1.25));
         assert_eq!(hit.sample, fragments.sample_at(ray.at(1.25)));
     }
 
     #[test]
-    fn three_steps_of_false_position_meet_a_curved_surface() {
-        // Over x = 200 c the surface is 1 + (x / 600)² = 1 + c²/9, which the ray meets at c = (9 − √45) / 2.
+    fn three_iterations_of_false_position_hit_a_curved_surface() {
+        // Over x = 200 c the surface is 1 + (x / 600)² = 1 + c²/9. The ray intersects it at c = (9 − √45) / 2.
         let fragments = Fragments::from_lists((640, 1), |x, _| vec![1.0 + (x as f32 / 600.0).powi(2)]);
         let ray = Ray { start: Vec2::new(0.0, 0.5), step: Vec2::new(200.0, 0.0) };
-        let hit = meet(&fragments, ray, 3).unwrap();
+        let hit = intersect(&fragments, ray, 3).unwrap();
         let expected = 0.5 * (9.0 - 45f32.sqrt());
         // Guesses 1.5, 1.2, 1.154, 1.147 by hand; a sample is 0.005 of c wide.
         assert!((hit.at - expected).abs() < 0.008, "{} instead of {expected}", hit.at);
     }
 
     #[test]
-    fn no_hit_lies_outside_the_layer_or_on_nothing() {
+    fn every_hit_lies_in_the_layer_and_on_a_fragment() {
         let height = |x, y| 5.0 * noise(x, y, 1) - 1.0;
         let fragments = Fragments::from_lists((24, 24), |x, y| vec![height(x, y), height(x, y) + 2.0]);
         let mut hits = 0;
@@ -216,7 +218,7 @@ mod tests {
             let random = |k| noise(i, k, 7);
             let start = Vec2::new(24.0 * random(0), 24.0 * random(1));
             let ray = Ray { start, step: Vec2::new(4.0 * random(2) - 2.0, 4.0 * random(3) - 2.0) };
-            for hit in [1, 3, 9].into_iter().filter_map(|iterations| meet(&fragments, ray, iterations)) {
+            for hit in [1, 3, 9].into_iter().filter_map(|iterations| intersect(&fragments, ray, iterations)) {
                 hits += 1;
                 assert!((0.0..=3.0).contains(&hit.at) && (0.0..=3.0).contains(&hit.coc_px), "{hit:?}");
                 assert_eq!(hit.coc_px, fragments.coc_px(hit.sample)[hit.fragment], "{hit:?}");
@@ -226,11 +228,11 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_is_in_the_frame_between_where_its_line_enters_and_leaves() {
+    fn the_frame_interval_is_bounded_by_the_frame_edges() {
         let ray = Ray { start: Vec2::new(2.0, 3.0), step: Vec2::new(0.5, -1.0) };
         // x reaches 0 at −4 and 10 at 16, y reaches 10 at −7 and 0 at 3.
-        assert_eq!(ray.stay(Vec2::splat(10.0)), [-4.0, 3.0]);
+        assert_eq!(ray.frame_interval(Vec2::splat(10.0)), [-4.0, 3.0]);
         let still = Ray { step: Vec2::ZERO, ..ray };
-        assert_eq!(still.stay(Vec2::splat(10.0)), [f32::NEG_INFINITY, f32::INFINITY]);
+        assert_eq!(still.frame_interval(Vec2::splat(10.0)), [f32::NEG_INFINITY, f32::INFINITY]);
     }
 }

@@ -1,61 +1,59 @@
-//! `layer-rays`: lens rays against depth layers, by false position, thickened to cones.
+//! `layer-rays`: lens rays intersected with depth layers by false position, and widened to cones.
 //!
-//! Lee, Eisemann & Seidel 2009, "Depth-of-Field Rendering with Multiview Synthesis". CoC depth is cut into layers of equal growth of
-//! CoC (eq. 4), each of which keeps the nearest fragment of its interval at every sample. A lens ray walks the layers front
-//! to back; within one it is intersected with the layer's height field ([`layers`]), and stops at the first hit. Layers that
-//! hold nothing within reach are skipped ([`cull`]). What a hit brings home is what a cone around the ray sees there
-//! ([`cones`]), and lens samples differ from pixel to pixel ([`samples`]).
+//! Lee, Eisemann & Seidel 2009, "Depth-of-Field Rendering with Multiview Synthesis". CoC depth is cut into layers of
+//! equal CoC growth (eq. 4). At every sample a layer keeps the nearest fragment of its interval. A lens ray visits
+//! the layers front to back. In each one it is intersected with the layer's height field ([`layers`]) and takes the
+//! first hit. Layers without a fragment within reach are skipped ([`cull`]). The colour of a hit is that of a cone
+//! around the ray ([`cones`]). Lens samples differ from pixel to pixel ([`samples`]).
 //!
-//! Where the paper is silent, or has something a stack has not:
-//! * *Layers from peels.* A layer is not stored: it is the first fragment of its interval in a sample's sorted list, the same
-//!   picture at the cost of the stack alone, however many layers there are.
-//! * *Empty samples* count as the far bound until the search has found the surface, as the near bound after it.
-//! * *Colours* are those of the sample that is hit, as a fragment is the square of its sample; only cones interpolate.
-//! * *Translucent fragments* let the ray go on behind them, in the same layer too. What has been met is not met again in the
-//!   overlap. After a cone the ray goes on in the next layer.
-//! * *Where rays start.* The paper's go through pixel centres; these are spread over the pixel as the plan asks, which
+//! Where the paper gives no rule, or needs data that a stack lacks:
+//! * *Layers from peels.* A layer is not stored: it is the first fragment of its interval in a sample's sorted list.
+//!   The picture is the same, and memory is that of the stack, whatever the number of layers.
+//! * *Empty samples* count as the far bound until the search has found the surface, and as the near bound after that.
+//! * *Colours* are those of the sample that is hit, as a fragment covers the square of its sample. Only cones
+//!   interpolate.
+//! * *Translucent fragments* let the ray continue behind them, in the same layer too. A fragment that was hit is not
+//!   hit again in the overlap of two layers. After a cone the ray continues in the next layer.
+//! * *Ray origins.* The paper's rays pass through pixel centres. Here the plan spreads them over the pixel, which
 //!   anti-aliases at no cost and is what the reference does.
-//! * *Rays that leave the frame* are discarded, as in section 4.3: whole rays, and those that would be stopped outside the frame if its
-//!   border's samples went on for ever; one that is outside where the border has nothing for it is taken to pass. Where all
-//!   are discarded, the central one is left. Borders lose the outward part of the lens that way; with `discard` off the
-//!   border's samples do go on for ever instead, as in the reference.
+//! * *Rays that leave the frame* are discarded, as in section 4.3. Past the frame the border's samples are repeated;
+//!   a ray that hits one of them is discarded whole. A ray passes where the border has no fragment in its way. If all
+//!   rays of a pixel are discarded, its central ray is used. At borders this removes the outward part of the lens.
+//!   With `discard` off, hits on repeated samples count, as in the reference.
 //! * *λ* is given for 32 samples only, see [`cones::sample_distance`].
 //!
-//! Left out: shading that depends on the view (section 5), which needs normals and materials, where the stack has colour only.
+//! Left out: view-dependent shading (section 5). It needs normals and materials, and the stack has colour only.
 //!
-//! Cost: pixels × rays × (layers within reach, and 3 to 6 look-ups in each that is not empty around the ray). Memory: the
-//! stack; at most 64 N-buffers of at most 65536 blocks; mipmaps as large as the fragments that cones reach, a third of them as
-//! a rule. Limits: knows only what the peels know; within a layer a ray may hit what it would have passed by (silhouettes gain
-//! or lose up to half of δ), and step over things thinner than its way through the layer.
-//! GPU twin: `shaders/methods/layer_rays.wgsl`.
+//! Cost: pixels × rays × (layers within reach, and 3 to 6 look-ups in each layer that is not empty around the ray).
+//! Memory: the stack; at most 64 N-buffers of at most 65536 blocks; mipmaps of the fragments that cones reach,
+//! usually a third of their size. Limits: only surfaces in the peels are known. Within a layer a ray may hit a
+//! surface that it should pass (silhouettes gain or lose up to half of δ), and may step over things thinner than its
+//! path through the layer.
+//! GPU backend: `shaders/methods/layer_rays.wgsl`.
 
-mod cost;
-mod parameters;
 mod cones;
+mod cost;
 mod cull;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod layers;
+mod parameters;
 mod samples;
 
 use crate::error::Error;
 use crate::image::Image;
-use crate::methods::contract::GpuBackend;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::RaySum;
-use crate::methods::shared::{Fragments, RaySampler, Tracer};
+use crate::methods::shared::{Fragments, RaySampler, RaySum, Tracer};
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use cones::Cones;
 use cull::Cull;
 use glam::Vec2;
 use layers::{Ray, Segment, Spacing};
-#[cfg(feature = "gpu")]
 use parameters::LayerRaysParameters;
-use samples::Samples;
+use samples::LensSamples;
 
 /// The method.
 #[derive(Debug)]
@@ -75,12 +73,12 @@ impl Method for LayerRays {
                 Deviation {
                     law: Law::Energy,
                     within: [0.97, 1.005],
-                    reason: "with samples that differ from pixel to pixel, no two pixels share out a point's light exactly",
+                    reason: "lens samples differ from pixel to pixel, so the shares of a point's light do not add up exactly",
                 },
                 Deviation {
                     law: Law::Place,
                     within: [0.0, 0.1],
-                    reason: "with samples that differ from pixel to pixel, no two pixels share out a point's light exactly",
+                    reason: "lens samples differ from pixel to pixel, so the shares of a point's light do not add up exactly",
                 },
                 Deviation {
                     law: Law::NoCracksAcrossCorners,
@@ -90,7 +88,7 @@ impl Method for LayerRays {
                 Deviation {
                     law: Law::Convergence,
                     within: [39.5, 42.5],
-                    reason: "rays that are stopped outside the frame are discarded, where the reference repeats the border",
+                    reason: "rays that hit something outside the frame are discarded; the reference repeats the border",
                 },
             ],
         }
@@ -113,7 +111,7 @@ impl Method for LayerRays {
     }
 
     #[cfg(feature = "gpu")]
-    fn gpu(&self) -> Option<&dyn GpuBackend> {
+    fn gpu(&self) -> Option<&dyn crate::methods::contract::GpuBackend> {
         Some(self)
     }
 }
@@ -124,25 +122,25 @@ impl LensSampling for LayerRays {
     }
 }
 
-/// Everything that rays are traced against.
+/// What rays are traced against.
 #[derive(Debug)]
 struct LayerTracer {
-    samples: Samples,
+    samples: LensSamples,
     fragments: Fragments,
     spacing: Spacing,
     cull: Cull,
     cones: Option<Cones>,
     supersample: f32,
-    /// Where in the pixel the rays lie, as a share of its width.
+    /// Extent of the ray origins in the pixel, as a share of the pixel's width.
     jitter: f32,
     iterations: usize,
-    /// Whether rays that leave the frame are left out.
+    /// Whether rays that leave the frame are discarded.
     discard: bool,
     transparent_background: bool,
 }
 
 impl Tracer for LayerTracer {
-    /// The layers that a pixel's rays can meet.
+    /// The layers that the rays of a pixel can hit.
     type Scratch = Vec<usize>;
 
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
@@ -152,7 +150,7 @@ impl Tracer for LayerTracer {
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
         Self {
-            samples: Samples::new(rays, plan.optics.aperture, parameters.jitter),
+            samples: LensSamples::new(rays, plan.optics.aperture, parameters.jitter),
             cull: Cull::new(&fragments, spacing, supersample),
             cones: parameters.cones.then(|| Cones::new(&fragments, spacing, distance * supersample)),
             fragments,
@@ -166,9 +164,9 @@ impl Tracer for LayerTracer {
     }
 
     fn pixel(&self, x: usize, y: usize, layers: &mut Vec<usize>) -> [f32; 4] {
-        let samples = self.samples.of(x, y);
+        let samples = self.samples.at_pixel(x, y);
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
-        self.cull.bundle(centre, layers);
+        self.cull.layers_in_reach(centre, layers);
         let mut sum = RaySum::default();
         for view in samples {
             let start = centre + self.jitter * self.supersample * view.jitter;
@@ -178,7 +176,7 @@ impl Tracer for LayerTracer {
         if mean[3] > 0.0 || (self.transparent_background && sum.discarded < samples.len() as f64) {
             return mean;
         }
-        // Nothing is known of any ray but the central one, which never leaves.
+        // All rays were discarded. The central ray never leaves the frame.
         let mut central = RaySum::default();
         self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
         central.mean(1, self.transparent_background)
@@ -186,44 +184,45 @@ impl Tracer for LayerTracer {
 }
 
 impl LayerTracer {
-    /// Follows `ray` through `layers`, front to back, and adds what it meets.
+    /// Follows `ray` through `layers`, front to back, and adds the fragments that it hits.
     fn follow(&self, ray: Ray, layers: &[usize], sum: &mut RaySum) {
         let (width, height) = self.fragments.size();
-        let [enters, leaves] = match self.discard {
-            true => ray.stay(Vec2::new(width as f32, height as f32)),
+        let [enters_at, leaves_at] = match self.discard {
+            true => ray.frame_interval(Vec2::new(width as f32, height as f32)),
             false => [f32::NEG_INFINITY, f32::INFINITY],
         };
-        let without = *sum;
-        let mut transmitted = 1.0;
-        let mut behind = f32::NEG_INFINITY;
+        let before_ray = *sum;
+        let mut transmittance = 1.0;
+        let mut passed_coc_px = f32::NEG_INFINITY;
         for &layer in layers {
             let interval = self.spacing.interval(layer);
-            if !self.cull.can_meet(&ray, layer, interval) {
+            if !self.cull.can_hit(&ray, layer, interval) {
                 continue;
             }
             loop {
-                let interval = [interval[0].max(behind), interval[1]];
-                let segment = Segment { fragments: &self.fragments, ray, interval, behind };
-                let Some(hit) = segment.meet(self.iterations) else { break };
-                if !(enters..=leaves).contains(&hit.at) {
-                    // With what it has met, or pixels at the border would show more of what is near.
-                    *sum = RaySum { discarded: without.discarded + 1.0, ..without };
+                let interval = [interval[0].max(passed_coc_px), interval[1]];
+                let segment = Segment { fragments: &self.fragments, ray, interval, passed_coc_px };
+                let Some(hit) = segment.intersect(self.iterations) else { break };
+                if !(enters_at..=leaves_at).contains(&hit.at) {
+                    // Drops the earlier hits of the ray too: otherwise pixels at the border would show more of near
+                    // surfaces.
+                    *sum = RaySum { discarded: before_ray.discarded + 1.0, ..before_ray };
                     return;
                 }
                 let cone = self.cones.as_ref();
-                let cone = cone.and_then(|cones| cones.read(&self.fragments, &hit, ray.at(hit.at), layer));
+                let cone = cone.and_then(|cones| cones.lookup(&self.fragments, &hit, ray.at(hit.at), layer));
                 let [r, g, b, alpha] = cone.unwrap_or_else(|| self.fragments.color(hit.sample, hit.fragment));
-                sum.add([r, g, b], transmitted);
-                transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
-                if transmitted <= 0.0 {
+                sum.add([r, g, b], transmittance);
+                transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
+                if transmittance <= 0.0 {
                     return;
                 }
-                behind = hit.coc_px;
+                passed_coc_px = hit.coc_px;
                 if cone.is_some() {
                     break;
                 }
             }
         }
-        sum.missed += f64::from(transmitted);
+        sum.missed += f64::from(transmittance);
     }
 }

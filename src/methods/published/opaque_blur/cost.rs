@@ -1,4 +1,4 @@
-//! What `opaque-blur` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `opaque-blur`, in the terms that its module head names. The nanoseconds are fitted by `examples/cost_model.rs`.
 
 use super::parameters::OpaqueBlurParameters;
 use crate::methods::contract::Plan;
@@ -6,16 +6,17 @@ use crate::methods::cost::{Cost, WorkKind, term};
 use crate::methods::shared::sub_image_pixels;
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
-    let [laid, _] = sub_image_pixels(workload, plan.parameters.get::<OpaqueBlurParameters>().first_radius_px);
+    let [composited, _] =
+        sub_image_pixels(workload, plan.parameters.get::<OpaqueBlurParameters>().first_radius_px);
     Cost::new(
         WorkKind::Planes,
         [
             term("pixels", 7.764, workload.pixels()),
             term("pixels × layers", 2.365, workload.pixels() * workload.layers()),
             term("samples to merge", 19.818, workload.merged()),
-            term("pixels × sub-images", 10.943, laid),
+            term("pixels × sub-images", 10.943, composited),
         ],
     )
 }

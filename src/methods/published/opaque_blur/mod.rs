@@ -1,36 +1,35 @@
 //! Opaque image blur: sub-images by depth, blurred by a filter that never lowers their opacity.
 //!
-//! Kraus 2011, "Using Opaque Image Blur for Real-Time Depth-of-Field Rendering". The pinhole picture alone is read. For each
+//! Kraus 2011, "Using Opaque Image Blur for Real-Time Depth-of-Field Rendering". Only the pinhole picture is read. For each
 //! sub-image, farthest first: its pixels are matted out by depth (section 3, `shared/sub_images.rs`), blurred by the
-//! opaque image blur (section 4) and laid over the result (eq. 6). The opaque blur of sub-image `i` is a pyramid of `|i|`
+//! opaque image blur (section 4) and composited over the result (eq. 6). The opaque blur of sub-image `i` is a pyramid of `|i|`
 //! levels, 4×4 box analysis and biquadratic B-spline synthesis, with two syntheses from one analysis: the ordinary one,
-//! `RGBA_blur`, and a glow of alpha, `A_syn = A_exp + A_ana − A_exp·A_ana` at each level (eqs. 8, 9), which is nowhere less
-//! than the alpha of the sub-image itself. The result is `RGBA_blur · A_glow / A_blur` (eq. 7). So nothing is uncovered that
-//! the pinhole picture does not show, and silhouettes come out too opaque: the price that the paper names.
+//! `RGBA_blur`, and a glow of alpha, `A_syn = A_exp + A_ana − A_exp·A_ana` at each level (eqs. 8, 9), which is at least
+//! the alpha of the sub-image itself everywhere. The result is `RGBA_blur · A_glow / A_blur` (eq. 7). So the blur uncovers
+//! nothing that the pinhole picture hides, and silhouettes are too opaque, a drawback that the paper states.
 //!
-//! Where the paper is silent: the border of transparent black is one pixel at least and as much as rounds the frame up to
-//! multiples of 2^levels (`shared/pyramid.rs`), and past it every level is transparent; what the matting and the glow
-//! leave uncovered, by rounding alone, is made up for by a division by coverage at the end.
+//! Not specified by the paper: the border of transparent black is at least one pixel wide, and wide enough to round the frame up
+//! to multiples of 2^levels (`shared/pyramid`). Past it every level is transparent. Pixels that matting and glow leave partly
+//! uncovered, by rounding only, are divided by coverage at the end.
 //!
-//! The paper gives the blur of `n` levels a radius of 1.7·2^(n−1) px. Its standard deviation is `√(2(4ⁿ − 1)/3)`, that of a
-//! disc of radius 2.8, 6.3, 13.0 …: the paper's radius describes the core of the kernel, and everything is blurred nearly
-//! twice as far as a disc would be. `first_radius_px = 3.2` makes the variances agree.
+//! The paper states a radius of 1.7·2^(n−1) px for the blur of `n` levels. Its standard deviation is `√(2(4ⁿ − 1)/3)`, that of a
+//! disc of radius 2.8, 6.3, 13.0 …: the radius of the paper describes the core of the kernel, and everything is blurred nearly
+//! twice as far as by a disc. `first_radius_px = 3.2` makes the variances agree.
 //!
-//! Cost: pixels × sub-images, about two for each doubling of the largest CoC radius, whatever the scene. Memory: six
-//! planes and a pyramid. Limits: one colour and depth a pixel; no aperture shape; behind focus no sub-image is blurred by
-//! more than `r_∞`, so what is beyond the last that is possible is blurred by up to half too little.
+//! Cost: pixels × sub-images, about two for each doubling of the largest CoC radius, for every scene. Memory: six
+//! planes and a pyramid. Limits: one colour and depth per pixel; no aperture shape; behind focus no sub-image is blurred by
+//! more than `r_∞`, so the blur of everything beyond the last possible sub-image is up to half too small.
 //!
-//! GPU twin: `shaders/methods/opaque_blur.wgsl`.
+//! GPU backend: `shaders/methods/opaque_blur.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};
@@ -71,7 +70,7 @@ impl Method for OpaqueBlur {
         let mut result = CoveragePlanes::unknown(frame.0, frame.1, visible.content.len());
         let count = images.far_to_near().count();
         for (done, i) in images.far_to_near().enumerate() {
-            lay(&visible, &images, i, &mut result);
+            composite(&visible, &images, i, &mut result);
             progress((done + 1) as f32 / count as f32);
         }
         Ok(result.into_picture())
@@ -83,13 +82,13 @@ impl Method for OpaqueBlur {
     }
 }
 
-/// The sub-images that the picture of `scene` is cut into.
+/// The sub-images of the picture of `scene`.
 fn sub_images(scene: &Scene, plan: &Plan) -> SubImages {
     let first_radius_px = plan.parameters.get::<OpaqueBlurParameters>().first_radius_px;
     SubImages::new(first_radius_px, plan.coc_range_px, scene.coc_infinity_px, scene.picture_size())
 }
 
-/// Figures of the laws' cases, rounded outward.
+/// Measured over all cases of each law, rounded outward.
 const DEVIATIONS: &[Deviation] = &[
     Deviation {
         law: Law::SeeThrough,
@@ -104,17 +103,17 @@ const DEVIATIONS: &[Deviation] = &[
     Deviation {
         law: Law::Energy,
         within: [0.999, 1.34],
-        reason: "eq. 7 rescales to the glow, near the border against transparent black",
+        reason: "eq. 7 rescales to the glow, next to transparent black at the border",
     },
     Deviation {
         law: Law::Place,
         within: [0.4, 0.54],
-        reason: "the 4×4 box gives a sample to coarse ones whose mean is half a pixel off",
+        reason: "the 4×4 box shifts the centre of a sample by half a pixel in the coarser level",
     },
     Deviation {
         law: Law::Spread,
         within: [3.3, 8.5],
-        reason: "1.7·2^(n−1) px is the core of n levels, whose variance is that of a larger disc",
+        reason: "1.7·2^(n−1) px is the core of the kernel of n levels, whose variance is that of a larger disc",
     },
     Deviation {
         law: Law::Convergence,
@@ -128,8 +127,8 @@ const DEVIATIONS: &[Deviation] = &[
     },
 ];
 
-/// Mattes sub-image `i`, blurs it opaquely and lays it over `result`.
-fn lay(visible: &Visible, images: &SubImages, i: i32, result: &mut CoveragePlanes) {
+/// Mattes sub-image `i`, applies the opaque blur and composites it over `result`.
+fn composite(visible: &Visible, images: &SubImages, i: i32, result: &mut CoveragePlanes) {
     let frame = (result.coverage.width(), result.coverage.height());
     let grid = Grid::new(frame, i.unsigned_abs() as usize, Edge::Clear);
     let channels = visible.content.len();
@@ -166,7 +165,7 @@ fn matte_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Gri
     }
 }
 
-/// Level 1 of the blurred content, the blurred alpha and the glow of alpha of a picture whose rows `matte` writes.
+/// Level 1 of the blurred content, the blurred alpha and the glow of alpha of the picture whose rows `matte` writes.
 fn blur_and_glow(grid: &Grid, channels: usize, matte: impl Fn(usize, &mut Rows) + Sync) -> Vec<Plane> {
     let mut analysed = vec![grid.reduce_frame(channels, BOX, matte)];
     for level in 1..grid.sizes.len() - 1 {
@@ -187,18 +186,18 @@ fn add_glow(expanded: &mut [f32], analysed: &[f32]) {
     expanded.iter_mut().zip(analysed).for_each(|(syn, &ana)| *syn += ana - *syn * ana);
 }
 
-/// Where the blur brings no more there is nothing to rescale; the least alpha that a kernel's rim leaves is far above.
-const NOTHING: f32 = 1e-30;
+/// Blurred alpha up to this is 0: there is nothing to rescale. The smallest alpha at the edge of a kernel is far larger.
+const MIN_ALPHA: f32 = 1e-30;
 
 /// `RGBA_sub = RGBA_blur · A_glow / A_blur` (eq. 7).
 fn rescale(colors: &mut [Vec<f32>], alpha: &mut [f32], glow: &[f32]) {
     for color in colors {
         for ((value, &alpha), &glow) in color.iter_mut().zip(&*alpha).zip(glow) {
-            *value *= if alpha > NOTHING { glow / alpha } else { 0.0 };
+            *value *= if alpha > MIN_ALPHA { glow / alpha } else { 0.0 };
         }
     }
     for (alpha, &glow) in alpha.iter_mut().zip(glow) {
-        *alpha = if *alpha > NOTHING { glow } else { 0.0 };
+        *alpha = if *alpha > MIN_ALPHA { glow } else { 0.0 };
     }
 }
 
@@ -206,7 +205,7 @@ fn rescale(colors: &mut [Vec<f32>], alpha: &mut [f32], glow: &[f32]) {
 mod tests {
     use super::*;
 
-    /// Blurred alpha and glow at full size of a picture's alpha.
+    /// The blur and the glow of `alpha`, at full size.
     fn glow_of(alpha: &Plane, levels: usize) -> [Plane; 2] {
         let grid = Grid::new((alpha.width(), alpha.height()), levels, Edge::Clear);
         let matte =
@@ -224,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn transparencies_multiply() {
+    fn adding_glow_multiplies_transmittances() {
         // 1 − (1 − ½)(1 − ¼) = 5/8 (eq. 8).
         let mut alpha = [0.5, 0.0, 1.0];
         add_glow(&mut alpha, &[0.25, 0.5, 0.75]);
@@ -232,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn glow_never_lowers_alpha_and_never_passes_one() {
+    fn glow_is_at_least_alpha_and_at_most_one() {
         let alpha = Plane::from_fn(37, 22, |x, y| ((x * 7 + y * 13) % 11) as f32 / 10.0 * f32::from(x > 9));
         for levels in 1..8 {
             let [_, glow] = glow_of(&alpha, levels);
@@ -252,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn rescaled_colours_keep_their_ratio_to_alpha_and_nothing_stays_nothing() {
+    fn rescaled_colours_keep_their_ratio_to_alpha_and_empty_pixels_stay_empty() {
         let (mut colors, mut alpha) = (vec![vec![0.3, 1e-32, 0.0]], vec![0.5, 1e-32, 0.0]);
         rescale(&mut colors, &mut alpha, &[0.75, 0.5, 0.0]);
         // 0.3 · 0.75 / 0.5

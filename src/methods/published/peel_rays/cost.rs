@@ -1,15 +1,15 @@
-//! What `peel-rays` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! Cost of `peel-rays`, in the terms of the module's head. `examples/cost_model.rs` fits the nanoseconds.
 
 use super::parameters::PeelRaysParameters;
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let parameters = plan.parameters.get::<PeelRaysParameters>();
     let rays = workload.pixels() * workload.views();
-    // Two steps for each sample that is passed along the longer of the two axes.
+    // Two steps per sample that is passed along the longer of the two axes.
     let steps = 2.0 * 0.77 * workload.supersample() * workload.depths().before_px;
     let steps = steps.min(parameters.linear_steps as f64);
     Cost::new(

@@ -1,15 +1,15 @@
-//! Peel rays on a GPU: one thread a pixel, all rays of a go one after the other.
+//! `peel-rays` on a GPU: one thread per pixel traces all rays of a batch in sequence.
 //!
-//! Fragments and N-buffers are the CPU's own tables; the march is the shader's.
+//! Fragments and N-buffers are the CPU's tables; the shader marches rays through them.
 //!
-//! Memory: 20 bytes a fragment, 36 a pixel; two N-buffers of at most 65536 blocks a level, which must fit into one buffer.
+//! Memory: 20 bytes per fragment, 36 per pixel; two N-buffers of at most 65536 blocks per level, which must fit into
+//! one buffer.
 
 use super::{Marcher, PeelRays, STEPS_PER_SAMPLE};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::Image;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     Batch, Batches, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews, Stack,
     Tracer, View, nbuffer_words, picture_of_batches,
@@ -17,7 +17,7 @@ use crate::methods::shared::{
 use crate::scene::Scene;
 use crate::scene::surface::JOIN_PX;
 
-/// Side of a workgroup.
+/// Side of a workgroup, in pixels.
 const SIDE: usize = 8;
 
 static SHADER: Shader = Shader {
@@ -35,21 +35,21 @@ static SHADER: Shader = Shader {
 };
 
 mirrored! {
-    /// Between which CoC radii anything lies, and in how many steps it is searched for.
+    /// CoC range of the stack, and numbers of search steps.
     struct March {
-        /// No fragment has less CoC radius.
+        /// Smallest CoC radius of all fragments.
         nearest: f32,
-        /// No fragment has more.
+        /// Largest CoC radius of all fragments.
         farthest: f32,
-        /// Of the linear search.
+        /// Maximum number of steps of the linear search.
         linear_steps: u32,
-        /// Of the binary search.
+        /// Steps of the binary search.
         binary_steps: u32,
     }
 }
 
 impl Marcher {
-    /// The stack that rays go through.
+    /// The stack that rays are marched through.
     fn stack(&self) -> RayStack<'_> {
         RayStack {
             fragments: &self.fragments,
@@ -58,8 +58,8 @@ impl Marcher {
         }
     }
 
-    fn whole(&self) -> March {
-        let [nearest, farthest] = self.range.whole;
+    fn march_uniform(&self) -> March {
+        let [nearest, farthest] = self.range.full_px;
         March {
             nearest,
             farthest,
@@ -68,24 +68,24 @@ impl Marcher {
         }
     }
 
-    /// Rounds of loops for a ray that searches in every step, as few do: enough for those beside it too, which a processor takes through
-    /// the same loops.
+    /// Maximum loop iterations per ray, for a ray that searches in every step. Few rays do; this leaves room for the
+    /// neighbouring rays of a SIMD group, which a processor takes through the same loops.
     fn rounds(&self) -> usize {
-        let [near, far] = self.range.whole;
-        let fastest = self.samples.iter().map(|view| view.lens.abs().max_element()).fold(0.0, f32::max);
-        let passed = fastest * self.supersample * (far - near);
+        let [near, far] = self.range.full_px;
+        let max_step = self.samples.iter().map(|view| view.lens.abs().max_element()).fold(0.0, f32::max);
+        let passed = max_step * self.supersample * (far - near);
         let steps = ((passed * STEPS_PER_SAMPLE).ceil() as usize).clamp(1, self.linear_steps);
-        // The lists of both ends, and in a search those of each step, of the end and of the crossing.
-        let list = 1 + self.fragments.depth();
-        let in_step = 1 + 2 * list + (self.binary_steps + 2) * (1 + list);
-        // Both N-buffers, for the ray and twice for its bundle, in up to two rows of windows.
-        let widest = 2.0 * self.supersample * (near.abs().max(far.abs()) + 0.5);
-        let in_nbuffers = 3 * 2 * 2 * (2 + (widest.max(passed) / self.range.blocks.side as f32) as usize);
-        steps * in_step + in_nbuffers
+        // Sample lists of both ends; in a search, those of each step, of the end and of the crossing.
+        let per_list = 1 + self.fragments.depth();
+        let per_step = 1 + 2 * per_list + (self.binary_steps + 2) * (1 + per_list);
+        // Both N-buffers, once for the ray and twice for its bundle, in up to two rows of windows.
+        let max_width = 2.0 * self.supersample * (near.abs().max(far.abs()) + 0.5);
+        let in_nbuffers = 3 * 2 * 2 * (2 + (max_width.max(passed) / self.range.blocks.side as f32) as usize);
+        steps * per_step + in_nbuffers
     }
 }
 
-/// What is the same for all bands.
+/// Tables shared by all bands.
 struct Tables<'g> {
     gpu: &'g Gpu,
     marcher: &'g Marcher,
@@ -103,19 +103,19 @@ impl<'g> Tables<'g> {
         Ok(Self {
             gpu,
             marcher,
-            march: gpu.uniform(&marcher.whole())?,
-            views: RayViews::new(gpu, marcher.samples.iter(), in_pixel, range.whole)?,
+            march: gpu.uniform(&marcher.march_uniform())?,
+            views: RayViews::new(gpu, marcher.samples.iter(), in_pixel, range.full_px)?,
             nbuffers: gpu.upload("N-buffers", &nbuffers)?,
             follow: gpu.kernel(&SHADER, "follow")?,
         })
     }
 
-    /// Makes the rows of `band`.
-    fn make(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
+    /// Renders the rows of `band`.
+    fn render(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let stack = self.marcher.stack();
         let rows = stack.rows(self.gpu, band)?;
         let (width, height) = (stack.picture_size().0, band.rows.len());
-        let goes = Batches::new(self.gpu, &SHADER, width * height, self.marcher.transparent_background)?;
+        let batches = Batches::new(self.gpu, &SHADER, width * height, self.marcher.transparent_background)?;
         let own = [(4, &self.views.buffer), (8, &self.nbuffers), (9, &self.march)];
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
             let bindings: Vec<_> = sums.into_iter().chain(rows.bindings()).chain(own).collect();
@@ -123,12 +123,12 @@ impl<'g> Tables<'g> {
         };
         let count = self.marcher.samples.len();
         let done = std::cell::Cell::new(0);
-        goes.follow((0..count, self.marcher.rounds()), follow, |views| {
+        batches.follow((0..count, self.marcher.rounds()), follow, |views| {
             done.set(done.get() + views);
             progress(done.get() as f32 / count as f32);
         })?;
-        goes.resolve(&[0, 1, 2, 3], |_, _| Ok(()))?;
-        Ok(goes)
+        batches.resolve(&[0, 1, 2, 3], |_, _| Ok(()))?;
+        Ok(batches)
     }
 }
 
@@ -137,7 +137,9 @@ impl GpuBackend for PeelRays {
         let marcher = Marcher::new(scene.clone(), plan, plan.lens_samples());
         let tables = Tables::new(gpu, &marcher)?;
         let rows = [tables.views.reach_rows, marcher.stack().max_rows(gpu, 0)];
-        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| tables.make(band, progress))
+        picture_of_batches(scene.picture_size(), rows, progress, |band, progress| {
+            tables.render(band, progress)
+        })
     }
 
     fn shader(&self) -> &'static Shader {

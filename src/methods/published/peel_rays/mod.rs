@@ -1,46 +1,42 @@
-//! `peel-rays`: every lens ray marched through the peels' height fields, no layers between.
+//! `peel-rays`: every lens ray is marched through the peels' height fields, without layers between.
 //!
-//! Lee, Eisemann & Seidel 2010, "Real-Time Lens Blur Effects and Focus Control", as Schedl & Wimmer 2012 describe it (section 4): a
-//! linear search along the ray, a binary search where it has passed a surface, both within the range of CoC depth that an
-//! N-buffer gives for that ray alone.
+//! Lee, Eisemann & Seidel 2010, "Real-Time Lens Blur Effects and Focus Control", as Schedl & Wimmer 2012 describe it
+//! (section 4): a linear search along the ray, then a binary search where the ray has passed a surface. Both are
+//! limited to the CoC range that an N-buffer gives for that ray alone.
 //!
-//! Where the description is silent, or asks for what a stack lacks:
-//! * *Back faces.* The paper needs closed objects with their back faces, so that a ray behind a front face is inside. Peels may
-//!   be open sheets, and a ray that slips behind an edge is not inside anything. So the binary search follows the surface that
-//!   was passed, from sample to sample as long as they lie within [`surface::JOIN_PX`] of one another, and a hit counts only if the ray
-//!   meets that surface before it ends; otherwise the march goes on, and farther fragments answer.
-//! * *Nearest first.* Within a step all fragments of both ends are asked, nearest first.
-//! * *Steps.* No more than two for each sample that the ray passes: more would find the same samples again.
-//! * *Border.* Past the frame's border the last sample goes on for ever, as in [`super::accumulate`].
+//! Where the description gives no rule, or needs data that a stack lacks:
+//! * *Back faces.* The paper needs closed objects with back faces, so that a ray behind a front face is inside. Peels
+//!   may be open surfaces, and a ray that passes behind an edge is not inside anything. So the binary search follows
+//!   the surface that was passed, from sample to sample while they lie within [`surface::JOIN_PX`] of one another. A
+//!   hit counts only if the ray intersects that surface before the surface ends; otherwise the march continues to
+//!   farther fragments.
+//! * *Nearest first.* Within a step all fragments at both ends are tested, nearest first.
+//! * *Steps.* At most two for each sample that the ray passes: more would find the same samples again.
+//! * *Border.* Past the frame's border the last sample is repeated, as in [`crate::methods::accumulate`].
 //! * *Lens samples.* Spread evenly over the aperture, not Gaussian: the blur is to be that of the lens.
 //!
-//! Cost: pixels × rays × steps × layers. Memory: the scene. Limits: knows only what the peels know; with few steps thin things
-//! are stepped over.
-//! GPU twin: `shaders/methods/peel_rays.wgsl`.
+//! Cost: pixels × rays × steps × layers. Memory: the scene. Limits: only surfaces in the peels are known; with few
+//! steps thin objects are stepped over.
+//! GPU backend: `shaders/methods/peel_rays.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, views};
-use crate::methods::contract::GpuBackend;
-use crate::methods::contract::Plan;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::RaySum;
-use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, Tracer};
-use crate::scene::surface;
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
+use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, RaySum, Tracer};
+use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use glam::Vec2;
-#[cfg(feature = "gpu")]
 use parameters::PeelRaysParameters;
 
-/// Linear steps for each sample that a ray passes; more find the same samples again.
+/// Linear steps per sample that a ray passes; more steps find the same samples again.
 const STEPS_PER_SAMPLE: f32 = 2.0;
 
 /// The method.
@@ -82,7 +78,7 @@ impl Method for PeelRays {
     }
 
     #[cfg(feature = "gpu")]
-    fn gpu(&self) -> Option<&dyn GpuBackend> {
+    fn gpu(&self) -> Option<&dyn crate::methods::contract::GpuBackend> {
         Some(self)
     }
 }
@@ -93,59 +89,59 @@ impl LensSampling for PeelRays {
     }
 }
 
-/// Everything that rays are marched through.
+/// What rays are marched through.
 #[derive(Debug)]
 struct Marcher {
     samples: Vec<View>,
     fragments: Fragments,
-    range: Range,
+    range: CocRange,
     supersample: f32,
-    /// Where in the pixel the rays lie, as a share of its width.
+    /// Extent of the ray origins in the pixel, as a share of the pixel's width.
     jitter: f32,
     linear_steps: usize,
     binary_steps: usize,
     transparent_background: bool,
 }
 
-/// Between which CoC radii there is anything in some part of the picture.
+/// CoC ranges of the fragments in parts of the picture.
 #[derive(Debug)]
-struct Range {
+struct CocRange {
     blocks: Blocks,
     nearest: NBuffer,
-    /// Negated, so that it is a least value too.
+    /// Negated, so that an N-buffer of minima serves for it too.
     farthest: NBuffer,
-    whole: [f32; 2],
+    full_px: [f32; 2],
 }
 
-impl Range {
-    fn new(fragments: &Fragments, whole: [f32; 2], supersample: f32) -> Self {
+impl CocRange {
+    fn new(fragments: &Fragments, full_px: [f32; 2], supersample: f32) -> Self {
         let blocks = Blocks::of(fragments);
-        let longest = 2.0 * supersample * (whole[0].abs().max(whole[1].abs()) + 0.5);
+        let max_window = 2.0 * supersample * (full_px[0].abs().max(full_px[1].abs()) + 0.5);
         let last = |sample: usize| fragments.coc_px(sample).iter().rfind(|coc| coc.is_finite()).copied();
         Self {
             blocks,
-            nearest: blocks.least(fragments, longest, |sample| {
+            nearest: blocks.least(fragments, max_window, |sample| {
                 fragments.coc_px(sample).first().copied().unwrap_or(f32::INFINITY)
             }),
             farthest: blocks
-                .least(fragments, longest, |sample| last(sample).map_or(f32::INFINITY, |far| -far)),
-            whole,
+                .least(fragments, max_window, |sample| last(sample).map_or(f32::INFINITY, |far| -far)),
+            full_px,
         }
     }
 
-    /// CoC radii of all that lies between two sample positions; the first is infinite where nothing does.
-    fn between(&self, a: Vec2, b: Vec2) -> [f32; 2] {
+    /// CoC range of the fragments between two sample positions; starts at infinity if there are none.
+    fn between_px(&self, a: Vec2, b: Vec2) -> [f32; 2] {
         let window = self.blocks.window(a.min(b), a.max(b));
         [self.nearest.least(&window), -self.farthest.least(&window)]
     }
 
-    /// CoC radii of all that the rays of the pixel whose centre is at sample position `centre` can meet.
-    fn of_bundle(&self, centre: Vec2, supersample: f32) -> [f32; 2] {
-        let mut range = self.whole;
-        // What lies within reach of the whole range narrows the reach, and so the range, once more.
+    /// CoC range of the fragments that rays through the pixel with centre `centre` (in samples) can hit.
+    fn bundle_px(&self, centre: Vec2, supersample: f32) -> [f32; 2] {
+        let mut range = self.full_px;
+        // The fragments within reach of the full range give a smaller reach, and that a smaller range.
         for _ in 0..2 {
             let reach = Vec2::splat((range[0].abs().max(range[1].abs()) + 0.5) * supersample);
-            range = self.between(centre - reach, centre + reach);
+            range = self.between_px(centre - reach, centre + reach);
             if range[0] == f32::INFINITY {
                 break;
             }
@@ -154,7 +150,7 @@ impl Range {
     }
 }
 
-/// A lens ray: at CoC radius `c` it is over sample position `start + c·step`.
+/// A lens ray: at CoC radius `c` it passes sample position `start + c·step`.
 #[derive(Debug, Clone, Copy)]
 struct Ray {
     start: Vec2,
@@ -168,16 +164,16 @@ impl Ray {
     }
 }
 
-/// A stretch of a ray: CoC radii and the samples at its ends, and up to which CoC radius fragments have been met before.
+/// A segment of a ray: CoC radii and samples at its ends. Fragments up to CoC radius `passed_coc_px` were hit before.
 #[derive(Debug, Clone, Copy)]
-struct Stretch {
+struct Segment {
     from: f32,
     to: f32,
     samples: [usize; 2],
-    behind: f32,
+    passed_coc_px: f32,
 }
 
-/// A fragment that a ray meets.
+/// A fragment that a ray hits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Hit {
     sample: usize,
@@ -194,7 +190,7 @@ impl Tracer for Marcher {
         let fragments = Fragments::new(scene);
         Self {
             samples: views(rays, plan.optics.aperture),
-            range: Range::new(&fragments, plan.coc_range_px, supersample),
+            range: CocRange::new(&fragments, plan.coc_range_px, supersample),
             fragments,
             supersample,
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
@@ -206,7 +202,7 @@ impl Tracer for Marcher {
 
     fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
-        let range = self.range.of_bundle(centre, self.supersample);
+        let range = self.range.bundle_px(centre, self.supersample);
         let mut sum = RaySum::default();
         for view in &self.samples {
             let start = centre + self.jitter * self.supersample * view.jitter;
@@ -217,106 +213,109 @@ impl Tracer for Marcher {
 }
 
 impl Marcher {
-    /// Marches `ray` through all that there is between the CoC radii of `range`, and adds what it meets.
+    /// Marches `ray` through the fragments in the CoC radii of `range`, and adds those that it hits.
     fn march(&self, ray: Ray, range: [f32; 2], sum: &mut RaySum) {
-        let mut transmitted = 1.0;
+        let mut transmittance = 1.0;
         let [near, far] = match range {
             [f32::INFINITY, _] => range,
-            [near, far] => self.range.between(ray.at(near), ray.at(far)),
+            [near, far] => self.range.between_px(ray.at(near), ray.at(far)),
         };
-        // What the ray passes over may lie beyond the bundle's range, where it does not go.
+        // The ray may pass over fragments outside of the bundle's range, which it cannot hit.
         let (near, far) = (near.max(range[0]), far.min(range[1]));
         if near <= far {
             let passed = ray.step.abs().max_element() * (far - near) * STEPS_PER_SAMPLE;
             let steps = (passed.ceil() as usize).clamp(1, self.linear_steps);
-            let mut stretch = Stretch {
+            let mut segment = Segment {
                 from: near,
                 to: near,
                 samples: [self.fragments.sample_at(ray.at(near)); 2],
-                behind: f32::NEG_INFINITY,
+                passed_coc_px: f32::NEG_INFINITY,
             };
             for step in 1..=steps {
-                stretch.from = stretch.to;
-                stretch.to =
+                segment.from = segment.to;
+                segment.to =
                     if step < steps { near + (far - near) * (step as f32 / steps as f32) } else { far };
-                stretch.samples = [stretch.samples[1], self.fragments.sample_at(ray.at(stretch.to))];
-                while let Some(hit) = self.meet(ray, &stretch) {
+                segment.samples = [segment.samples[1], self.fragments.sample_at(ray.at(segment.to))];
+                while let Some(hit) = self.intersect(ray, &segment) {
                     let [r, g, b, alpha] = self.fragments.color(hit.sample, hit.fragment);
-                    sum.add([r, g, b], transmitted);
-                    transmitted *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
-                    if transmitted <= 0.0 {
+                    sum.add([r, g, b], transmittance);
+                    transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
+                    if transmittance <= 0.0 {
                         return;
                     }
-                    stretch.behind = hit.coc_px;
+                    segment.passed_coc_px = hit.coc_px;
                 }
             }
         }
-        sum.missed += f64::from(transmitted);
+        sum.missed += f64::from(transmittance);
     }
 
-    /// The first fragment that the ray meets in a stretch.
+    /// The first fragment that the ray hits in a segment.
     #[inline]
-    fn meet(&self, ray: Ray, stretch: &Stretch) -> Option<Hit> {
-        let [first, last] = stretch.samples;
-        let within =
-            |&(_, coc): &(usize, f32)| coc >= stretch.from && coc <= stretch.to && coc > stretch.behind;
-        let at_first = self.of(first).find(within);
+    fn intersect(&self, ray: Ray, segment: &Segment) -> Option<Hit> {
+        let [first, last] = segment.samples;
+        let within = |&(_, coc): &(usize, f32)| {
+            coc >= segment.from && coc <= segment.to && coc > segment.passed_coc_px
+        };
+        let candidate_at_first = self.fragments_of(first).find(within);
         if first == last {
-            return at_first.map(|(fragment, coc_px)| Hit { sample: first, fragment, coc_px });
+            return candidate_at_first.map(|(fragment, coc_px)| Hit { sample: first, fragment, coc_px });
         }
-        let met_at_first = at_first.and_then(|(fragment, coc_px)| {
-            self.search(ray, stretch, Hit { sample: first, fragment, coc_px }, true)
+        let hit_at_first = candidate_at_first.and_then(|(fragment, coc_px)| {
+            self.search(ray, segment, Hit { sample: first, fragment, coc_px }, true)
         });
-        met_at_first.or_else(|| {
-            let mut at_last = self.of(last).filter(within);
-            at_last.find_map(|(fragment, coc_px)| {
-                self.search(ray, stretch, Hit { sample: last, fragment, coc_px }, false)
+        hit_at_first.or_else(|| {
+            let mut candidates_at_last = self.fragments_of(last).filter(within);
+            candidates_at_last.find_map(|(fragment, coc_px)| {
+                self.search(ray, segment, Hit { sample: last, fragment, coc_px }, false)
             })
         })
     }
 
     /// The fragments of a sample and their CoC radii, nearest first.
     #[inline(always)]
-    fn of(&self, sample: usize) -> impl Iterator<Item = (usize, f32)> {
+    fn fragments_of(&self, sample: usize) -> impl Iterator<Item = (usize, f32)> {
         self.fragments.coc_px(sample).iter().copied().enumerate().take_while(|(_, coc)| *coc < f32::INFINITY)
     }
 
-    /// Binary search for the place where the ray meets the surface of `found`, over which it is at the first or at the last
-    /// end of the stretch; none if the surface ends before that.
+    /// Binary search for the intersection of the ray with the surface of `found`, which lies at the first or at the
+    /// last end of the segment; `None` if the surface ends before it.
     ///
-    /// One end of the search stays over the surface. The other is beyond its edge, or over it too but on its other side.
-    fn search(&self, ray: Ray, stretch: &Stretch, mut found: Hit, over_first: bool) -> Option<Hit> {
+    /// One end of the search stays over the surface. The other end is past the surface's edge, or over the surface
+    /// but on its other side.
+    fn search(&self, ray: Ray, segment: &Segment, mut found: Hit, over_first: bool) -> Option<Hit> {
         let (mut on, mut off) =
-            if over_first { (stretch.from, stretch.to) } else { (stretch.to, stretch.from) };
+            if over_first { (segment.from, segment.to) } else { (segment.to, segment.from) };
         let on_this_side = |coc: f32, c: f32| if over_first { coc >= c } else { coc <= c };
         let mut beyond = self
-            .joined(stretch.samples[usize::from(over_first)], &found)
+            .joined_fragment(segment.samples[usize::from(over_first)], &found)
             .filter(|other| !on_this_side(other.coc_px, off) || other.coc_px == off);
         for _ in 0..self.binary_steps {
             let middle = 0.5 * (on + off);
-            match self.joined(self.fragments.sample_at(ray.at(middle)), &found) {
+            match self.joined_fragment(self.fragments.sample_at(ray.at(middle)), &found) {
                 Some(next) if on_this_side(next.coc_px, middle) => (on, found) = (middle, next),
                 next => (off, beyond) = (middle, next),
             }
         }
         if let Some(beyond) = beyond {
-            // The surface goes on past the ray: the sample where a straight line between the two sides crosses it.
+            // The surface continues past the ray: take the sample where a straight line between the two sides crosses
+            // it.
             let (ahead, past) = ((found.coc_px - on).abs(), (beyond.coc_px - off).abs());
             let crossing = on + (off - on) * if ahead > 0.0 { ahead / (ahead + past) } else { 0.0 };
-            return self.joined(self.fragments.sample_at(ray.at(crossing)), &found).or(Some(found));
+            return self.joined_fragment(self.fragments.sample_at(ray.at(crossing)), &found).or(Some(found));
         }
         (!on_this_side(found.coc_px, off) || found.coc_px == off).then_some(found)
     }
 
-    /// The fragment of `sample` that goes on with the surface of `found`: itself, or one near enough if both are opaque, as
-    /// thin ones would count twice.
-    fn joined(&self, sample: usize, found: &Hit) -> Option<Hit> {
+    /// The fragment of `sample` that continues the surface of `found`: `found` itself, or a joined fragment if both
+    /// are opaque. Translucent ones would count twice.
+    fn joined_fragment(&self, sample: usize, found: &Hit) -> Option<Hit> {
         if sample == found.sample {
             return Some(*found);
         }
         let opaque = |sample, fragment| self.fragments.color(sample, fragment)[3] >= OPAQUE_ALPHA;
         let near = |&(_, coc): &(usize, f32)| surface::joins(found.coc_px, coc);
-        let (fragment, coc_px) = self.of(sample).find(near)?;
+        let (fragment, coc_px) = self.fragments_of(sample).find(near)?;
         (opaque(sample, fragment) && opaque(found.sample, found.fragment)).then_some(Hit {
             sample,
             fragment,
@@ -333,7 +332,7 @@ mod tests {
     fn marcher(fragments: Fragments, coc_range_px: [f32; 2]) -> Marcher {
         Marcher {
             samples: Vec::new(),
-            range: Range::new(&fragments, coc_range_px, 1.0),
+            range: CocRange::new(&fragments, coc_range_px, 1.0),
             fragments,
             supersample: 1.0,
             jitter: 1.0,
@@ -343,10 +342,10 @@ mod tests {
         }
     }
 
-    /// CoC radius of what `ray` meets; 0 if nothing.
-    fn met(marcher: &Marcher, ray: Ray) -> f64 {
+    /// CoC radius of the fragment that `ray` hits; 0 if none.
+    fn hit_coc_px(marcher: &Marcher, ray: Ray) -> f64 {
         let mut sum = RaySum::default();
-        marcher.march(ray, marcher.range.whole, &mut sum);
+        marcher.march(ray, marcher.range.full_px, &mut sum);
         sum.color[0]
     }
 
@@ -355,41 +354,43 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_that_slips_behind_an_edge_goes_on_to_what_is_behind() {
-        // A bar at −4 over the right half, a wall at 6 behind it all.
+    fn a_ray_that_passes_behind_an_edge_hits_the_surface_behind_it() {
+        // A bar at −4 over the right half, in front of a wall at 6.
         let list = |x, _| if x >= 8 { vec![-4.0, 6.0] } else { vec![6.0] };
         let marcher = marcher(Fragments::from_lists((24, 1), list), [-4.0, 6.0]);
-        assert_eq!(met(&marcher, ray(11.0, 0.5)), -4.0, "over 9 at −4: meets the bar");
-        assert_eq!(met(&marcher, ray(9.0, 0.5)), 6.0, "over 7 at −4, over 9 at 0: behind the bar");
-        assert_eq!(met(&marcher, ray(7.0, -0.6)), -4.0, "over 9.4 at −4, leaving: meets the bar");
+        assert_eq!(hit_coc_px(&marcher, ray(11.0, 0.5)), -4.0, "over 9 at −4: hits the bar");
+        assert_eq!(hit_coc_px(&marcher, ray(9.0, 0.5)), 6.0, "over 7 at −4, over 9 at 0: behind the bar");
+        assert_eq!(hit_coc_px(&marcher, ray(7.0, -0.6)), -4.0, "over 9.4 at −4, leaving: hits the bar");
     }
 
     #[test]
-    fn a_slanted_surface_is_met_where_the_ray_crosses_it_in_whichever_peel_it_is() {
-        // A floor that rises by 0.4 a sample; over some samples a bar pushes it back by one peel. Before the wall at 30.
+    fn a_slanted_surface_is_hit_where_the_ray_crosses_it_in_any_peel() {
+        // A floor that rises by 0.4 per sample, in front of a wall at 30. Over some samples a bar moves it back by
+        // one peel.
         let floor = |x: usize| 0.4 * (x as f32 - 20.0);
         let list =
             |x, _| if (18..24).contains(&x) { vec![-9.0, floor(x), 30.0] } else { vec![floor(x), 30.0] };
         let marcher = marcher(Fragments::from_lists((48, 1), list), [-9.0, 30.0]);
         for i in 0..200 {
-            // x = p + 0.9 c meets c = 0.4 (x − 20) at c = 0.4 (p − 20) / (1 − 0.36); the bar, at −9, is 8 samples off.
+            // x = p + 0.9 c intersects c = 0.4 (x − 20) at c = 0.4 (p − 20) / (1 − 0.36); the bar, at −9, is 8
+            // samples away.
             let start = 20.0 + 0.03 * i as f32;
             let crossing = 0.4 * (start - 20.5) / 0.64;
-            let found = met(&marcher, ray(start, 0.9)) as f32;
+            let found = hit_coc_px(&marcher, ray(start, 0.9)) as f32;
             assert!((found - crossing).abs() < 0.45, "from {start}: {found}, expected {crossing}");
         }
     }
 
     #[test]
-    fn the_range_of_a_bundle_holds_all_that_its_rays_can_meet() {
+    fn the_range_of_a_bundle_holds_all_fragments_that_its_rays_can_hit() {
         let list = |x, y| {
             if noise(x / 4, y / 4, 3) < 0.8 { vec![] } else { vec![24.0 * noise(x / 4, y / 4, 4) - 12.0] }
         };
         let fragments = Fragments::from_lists((60, 60), list);
-        let range = Range::new(&fragments, [-12.0, 12.0], 1.0);
+        let range = CocRange::new(&fragments, [-12.0, 12.0], 1.0);
         for (px, py) in (0..60).step_by(7).flat_map(|x| (0..60).step_by(5).map(move |y| (x, y))) {
             let centre = Vec2::new(px as f32 + 0.5, py as f32 + 0.5);
-            let [near, far] = range.of_bundle(centre, 1.0);
+            let [near, far] = range.bundle_px(centre, 1.0);
             for (x, y) in (0..60 * 60).map(|i| (i % 60, i / 60)) {
                 let away = (Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - centre).abs().max_element();
                 for &coc in fragments.coc_px(y * 60 + x).iter().filter(|coc| coc.abs() > away) {

@@ -1,15 +1,15 @@
-//! What `point-splat` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! Cost of `point-splat`, in the terms of the module's head. `examples/cost_model.rs` fits the nanoseconds.
 
 use super::parameters::PointSplatParameters;
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let parameters = plan.parameters.get::<PointSplatParameters>();
     let edges = workload.edge_density();
-    // Where something else is within a CoC of the pixel nothing is reduced.
+    // Pixels with another surface within their CoC are not reduced.
     let near_edge = |coc_px: f64| 1.0 - (-edges * 2.0 * coc_px).exp();
     let points = |coc_px: f64| match parameters.accelerated && coc_px >= 2.0 {
         true => near_edge(coc_px) + 0.25 * (1.0 - near_edge(coc_px)),

@@ -1,16 +1,15 @@
-//! The visible image, and the image of what it hides near its edges (section 3.2).
+//! The visible image, and the image of surfaces hidden near its edges (section 3.2).
 //!
-//! Depths are compared as CoC radii: the paper's normalised scale, taken as a depth buffer's, is
-//! `(c − c_near) / (c_far − c_near)`, so its thresholds become pixels of CoC radius once and for all.
+//! Depths are compared as CoC radii. The paper's normalised scale, taken to be a depth buffer's, is `(c − c_near) /
+//! (c_far − c_near)`, so its thresholds are constants in pixels of CoC radius.
 
 use crate::image::Plane;
-use crate::methods::shared::Peel;
-use crate::methods::shared::planes_from_rows;
+use crate::methods::shared::{Peel, planes_from_rows};
 use crate::scene::OPAQUE_ALPHA;
 use glam::Vec2;
 
-/// The neighbours Ω of eq. 4 in a unit CoC: at least half a radius apart, as Poisson-disc samples are, with the symmetries
-/// of the pixel grid, four within and eight around them.
+/// The neighbours Ω of eq. 4 in a unit CoC: at least half a radius apart, as Poisson-disc samples are, with the
+/// symmetries of the pixel grid, four inner and eight outer ones.
 const NEIGHBOURS: [Vec2; 12] = [
     Vec2::new(0.35, 0.35),
     Vec2::new(-0.35, 0.35),
@@ -26,54 +25,55 @@ const NEIGHBOURS: [Vec2; 12] = [
     Vec2::new(0.89, -0.37),
 ];
 
-/// Share of the neighbourhood that reduced points scan for depth changes: so far do they overlap the others (section 5).
+/// Share of the neighbourhood that reduced points scan for depth changes. The rest is where they overlap the others
+/// (section 5).
 const REDUCED_REACH: f32 = 0.95;
 
-/// Coverage below this is no knowledge: it could not be divided by.
+/// Minimum coverage of a known pixel: a smaller one could not be divided by.
 const MIN_COVERAGE: f32 = 1e-6;
 
-/// What a camera sees in one pixel.
+/// A pixel of a camera's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fragment<const N: usize> {
     /// Content, premultiplied by weight.
     pub content: [f32; N],
-    /// How much of the pixel is known.
+    /// Known share of the pixel.
     pub weight: f32,
-    /// Signed CoC radius of what shows most.
+    /// Signed CoC radius of the fragment with the largest weight.
     pub coc_px: f32,
 }
 
-/// What is over one another at `x, y` among all fragments at or behind CoC radius `from_px`; `None` for nothing.
-pub(super) fn seen<const N: usize>(
+/// Composites all fragments at `x, y` whose CoC radius is at least `from_px`; `None` if there are none.
+pub(super) fn composite<const N: usize>(
     peels: &[Peel],
     (x, y): (usize, usize),
     from_px: f32,
 ) -> Option<Fragment<N>> {
-    let mut seen = Fragment { content: [0.0; N], weight: 0.0, coc_px: 0.0 };
-    let (mut transmitted, mut most) = (1.0, 0.0);
+    let mut composite = Fragment { content: [0.0; N], weight: 0.0, coc_px: 0.0 };
+    let (mut transmittance, mut max_weight) = (1.0, 0.0);
     for Peel { covered, coc_px } in peels {
         let (coverage, coc_px) = (covered.coverage.get(x, y), coc_px.get(x, y));
         if coverage <= 0.0 || coc_px < from_px {
             continue;
         }
-        for (sum, plane) in seen.content.iter_mut().zip(&covered.content) {
-            *sum += transmitted * plane.get(x, y);
+        for (sum, plane) in composite.content.iter_mut().zip(&covered.content) {
+            *sum += transmittance * plane.get(x, y);
         }
-        seen.weight += transmitted * coverage;
-        if transmitted * coverage > most {
-            (most, seen.coc_px) = (transmitted * coverage, coc_px);
+        composite.weight += transmittance * coverage;
+        if transmittance * coverage > max_weight {
+            (max_weight, composite.coc_px) = (transmittance * coverage, coc_px);
         }
-        transmitted *= if coverage >= OPAQUE_ALPHA { 0.0 } else { 1.0 - coverage };
-        if transmitted <= 0.0 {
+        transmittance *= if coverage >= OPAQUE_ALPHA { 0.0 } else { 1.0 - coverage };
+        if transmittance <= 0.0 {
             break;
         }
     }
-    (seen.weight > MIN_COVERAGE).then_some(seen)
+    (composite.weight > MIN_COVERAGE).then_some(composite)
 }
 
 impl<const N: usize> Fragment<N> {
-    /// The fragment at full weight: what of it is not known is as what is.
-    pub(super) fn whole(self) -> Self {
+    /// The fragment at full weight: its content divided by its weight.
+    pub(super) fn normalised(self) -> Self {
         if self.weight >= OPAQUE_ALPHA {
             return Self { weight: 1.0, ..self };
         }
@@ -81,7 +81,7 @@ impl<const N: usize> Fragment<N> {
     }
 }
 
-/// Signed CoC radius of what is visible.
+/// Signed CoC radius of the visible surface in every pixel.
 pub(super) fn visible_coc_px(peels: &[Peel], size: (usize, usize)) -> Plane {
     let [coc_px] = planes_from_rows(
         size,
@@ -89,49 +89,50 @@ pub(super) fn visible_coc_px(peels: &[Peel], size: (usize, usize)) -> Plane {
         || (),
         |(), y, [row]: &mut [_; 1]| {
             for (x, coc_px) in row.iter_mut().enumerate() {
-                *coc_px = seen::<0>(peels, (x, y), f32::NEG_INFINITY).map_or(0.0, |seen| seen.coc_px);
+                *coc_px = composite::<0>(peels, (x, y), f32::NEG_INFINITY)
+                    .map_or(0.0, |composite| composite.coc_px);
             }
         },
     );
     coc_px
 }
 
-/// Whether light that a pixel hides may show past it.
+/// Whether surfaces hidden by a pixel may show beside it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edge {
-    /// No depth change is near: the pixel's own surface closes.
+    /// No depth change is near.
     None,
-    /// Just within reach of a depth change: reduced points overlap the others.
+    /// A depth change at the limit of the CoC: reduced points overlap the others.
     Overlap,
-    /// Near a depth change.
+    /// A depth change is near.
     Near,
 }
 
-/// The tests of section 3.2 in pixels of CoC radius.
+/// The tests of section 3.2, in pixels of CoC radius.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hiding {
-    /// A hidden fragment is at least this far behind the visible one, ε.
+pub(super) struct OcclusionTests {
+    /// Minimum distance of a hidden fragment behind the visible one, ε.
     pub epsilon_px: f32,
-    /// Least depth change around a pixel with a hidden fragment.
+    /// Minimum depth change around a pixel with a hidden fragment.
     pub edge_px: f32,
 }
 
-impl Hiding {
-    /// The tests of `epsilon` and `edge` on the normalised scale of a scene with this range.
+impl OcclusionTests {
+    /// The tests for `epsilon` and `edge` on the normalised scale of a scene with this CoC range.
     pub(super) fn new(epsilon: f32, edge: f32, [near_px, far_px]: [f32; 2]) -> Self {
         let range_px = (far_px - near_px).max(0.0);
         Self { epsilon_px: epsilon * range_px, edge_px: edge * range_px }
     }
 
-    /// CoC radius from which a fragment behind a visible one at `visible_px` is hidden by it, not a part of it.
+    /// Minimum CoC radius of fragments that are hidden by a visible one at `visible_px` and not part of its surface.
     pub(super) fn hidden_from_px(&self, visible_px: f32) -> f32 {
-        // A threshold of nothing must not make the visible fragment hide itself.
+        // With a threshold of zero the visible fragment must not count as hidden.
         (visible_px + self.epsilon_px).max(visible_px.next_up())
     }
 
-    /// Whether what the pixel `x, y` hides may show: it is not behind focus, and a depth change is near.
+    /// Classifies pixel `x, y`: surfaces show beside it if it is not behind focus and a depth change is near.
     pub(super) fn edge(&self, visible_px: &Plane, x: usize, y: usize) -> Edge {
-        // No change at all is none, however small a change is asked for.
+        // A change of zero does not count, even with a threshold of zero.
         let changes = |reach| {
             let change_px = depth_change_px(visible_px, x, y, reach);
             change_px > 0.0 && change_px >= self.edge_px
@@ -146,15 +147,16 @@ impl Hiding {
     }
 }
 
-/// Mean depth change around `x, y`, `L(p)` (eq. 4), in pixels of CoC radius, scanned over `reach` of its CoC.
+/// Mean depth change `L(p)` around `x, y` (eq. 4), in pixels of CoC radius, scanned over the share `reach` of the
+/// pixel's CoC.
 fn depth_change_px(visible_px: &Plane, x: usize, y: usize, reach: f32) -> f32 {
     let centre_px = visible_px.get(x, y);
-    let place = |at: usize, offset: f32, size: usize| {
+    let neighbour_index = |at: usize, offset: f32, size: usize| {
         (at as f32 + (reach * centre_px * offset).round()).clamp(0.0, (size - 1) as f32) as usize
     };
     let change = |neighbour: &Vec2| {
-        let x = place(x, neighbour.x, visible_px.width());
-        let y = place(y, neighbour.y, visible_px.height());
+        let x = neighbour_index(x, neighbour.x, visible_px.width());
+        let y = neighbour_index(y, neighbour.y, visible_px.height());
         visible_px.get(x, y) - centre_px
     };
     NEIGHBOURS.iter().map(change).sum::<f32>() / NEIGHBOURS.len() as f32
@@ -173,9 +175,10 @@ mod tests {
 
     #[test]
     fn the_depth_change_at_a_step_is_the_share_of_neighbours_past_it() {
-        // Columns below 20 at −10, the others at 2. The neighbours of a pixel at −10 are at columns ±3.5, ±3.7 and ±8.9.
+        // Columns below 20 are at −10, the others at 2. The neighbours of a pixel at −10 are at columns ±3.5, ±3.7
+        // and ±8.9.
         let step = Plane::from_fn(40, 40, |x, _| if x < 20 { -10.0 } else { 2.0 });
-        assert_eq!(depth_change_px(&step, 5, 20, 1.0), 0.0, "none reaches it");
+        assert_eq!(depth_change_px(&step, 5, 20, 1.0), 0.0, "no neighbour reaches it");
         assert_eq!(depth_change_px(&step, 14, 20, 1.0), 2.0, "8.9 columns on: two of twelve see 12 px more");
         assert_eq!(depth_change_px(&step, 19, 20, 1.0), 6.0, "six of twelve");
         assert_eq!(depth_change_px(&step, 11, 20, 1.0), 2.0, "9 columns on is past the edge");
@@ -183,49 +186,49 @@ mod tests {
     }
 
     #[test]
-    fn an_even_slope_is_no_depth_change() {
+    fn a_constant_slope_has_no_depth_change() {
         let slope = Plane::from_fn(64, 64, |x, y| -8.0 + 0.25 * x as f32 - 0.125 * y as f32);
-        assert!(depth_change_px(&slope, 20, 30, 1.0).abs() < 1e-5, "as much before as behind");
+        assert!(depth_change_px(&slope, 20, 30, 1.0).abs() < 1e-5, "changes cancel");
     }
 
     #[test]
-    fn the_hidden_fragment_is_the_first_that_is_far_enough_behind() {
-        // A range of 20 px: ε = 0.05 is 1 px.
-        let hiding = Hiding::new(0.05, 0.01, [-10.0, 10.0]);
+    fn the_hidden_fragment_is_the_first_one_behind_epsilon() {
+        // With a range of 20 px, ε = 0.05 is 1 px.
+        let tests = OcclusionTests::new(0.05, 0.01, [-10.0, 10.0]);
         let peels = [peel(1.0, 1.0, -8.0), peel(2.0, 1.0, -7.5), peel(3.0, 1.0, -7.0), peel(4.0, 1.0, 5.0)];
-        let hidden = seen::<3>(&peels, (0, 0), hiding.hidden_from_px(-8.0)).unwrap();
+        let hidden = composite::<3>(&peels, (0, 0), tests.hidden_from_px(-8.0)).unwrap();
         assert_eq!(hidden, Fragment { content: [3.0; 3], weight: 1.0, coc_px: -7.0 }, "1 px behind passes");
         assert_eq!(
-            seen::<3>(&peels[..2], (0, 0), hiding.hidden_from_px(-8.0)),
+            composite::<3>(&peels[..2], (0, 0), tests.hidden_from_px(-8.0)),
             None,
             "half a pixel does not"
         );
     }
 
     #[test]
-    fn nothing_hides_itself_however_small_the_threshold() {
-        let hiding = Hiding::new(0.0, 0.0, [-8.0, 5.0]);
+    fn no_fragment_hides_itself_at_a_threshold_of_zero() {
+        let tests = OcclusionTests::new(0.0, 0.0, [-8.0, 5.0]);
         let peels = [peel(1.0, 1.0, -8.0), peel(4.0, 1.0, 5.0)];
-        let hidden = seen::<3>(&peels, (0, 0), hiding.hidden_from_px(-8.0)).unwrap();
-        assert_eq!(hidden.coc_px, 5.0, "what is behind, not the visible fragment");
+        let hidden = composite::<3>(&peels, (0, 0), tests.hidden_from_px(-8.0)).unwrap();
+        assert_eq!(hidden.coc_px, 5.0, "the fragment behind, not the visible one");
     }
 
     #[test]
-    fn nothing_is_hidden_behind_focus_nor_far_from_a_depth_change() {
-        let hiding = Hiding::new(0.05, 0.01, [-10.0, 14.0]);
+    fn only_pixels_in_front_of_focus_near_a_depth_change_hide_surfaces() {
+        let tests = OcclusionTests::new(0.05, 0.01, [-10.0, 14.0]);
         let step = |near_px| Plane::from_fn(40, 40, move |x, _| if x < 20 { near_px } else { 14.0 });
-        assert_eq!(hiding.edge(&step(-10.0), 17, 20), Edge::Near, "in front of focus, at the edge");
-        assert_eq!(hiding.edge(&step(-10.0), 11, 20), Edge::Overlap, "just at the reach of its CoC");
-        assert_eq!(hiding.edge(&step(-10.0), 8, 20), Edge::None, "past it");
-        assert_eq!(hiding.edge(&step(10.0), 17, 20), Edge::None, "behind focus");
+        assert_eq!(tests.edge(&step(-10.0), 17, 20), Edge::Near, "in front of focus, at the edge");
+        assert_eq!(tests.edge(&step(-10.0), 11, 20), Edge::Overlap, "at the limit of its CoC");
+        assert_eq!(tests.edge(&step(-10.0), 8, 20), Edge::None, "past it");
+        assert_eq!(tests.edge(&step(10.0), 17, 20), Edge::None, "behind focus");
     }
 
     #[test]
-    fn a_camera_sees_a_veil_and_what_is_behind_it_at_the_depth_that_shows_most() {
+    fn translucent_fragments_composite_at_the_depth_of_the_largest_weight() {
         let peels = [peel(1.0, 0.25, -4.0), peel(3.0, 0.5, 2.0)];
-        let seen = seen::<3>(&peels, (0, 0), f32::NEG_INFINITY).unwrap();
+        let composite = composite::<3>(&peels, (0, 0), f32::NEG_INFINITY).unwrap();
         // 0.25 · 1 + 0.75 · 0.5 · 3 of coverage 0.25 + 0.375.
-        assert_eq!(seen, Fragment { content: [1.375; 3], weight: 0.625, coc_px: 2.0 }, "over one another");
-        assert_eq!(seen.whole().content, [2.2; 3], "of what is known");
+        assert_eq!(composite, Fragment { content: [1.375; 3], weight: 0.625, coc_px: 2.0 }, "composited");
+        assert_eq!(composite.normalised().content, [2.2; 3], "divided by the weight");
     }
 }

@@ -1,23 +1,23 @@
-//! The three layers of a pixel: which of them a point belongs to (eq. 6), their sums, and how they are blended (eq. 7).
+//! The three layers of a pixel: the layer of a point (eq. 6), sums of points, and blending (eq. 7).
 //!
-//! Pixels are kept in blocks of [`LANES`], all sums of a block beside one another.
+//! Pixels are stored in blocks of [`LANES`]; all sums of a block are adjacent.
 
 use crate::image::Plane;
 
 /// Pixels in a block.
 pub(super) const LANES: usize = 16;
 
-/// One value for each pixel of a block.
+/// One value per pixel of a block.
 pub(super) type Lanes = [f32; LANES];
 
 /// The bounds of the same-depth layer in a block of pixels.
 #[derive(Debug, Clone)]
 pub(super) struct Limits {
-    /// `c_v − δ|c_v|`: what is nearer is in front.
+    /// `c_v − δ|c_v|`: a nearer point is in front.
     front: Lanes,
-    /// `c_v + δ|c_v|`: what is farther is behind.
+    /// `c_v + δ|c_v|`: a farther point is behind.
     behind: Lanes,
-    /// Least and greatest of each.
+    /// Minimum and maximum of each.
     front_range: [f32; 2],
     behind_range: [f32; 2],
 }
@@ -29,26 +29,26 @@ pub(super) fn bounds(visible_px: f32, delta: f32) -> [f32; 2] {
 }
 
 impl Limits {
-    /// The bounds for visible CoC radii `visible_px`, a block or what is left of a row, and `delta` δ.
+    /// The bounds for visible CoC radii `visible_px`, a block or the remainder of a row, and δ `delta`.
     pub(super) fn new(visible_px: &[f32], delta: f32) -> Self {
         let last = visible_px.last().copied().unwrap_or(0.0);
         let at = |lane: usize| visible_px.get(lane).copied().unwrap_or(last);
         let front: Lanes = std::array::from_fn(|lane| bounds(at(lane), delta)[0]);
         let behind: Lanes = std::array::from_fn(|lane| bounds(at(lane), delta)[1]);
         let range = |values: &Lanes| {
-            let widen = |[least, most]: [f32; 2], &value: &f32| [least.min(value), most.max(value)];
+            let widen = |[min, max]: [f32; 2], &value: &f32| [min.min(value), max.max(value)];
             values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], widen)
         };
         Self { front_range: range(&front), behind_range: range(&behind), front, behind }
     }
 
-    /// The bounds of all blocks of a picture, `blocks` a row.
-    pub(super) fn of_picture(visible_px: &Plane, delta: f32) -> Vec<Self> {
+    /// The bounds of all blocks of a picture, row by row.
+    pub(super) fn from_picture(visible_px: &Plane, delta: f32) -> Vec<Self> {
         let row = |y| visible_px.row(y).chunks(LANES).map(|block| Self::new(block, delta));
         (0..visible_px.height()).flat_map(row).collect()
     }
 
-    /// The layer of a point of CoC radius `coc_px` in every pixel of the block; `None` where they differ.
+    /// The layer of a point of CoC radius `coc_px` if it is the same in all pixels of the block.
     #[inline(always)]
     fn layer(&self, coc_px: f32) -> Option<usize> {
         if coc_px < self.front_range[0] {
@@ -63,7 +63,7 @@ impl Limits {
     }
 }
 
-/// What arrived in one layer of a block of pixels.
+/// Sum of the points in one layer of a block of pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sum<const N: usize> {
     /// Content, premultiplied by alpha.
@@ -73,10 +73,10 @@ pub(super) struct Sum<const N: usize> {
 }
 
 impl<const N: usize> Sum<N> {
-    /// Nothing arrived.
+    /// An empty sum.
     pub(super) const NONE: Self = Self { content: [[0.0; LANES]; N], alpha: [0.0; LANES] };
 
-    /// Adds `weights` of `content` and `alpha`.
+    /// Adds `content` and `alpha`, weighted by `weights`.
     #[inline(always)]
     pub(super) fn add(&mut self, weights: &Lanes, content: &[f32; N], alpha: f32) {
         for (sums, value) in self.content.iter_mut().zip(content) {
@@ -91,7 +91,7 @@ impl<const N: usize> Sum<N> {
 
     /// Adds another sum.
     #[inline(always)]
-    pub(super) fn gather(&mut self, other: &Self) {
+    pub(super) fn add_sum(&mut self, other: &Self) {
         for (sums, others) in self.content.iter_mut().zip(&other.content) {
             sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
         }
@@ -99,10 +99,10 @@ impl<const N: usize> Sum<N> {
     }
 }
 
-/// In front of what is visible, at its depth, behind it.
+/// The layers in front of the visible surface, at its depth, and behind it.
 pub(super) type Layers<const N: usize> = [Sum<N>; 3];
 
-/// A point as it is splatted: its content and alpha, its CoC radius, and whether it is of the hidden image.
+/// A point to be splatted: content, alpha, CoC radius, and whether it is of the hidden image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Light<const N: usize> {
     /// Content, premultiplied by alpha.
@@ -115,7 +115,7 @@ pub(super) struct Light<const N: usize> {
     pub hidden: bool,
 }
 
-/// Adds `weights` of a point to the layer that it belongs to in each pixel of a block (eq. 6).
+/// Adds a point, weighted by `weights`, to its layer in each pixel of a block (eq. 6).
 #[inline(always)]
 pub(super) fn add<const N: usize>(
     layers: &mut Layers<N>,
@@ -144,8 +144,8 @@ pub(super) fn add<const N: usize>(
     }
 }
 
-/// The layers of pixel `lane` blended from behind, normalised after each step so that alpha is one (eq. 7); `None` where
-/// nothing arrived.
+/// Blends the layers of pixel `lane` from back to front, normalised after each step so that alpha is one (eq. 7);
+/// `None` if no point reached the pixel.
 #[inline(always)]
 pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<[f32; N]> {
     let mut blended = None;
@@ -155,9 +155,11 @@ pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<[
             continue;
         }
         let content = layer.content.each_ref().map(|sums| sums[lane]);
-        // Where more than one arrived, nothing of what is behind passes.
-        let (behind, passed) = blended.map_or(([0.0; N], 0.0), |behind| (behind, (1.0 - alpha).max(0.0)));
-        blended = Some(std::array::from_fn(|k| (content[k] + passed * behind[k]) / (alpha + passed)));
+        // With alpha over one, the transmittance is zero.
+        let (behind, transmittance) =
+            blended.map_or(([0.0; N], 0.0), |behind| (behind, (1.0 - alpha).max(0.0)));
+        blended =
+            Some(std::array::from_fn(|k| (content[k] + transmittance * behind[k]) / (alpha + transmittance)));
     }
     blended
 }
@@ -170,7 +172,7 @@ mod tests {
         Light { content: [2.0], alpha: 1.0, coc_px, hidden }
     }
 
-    /// Alpha that a point leaves in the three layers of each of two pixels whose visible CoC radii are given.
+    /// Alpha of a point in the three layers of two pixels with the visible CoC radii `visible_px`.
     fn alphas(visible_px: [f32; 2], light: Light<1>) -> [[f32; 2]; 3] {
         let mut layers = [Sum::NONE; 3];
         add(&mut layers, &[0.5; LANES], &light, &Limits::new(&visible_px, 0.25));
@@ -178,8 +180,8 @@ mod tests {
     }
 
     #[test]
-    fn the_layer_changes_where_the_difference_in_coc_is_delta_times_the_visible_one() {
-        // δ = ¼ and c_v = −8: the same layer from −10 to −6, both included.
+    fn the_layer_changes_at_a_coc_difference_of_delta_times_the_visible_one() {
+        // δ = ¼ and c_v = −8: the same layer from −10 to −6, both inclusive.
         let layer_of = |coc_px| {
             let alphas = alphas([-8.0; 2], light(coc_px, false));
             alphas.iter().position(|alpha| alpha[0] == 0.5).unwrap()
@@ -188,26 +190,22 @@ mod tests {
     }
 
     #[test]
-    fn in_focus_layers_are_strict() {
+    fn in_focus_any_difference_changes_the_layer() {
         let alphas = |coc_px| alphas([0.0; 2], light(coc_px, false)).map(|alpha| alpha[0]);
-        assert_eq!(alphas(0.0), [0.0, 0.5, 0.0], "itself");
-        assert_eq!(alphas(-1e-3), [0.5, 0.0, 0.0], "the least nearer");
-        assert_eq!(alphas(1e-3), [0.0, 0.0, 0.5], "the least farther");
+        assert_eq!(alphas(0.0), [0.0, 0.5, 0.0], "the visible surface");
+        assert_eq!(alphas(-1e-3), [0.5, 0.0, 0.0], "slightly nearer");
+        assert_eq!(alphas(1e-3), [0.0, 0.0, 0.5], "slightly farther");
     }
 
     #[test]
-    fn pixels_of_a_block_have_layers_of_their_own() {
+    fn the_layer_of_a_point_differs_between_pixels_of_a_block() {
         assert_eq!(
             alphas([-8.0, 20.0], light(-7.0, false)),
             [[0.0, 0.5], [0.5, 0.0], [0.0, 0.0]],
-            "one by one"
+            "each by its own bounds"
         );
         assert_eq!(alphas([-8.0, 20.0], light(-7.0, true)), [[0.0, 0.0], [0.5, 0.0], [0.0; 2]], "hidden");
-        assert_eq!(
-            alphas([20.0; 2], light(-7.0, true)),
-            [[0.0; 2]; 3],
-            "hidden points are in front of nothing"
-        );
+        assert_eq!(alphas([20.0; 2], light(-7.0, true)), [[0.0; 2]; 3], "hidden points have no front layer");
     }
 
     fn layers(values: [(f32, f32); 3]) -> Layers<1> {
@@ -215,18 +213,23 @@ mod tests {
     }
 
     #[test]
-    fn layers_are_blended_from_behind_and_normalised_each_time() {
-        // Behind: 0.2 of alpha 0.4 is 0.5 whole. Same: 0.6 + 0.25 · 0.5 = 0.725. Front: 0.1 + 0.5 · 0.725 = 0.4625.
+    fn layers_are_blended_back_to_front_and_normalised_each_time() {
+        // Behind: 0.2 of alpha 0.4 is 0.5 when normalised. Same: 0.6 + 0.25 · 0.5 = 0.725. Front: 0.1 + 0.5 · 0.725 =
+        // 0.4625.
         let blended = blend(&layers([(0.1, 0.5), (0.6, 0.75), (0.2, 0.4)]), 3).unwrap();
         assert!((blended[0] - 0.4625).abs() < 1e-6, "{blended:?}");
     }
 
     #[test]
-    fn missing_light_is_made_up_for_and_excess_taken_away() {
+    fn blending_normalises_alpha_below_and_above_one() {
         let only = |content, alpha| blend(&layers([(0.0, 0.0), (content, alpha), (0.0, 0.0)]), 0);
-        assert_eq!(only(0.25, 0.5), Some([0.5]), "half arrived, nothing is behind");
-        assert_eq!(only(1.0, 2.0), Some([0.5]), "twice arrived");
-        assert_eq!(only(0.0, 0.0), None, "nothing arrived");
-        assert_eq!(blend(&layers([(0.0, 0.0), (1.0, 2.0), (7.0, 1.0)]), 0), Some([0.5]), "nothing passes");
+        assert_eq!(only(0.25, 0.5), Some([0.5]), "alpha 0.5, no layer behind");
+        assert_eq!(only(1.0, 2.0), Some([0.5]), "alpha 2");
+        assert_eq!(only(0.0, 0.0), None, "alpha 0");
+        assert_eq!(
+            blend(&layers([(0.0, 0.0), (1.0, 2.0), (7.0, 1.0)]), 0),
+            Some([0.5]),
+            "the layer behind is occluded"
+        );
     }
 }

@@ -1,88 +1,93 @@
-//! `point-splat`: every source pixel scattered over its circle of confusion, into one of three layers of each pixel it
-//! reaches.
+//! `point-splat`: every source pixel is splatted over its circle of confusion, into one of three layers of each pixel
+//! that it reaches.
 //!
-//! Lee, Kim & Choi 2008, "Real-Time Depth-of-Field Rendering Using Point Splatting on Per-Pixel Layers". A visible image
-//! `V` and an image `H` of what it hides are scattered; what arrives at a pixel is in front of what is visible there, at
-//! the same depth, or behind it; the three layers are blended.
+//! Lee, Kim & Choi 2008, "Real-Time Depth-of-Field Rendering Using Point Splatting on Per-Pixel Layers". A visible
+//! image `V` and an image `H` of hidden surfaces are splatted. A splat falls into the layer in front of the surface
+//! visible at a pixel, at the same depth, or behind it. The three layers are blended.
 //!
 //! | step | module | paper |
 //! | --- | --- | --- |
 //! | visible and hidden image | [`hidden`] | section 3.2, eq. 4 |
-//! | fewer points where that does not show | [`reduce`] | section 5 |
+//! | fewer points where the difference is not visible | [`reduce`] | section 5 |
 //! | sprites | [`sprites`] | section 3.3, eq. 5 |
-//! | scatter into layers, blend | [`mod@splat`], [`layers`] | sections 3.4 and 3.5, eqs. 6 and 7 |
+//! | splat into layers, blend | [`mod@splat`], [`layers`] | sections 3.4 and 3.5, eqs. 6 and 7 |
 //!
-//! Where the paper is silent: its "normalised scale" of depth is taken to be that of a depth buffer over the scene's range,
-//! so affine in 1/z and in CoC radius. `H` is, like `V`, all that a camera would see: fragments that pass the tests, over
-//! one another. The neighbours of eq. 4 are twelve fixed points with the symmetries of the pixel grid, so that a slope
-//! that goes on evenly has a depth change of zero. Sprites have rims weighted by how much of the pixel they cover, not
-//! those of a rasteriser, so that they grow evenly with the CoC; their radii have steps of 1/64. Alpha over one in eq. 7
-//! lets nothing through, rather than less than nothing. Past the frame's border its pixels go on, or the missing light of
-//! what is blurred there would be taken for see-through. Reduced points overlap the others at half the weight of either,
-//! so that no energy is made; their sprite is the mean of their pixels' own, so that there are no holes between the two
-//! kinds; and what stands out of its four pixels is not reduced, or highlights would move. Extrapolated highlights (section 4,
-//! eq. 8) are for every method: see [`crate::scene::Extrapolation`].
+//! Where the paper gives no rule:
+//! * *Depth scale.* Its "normalised scale" is taken to be that of a depth buffer over the scene's range: affine in
+//!   1/z and in CoC radius.
+//! * *Hidden image.* `H` is, like `V`, the image of a camera: fragments that pass the tests, composited.
+//! * *Depth changes.* The neighbours of eq. 4 are twelve fixed points with the symmetries of the pixel grid, so that
+//!   a constant slope has a depth change of zero.
+//! * *Sprites.* Edge pixels are weighted by their coverage, unlike those of a rasteriser, so that sprites grow
+//!   smoothly with the CoC. Radii have steps of 1/64.
+//! * *Blending.* Alpha over one in eq. 7 counts as a transmittance of zero, not as a negative one.
+//! * *Border.* Pixels at the frame's border are repeated past it; otherwise the light missing there would count as
+//!   transparency.
+//! * *Reduced points.* They overlap the others at half the weight of either, so that energy is preserved. Their
+//!   sprite is the mean of their pixels' sprites, so that no holes open between the two kinds. Blocks with an outlier
+//!   are not reduced, as highlights would move.
+//! * *Extrapolated highlights* (section 4, eq. 8) apply to every method: see [`crate::scene::Extrapolation`].
 //!
-//! Cost: one masked add for each point and pixel of its sprite, clipped to the frame: O(pixels · C²), of which acceleration
-//! saves up to three quarters; with a CoC as large as the frame, O(pixels²). Memory: the scene, some 32 bytes a point, of
-//! which a pixel has at most two, and the picture. Limits: one hidden layer and three layers a pixel, so where more surfaces
-//! meet within a CoC some are missing or mixed: the far side of an object thicker than ε hides what is behind it, and keeps
-//! its outline hard. Nothing is seen past what lies behind focus.
+//! Cost: one masked add per point and pixel of its sprite, clipped to the frame: O(pixels · C²), of which
+//! acceleration saves up to three quarters; with a CoC as large as the frame, O(pixels²). Memory: the scene, about 32
+//! bytes per point with at most two points per pixel, and the picture. Limits: there are one hidden image and three
+//! layers per pixel, so where more surfaces lie within a CoC some are missing or mixed. The far side of an object
+//! thicker than ε hides the surfaces behind it, and the object's outline stays sharp. Surfaces hidden by an object
+//! behind focus are not seen.
 //!
-//! GPU twin: `gpu` and `shaders/methods/point_splat.wgsl`.
+//! GPU backend: `gpu` and `shaders/methods/point_splat.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
 mod hidden;
 mod layers;
+mod parameters;
 mod reduce;
 mod splat;
 mod sprites;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{Peel, coc_range_px, peels, picture};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
-use hidden::{Edge, Fragment, Hiding, seen, visible_coc_px};
+use hidden::{Edge, Fragment, OcclusionTests, composite, visible_coc_px};
 use layers::{Light, Limits};
 use parameters::PointSplatParameters;
 use rayon::prelude::*;
-use reduce::{Shares, reduced};
+use reduce::{ReducedShares, reduce_points};
 use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
 
-/// What the method's three layers, and its one hidden image, cannot do.
+/// Deviations that follow from three layers per pixel and one hidden image.
 static DEVIATIONS: [Deviation; 4] = [
     Deviation {
         law: Law::Place,
         within: [0.0, 0.501],
-        reason: "section 5 splats four blurred pixels as one, where they meet: half a pixel off",
+        reason: "section 5 splats four blurred pixels as one at their common corner: half a pixel off",
     },
     Deviation {
         law: Law::NoCracks,
         within: [0.0, 0.26],
-        reason: "of a slanted surface less than one arrives in its own layer (eq. 6), and eq. 7 takes the rest for see-through",
+        reason: "a slanted surface falls into its own layer with an alpha below one (eq. 6), which eq. 7 takes for transparency",
     },
     Deviation {
         law: Law::NoCracksAcrossCorners,
         within: [0.25, 0.32],
-        reason: "of a slanted surface less than one arrives in its own layer (eq. 6), and eq. 7 takes the rest for see-through",
+        reason: "a slanted surface falls into its own layer with an alpha below one (eq. 6), which eq. 7 takes for transparency",
     },
     Deviation {
         law: Law::Convergence,
         within: [35.0, 39.0],
-        reason: "three layers a pixel and one hidden image stand for all depths",
+        reason: "three layers per pixel and one hidden image stand for all depths",
     },
 ];
 
-/// Lee, Kim & Choi.
+/// The method.
 #[derive(Debug)]
 pub(in crate::methods) struct PointSplat;
 
@@ -112,9 +117,9 @@ impl Method for PointSplat {
         let size = scene.picture_size();
         let peels = peels(scene, plan);
         let content = if plan.does(EffectKind::TransparentBackground) {
-            scatter::<4>(peels, size, plan, progress)
+            splat_picture::<4>(peels, size, plan, progress)
         } else {
-            scatter::<3>(peels, size, plan, progress)
+            splat_picture::<3>(peels, size, plan, progress)
         };
         Ok(picture(content))
     }
@@ -125,44 +130,45 @@ impl Method for PointSplat {
     }
 }
 
-/// Content planes of the picture: `V` and `H` of `peels`, splatted.
-fn scatter<const N: usize>(
+/// Splats `V` and `H` of `peels`; returns the content planes of the picture.
+fn splat_picture<const N: usize>(
     peels: Vec<Peel>,
     size: (usize, usize),
     plan: &Plan,
     progress: &Progress<'_>,
 ) -> Vec<Plane> {
-    let Prepared { grids, sprites, visible_px } = Prepared::<N>::new(peels, size, plan);
-    let limits = Limits::of_picture(&visible_px, plan.parameters.get::<PointSplatParameters>().delta);
+    let SplatInputs { grids, sprites, visible_px } = SplatInputs::<N>::new(peels, size, plan);
+    let limits = Limits::from_picture(&visible_px, plan.parameters.get::<PointSplatParameters>().delta);
     drop(visible_px);
     splat(&grids, &sprites, &limits, size, progress)
 }
 
-/// What is splatted.
-struct Prepared<const N: usize> {
-    /// Reduced points, where there are any, and points at full resolution.
+/// Inputs of the splat pass.
+struct SplatInputs<const N: usize> {
+    /// Reduced points, if any, and points at full resolution.
     grids: Vec<Grid<N>>,
     sprites: Sprites,
-    /// CoC radius of what is visible, by which pixels have their layers.
+    /// CoC radius of the visible surface, which defines the layers of a pixel.
     visible_px: Plane,
 }
 
-impl<const N: usize> Prepared<N> {
-    /// The points of `V` and `H` of `peels`.
+impl<const N: usize> SplatInputs<N> {
+    /// Prepares the points of `V` and `H` of `peels`.
     fn new(peels: Vec<Peel>, (width, height): (usize, usize), plan: &Plan) -> Self {
         let parameters = plan.parameters.get::<PointSplatParameters>();
-        let hiding = Hiding::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
+        let tests = OcclusionTests::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
         let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
         let visible_px = visible_coc_px(&peels, (width, height));
-        let edge = |at: usize| hiding.edge(&visible_px, at % width, at / width);
+        let edge = |at: usize| tests.edge(&visible_px, at % width, at / width);
         let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
-        let images = Images { peels, visible_px, edges, hiding, parameters };
+        let images = Images { peels, visible_px, edges, tests, parameters };
         let mut grids = Vec::new();
-        let mut shares = Shares::none();
+        let mut shares = ReducedShares::none();
         if parameters.accelerated {
             let surface = (&images.visible_px, &images.edges[..]);
-            let (reduced_shares, grid) = reduced(|x, y| images.visible::<N>(x, y), surface, parameters.delta);
-            shares = reduced_shares;
+            let (block_shares, grid) =
+                reduce_points(|x, y| images.visible::<N>(x, y), surface, parameters.delta);
+            shares = block_shares;
             grids.push(grid);
         }
         grids.push(images.points(&shares));
@@ -175,14 +181,14 @@ struct Images<'a> {
     peels: Vec<Peel>,
     visible_px: Plane,
     edges: Vec<Edge>,
-    hiding: Hiding,
+    tests: OcclusionTests,
     parameters: &'a PointSplatParameters,
 }
 
 impl Images<'_> {
     /// `V` at `x, y`.
     fn visible<const N: usize>(&self, x: usize, y: usize) -> Option<Fragment<N>> {
-        Some(seen(&self.peels, (x, y), f32::NEG_INFINITY)?.whole())
+        Some(composite(&self.peels, (x, y), f32::NEG_INFINITY)?.normalised())
     }
 
     /// `H` at `x, y`.
@@ -190,16 +196,16 @@ impl Images<'_> {
         if !self.parameters.hidden || self.edges[y * self.visible_px.width() + x] == Edge::None {
             return None;
         }
-        seen(&self.peels, (x, y), self.hiding.hidden_from_px(self.visible_px.get(x, y)))
+        composite(&self.peels, (x, y), self.tests.hidden_from_px(self.visible_px.get(x, y)))
     }
 
-    /// The points at full resolution: what of `V` is not in reduced ones, by `shares`, and `H`.
-    fn points<const N: usize>(&self, shares: &Shares) -> Grid<N> {
+    /// The points at full resolution: the part of `V` that is not in reduced points, by `shares`, and `H`.
+    fn points<const N: usize>(&self, shares: &ReducedShares) -> Grid<N> {
         let row = |y: usize| {
             let points = |x: usize| {
                 let point = |fragment: Fragment<N>, share: f32, hidden| Point {
                     column: x as i32,
-                    sprite: Sprite::of(fragment.coc_px),
+                    sprite: Sprite::from_coc_px(fragment.coc_px),
                     light: Light {
                         content: fragment.content.map(|value| share * value),
                         alpha: share * fragment.weight,

@@ -1,7 +1,8 @@
-//! Fewer points where that does not show (section 5): four pixels as one, a quarter of the resolution.
+//! Fewer points where the difference is not visible (section 5): four pixels as one point, a quarter of the
+//! resolution.
 //!
-//! Pixels keep their own points in and near focus, where partial occlusion occurs, and where the four are not one surface.
-//! Around partial occlusion both kinds overlap, as in the paper, but at half the weight of either.
+//! Pixels keep their own points in and near focus, near partial occlusion, and where the four are not one surface.
+//! Around partial occlusion both kinds of points overlap, as in the paper, but at half the weight of either.
 
 use super::hidden::{Edge, Fragment};
 use super::layers::Light;
@@ -11,57 +12,57 @@ use crate::image::Plane;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// CoC radius from which points are reduced: a diameter of 4 pixels (section 5).
+/// Minimum CoC radius of reduced points: a diameter of 4 pixels (section 5).
 const MIN_COC_PX: f32 = 2.0;
 
-/// Light beyond its block's mean, spread over a sprite, that shows when it is half a pixel off: a 64th of white.
-const SHOWN_LIGHT: f32 = 1.0 / 64.0;
+/// Excess of light over the block's mean, spread over a sprite, at which a shift of half a pixel is visible: a 64th of white.
+const VISIBLE_EXCESS: f32 = 1.0 / 64.0;
 
-/// How much of each 2 × 2 block of pixels is splatted as one point.
+/// Share of each 2 × 2 block of pixels that is splatted as one point.
 #[derive(Debug)]
-pub(super) struct Shares {
+pub(super) struct ReducedShares {
     rows: Vec<Vec<f32>>,
 }
 
-impl Shares {
+impl ReducedShares {
     /// No reduced points.
     pub(super) fn none() -> Self {
         Self { rows: Vec::new() }
     }
 
-    /// Share of pixel `x, y` that is splatted with its neighbours.
+    /// Share of pixel `x, y` that is splatted with its block.
     pub(super) fn at(&self, x: usize, y: usize) -> f32 {
         self.rows.get(y / 2).and_then(|row| row.get(x / 2)).copied().unwrap_or(0.0)
     }
 }
 
-/// The reduced points of a picture of `visible(x, y)` fragments, and each block's share in them.
+/// Reduced points of a picture of `visible(x, y)` fragments, and each block's share in them.
 ///
-/// `visible_px` and `edges` are the picture's CoC radii and what is near them; four pixels are one surface while each is in
-/// the same layer as the others by eq. 6 with `delta`.
-pub(super) fn reduced<const N: usize>(
+/// `visible_px` and `edges` are the picture's CoC radii and edge classes. Four pixels are one surface if all are in
+/// the same layer by eq. 6 with `delta`.
+pub(super) fn reduce_points<const N: usize>(
     visible: impl Fn(usize, usize) -> Option<Fragment<N>> + Sync,
     (visible_px, edges): (&Plane, &[Edge]),
     delta: f32,
-) -> (Shares, Grid<N>) {
+) -> (ReducedShares, Grid<N>) {
     let (width, height) = (visible_px.width() / 2, visible_px.height() / 2);
     let row = |y: usize| {
         let (mut shares, mut points) = (vec![0.0; width], Vec::new());
         for (x, share) in shares.iter_mut().enumerate() {
-            let places = four(x, y);
-            let wanted = share_of(places.map(|(x, y)| visible_px.get(x, y)), delta)
-                * overlap(places.map(|(x, y)| edges[y * visible_px.width() + x]));
-            if wanted == 0.0 {
+            let pixels = block_pixels(x, y);
+            let block_share = surface_share(pixels.map(|(x, y)| visible_px.get(x, y)), delta)
+                * overlap(pixels.map(|(x, y)| edges[y * visible_px.width() + x]));
+            if block_share == 0.0 {
                 continue;
             }
-            let fragments = places.map(|(x, y)| visible(x, y));
-            let Some(light) = mean(fragments).filter(|mean| !stands_out(mean, &fragments)) else { continue };
-            *share = wanted;
-            // The mean stands for four pixels.
-            let scale = 4.0 * wanted;
+            let fragments = pixels.map(|(x, y)| visible(x, y));
+            let Some(light) = mean(fragments).filter(|mean| !has_outlier(mean, &fragments)) else { continue };
+            *share = block_share;
+            // The point has the energy of four pixels.
+            let scale = 4.0 * block_share;
             points.push(Point {
                 column: 2 * x as i32,
-                sprite: Sprite::of(light.coc_px),
+                sprite: Sprite::from_coc_px(light.coc_px),
                 light: Light {
                     content: light.content.map(|value| scale * value),
                     alpha: scale * light.alpha,
@@ -72,19 +73,18 @@ pub(super) fn reduced<const N: usize>(
         (shares, points)
     };
     let (shares, rows) = (0..height).into_par_iter().map(row).unzip();
-    (Shares { rows: shares }, Grid { centre: Centre::Corner, rows })
+    (ReducedShares { rows: shares }, Grid { centre: Centre::Corner, rows })
 }
 
-/// One where four pixels of these CoC radii are blurred and one surface, or nothing.
-fn share_of(coc_px: [f32; 4], delta: f32) -> f32 {
-    let (least, most) = coc_px
-        .iter()
-        .fold((f32::INFINITY, f32::NEG_INFINITY), |(least, most), &c| (least.min(c), most.max(c)));
-    let radius = if least < 0.0 { -most } else { least };
-    if radius >= MIN_COC_PX && most - least <= delta * radius { 1.0 } else { 0.0 }
+/// 1 if four pixels of these CoC radii are blurred and one surface, otherwise 0.
+fn surface_share(coc_px: [f32; 4], delta: f32) -> f32 {
+    let (min, max) =
+        coc_px.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), &c| (min.min(c), max.max(c)));
+    let radius = if min < 0.0 { -max } else { min };
+    if radius >= MIN_COC_PX && max - min <= delta * radius { 1.0 } else { 0.0 }
 }
 
-/// What partial occlusion near four pixels leaves to their reduced point.
+/// Share of a reduced point near partial occlusion: the rest stays with the pixels' own points.
 fn overlap(edges: [Edge; 4]) -> f32 {
     if edges.contains(&Edge::Near) {
         0.0
@@ -95,22 +95,21 @@ fn overlap(edges: [Edge; 4]) -> f32 {
     }
 }
 
-/// Whether one of the pixels is so much brighter or darker than their mean that its blur has a form of its own, as a
-/// highlight's has.
-fn stands_out<const N: usize>(mean: &Light<N>, fragments: &[Option<Fragment<N>>; 4]) -> bool {
-    let shown = SHOWN_LIGHT * PI * mean.coc_px * mean.coc_px;
+/// Whether a pixel differs so much from the mean that its own blur is visible, like a highlight's.
+fn has_outlier<const N: usize>(mean: &Light<N>, fragments: &[Option<Fragment<N>>; 4]) -> bool {
+    let threshold = VISIBLE_EXCESS * PI * mean.coc_px * mean.coc_px;
     fragments
         .iter()
         .flatten()
-        .any(|fragment| fragment.content.iter().zip(&mean.content).any(|(a, b)| (a - b).abs() > shown))
+        .any(|fragment| fragment.content.iter().zip(&mean.content).any(|(a, b)| (a - b).abs() > threshold))
 }
 
 /// The pixels of block `x, y`.
-fn four(x: usize, y: usize) -> [(usize, usize); 4] {
+fn block_pixels(x: usize, y: usize) -> [(usize, usize); 4] {
     [(2 * x, 2 * y), (2 * x + 1, 2 * y), (2 * x, 2 * y + 1), (2 * x + 1, 2 * y + 1)]
 }
 
-/// The mean of four fragments, over what of them is known.
+/// The mean of four fragments, over the known ones.
 fn mean<const N: usize>(fragments: [Option<Fragment<N>>; 4]) -> Option<Light<N>> {
     let mut mean = Light { content: [0.0; N], alpha: 0.0, coc_px: 0.0, hidden: false };
     let known = fragments.iter().flatten();
@@ -129,40 +128,40 @@ mod tests {
     use super::*;
 
     /// The reduced points of a picture of constant CoC radius −6, and their shares.
-    fn reduced_picture(value: fn(usize, usize) -> f32) -> (Shares, Grid<1>) {
+    fn reduced_picture(value: fn(usize, usize) -> f32) -> (ReducedShares, Grid<1>) {
         let visible =
             |x: usize, y: usize| Some(Fragment { content: [value(x, y)], weight: 1.0, coc_px: -6.0 });
         let surface = (&Plane::filled(5, 5, -6.0), &[Edge::None; 25][..]);
-        reduced(visible, surface, 0.4)
+        reduce_points(visible, surface, 0.4)
     }
 
     #[test]
-    fn a_reduced_point_has_the_energy_and_the_place_of_its_four_pixels() {
+    fn a_reduced_point_has_the_energy_and_the_centre_of_its_four_pixels() {
         let (shares, grid) = reduced_picture(|x, y| (x + 10 * y) as f32 / 100.0);
         assert_eq!(grid.rows.len(), 2, "the fifth row has no partner");
         let point = grid.rows[1][1];
-        // Pixels 22, 23, 32 and 33.
+        // The sum of pixels 22, 23, 32 and 33.
         assert!((point.light.content[0] - 1.1).abs() < 1e-6, "the sum of all four: {point:?}");
         assert_eq!(point.light.alpha, 4.0, "four pixels");
-        assert_eq!((point.column, grid.centre), (2, Centre::Corner), "where they meet");
+        assert_eq!((point.column, grid.centre), (2, Centre::Corner), "their common corner");
         assert_eq!([shares.at(3, 3), shares.at(4, 4)], [1.0, 0.0], "the fifth column keeps its own points");
     }
 
     #[test]
-    fn a_highlight_keeps_its_place() {
-        // Its disc of 113 pixels has a brightness of 1/36 of white, if four pixels share 3: 3/4 · 4 = 3 = 113 · 0.0265.
+    fn a_highlight_is_not_reduced() {
+        // Its excess over the mean of four is 3/4 · 4 = 3. Over its disc of 113 pixels that is 0.0265, more than 1/64 of white.
         let (shares, grid) = reduced_picture(|x, y| if (x, y) == (1, 1) { 4.0 } else { 0.0 });
-        assert_eq!([shares.at(0, 0), shares.at(2, 0)], [0.0, 1.0], "and its neighbours theirs");
+        assert_eq!([shares.at(0, 0), shares.at(2, 0)], [0.0, 1.0], "its block keeps its own points");
         assert_eq!(grid.rows[0].len(), 1, "others are reduced");
     }
 
     #[test]
-    fn focus_edges_and_steps_keep_their_resolution() {
-        assert_eq!(share_of([2.0; 4], 0.4), 1.0, "a diameter of 4 px");
-        assert_eq!(share_of([-1.9; 4], 0.4), 0.0, "less");
-        assert_eq!(share_of([10.0, 10.0, 10.0, 14.0], 0.4), 1.0, "within δ of one another");
-        assert_eq!(share_of([10.0, 10.0, 10.0, 14.1], 0.4), 0.0, "two surfaces");
-        assert_eq!(share_of([-10.0, -10.0, 10.0, 10.0], 0.4), 0.0, "on either side of focus");
+    fn focus_edges_and_depth_steps_are_not_reduced() {
+        assert_eq!(surface_share([2.0; 4], 0.4), 1.0, "a diameter of 4 px");
+        assert_eq!(surface_share([-1.9; 4], 0.4), 0.0, "less");
+        assert_eq!(surface_share([10.0, 10.0, 10.0, 14.0], 0.4), 1.0, "within δ of one another");
+        assert_eq!(surface_share([10.0, 10.0, 10.0, 14.1], 0.4), 0.0, "two surfaces");
+        assert_eq!(surface_share([-10.0, -10.0, 10.0, 10.0], 0.4), 0.0, "on either side of focus");
         assert_eq!(overlap([Edge::None, Edge::None, Edge::Overlap, Edge::Near]), 0.0, "partial occlusion");
         assert_eq!(
             overlap([Edge::None, Edge::None, Edge::None, Edge::Overlap]),

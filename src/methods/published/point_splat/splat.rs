@@ -1,8 +1,8 @@
-//! Scattering points over the pixels of a picture (sections 3.3 and 3.4).
+//! Splatting of points over the pixels of a picture (sections 3.3 and 3.4).
 //!
-//! Bands of picture rows are made in parallel. A band scans the rows of points that reach it in one fixed order, by distance
-//! of the rows and then from left to right, so the result does not depend on the number of threads. Within it, a sprite's
-//! row is a run of weights over blocks of pixels, most of which take the point into one layer whole.
+//! Bands of picture rows are computed in parallel. A band scans the rows of points that reach it in a fixed order, by
+//! row distance and then from left to right, so the result does not depend on the number of threads. A row of a
+//! sprite is a span of weights over blocks of pixels. In most blocks the point falls into one layer as a whole.
 
 use super::layers::{LANES, Layers, Light, Limits, Sum, add, blend};
 use super::sprites::{Border, Centre, Place, Sprite, Sprites};
@@ -11,45 +11,44 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Rows of a band: they share the rows of sprites that they need.
-const BAND: usize = 8;
+/// Rows of a band: they share the sprite rows that they need.
+const BAND_ROWS: usize = 8;
 
-/// So many rows of points are summed on their own before they are added to the rest: in one running sum the rounding of
-/// thousands of small steps would show.
-const ROWS_A_SUM: usize = 32;
+/// Rows of points per partial sum. One running sum over thousands of small terms would have a visible f32 error.
+const ROWS_PER_SUM: usize = 32;
 
-/// A point to be scattered.
+/// A point to be splatted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point<const N: usize> {
-    /// Column of its pixel, or of the left one of four.
+    /// Column of its pixel, or of the left one of its four.
     pub column: i32,
-    /// What blurs it.
+    /// Its blur.
     pub sprite: Sprite,
-    /// What it adds.
+    /// Its contribution.
     pub light: Light<N>,
 }
 
-/// Points in rows.
+/// Rows of points.
 #[derive(Debug)]
 pub(super) struct Grid<const N: usize> {
-    /// Where they lie in their pixels.
+    /// Positions of the points in their pixels.
     pub centre: Centre,
     /// Points of each row, from left to right.
     pub rows: Vec<Vec<Point<N>>>,
 }
 
 impl<const N: usize> Grid<N> {
-    /// The row of points whose first picture row is `y`, or its repetition past the frame's border.
+    /// The row of points whose first picture row is `y`, or the repeated row past the frame's border.
     pub(super) fn row_at(&self, y: i32, height: usize) -> Option<usize> {
         let (spacing, rows) = (self.centre.spacing(), self.rows.len());
         let row = y.div_euclid(spacing as i32);
         let is_row = y.rem_euclid(spacing as i32) == 0 && rows > 0;
-        // Only a grid that ends where the picture does is repeated below it.
+        // A grid is repeated below the picture only if it ends at the picture's last row.
         let is_known = row < rows as i32 || rows * spacing == height;
         (is_row && is_known).then(|| (row.max(0) as usize).min(rows - 1))
     }
 
-    /// For each row, how many rows away its points reach.
+    /// Maximum reach of each row's points, in rows.
     fn reaches(&self) -> Vec<i32> {
         let reach =
             |row: &Vec<Point<N>>| row.iter().map(|point| point.reach(self.centre)).max().unwrap_or(-1);
@@ -57,7 +56,7 @@ impl<const N: usize> Grid<N> {
     }
 }
 
-/// Content planes of the picture that `grids` scatter into the layers of `limits`.
+/// Splats `grids` into the layers given by `limits`; returns the content planes of the picture.
 pub(super) fn splat<const N: usize>(
     grids: &[Grid<N>],
     sprites: &Sprites,
@@ -67,19 +66,20 @@ pub(super) fn splat<const N: usize>(
 ) -> Vec<Plane> {
     let mut planes = vec![Plane::zeros(width, height); N];
     let reaches: Vec<Vec<i32>> = grids.iter().map(Grid::reaches).collect();
-    let mut rests: Vec<_> =
-        planes.iter_mut().map(|plane| plane.values_mut().chunks_mut(BAND * width)).collect();
-    let bands: Vec<Vec<&mut [f32]>> =
-        (0..height.div_ceil(BAND)).map(|_| rests.iter_mut().filter_map(Iterator::next).collect()).collect();
+    let mut chunks: Vec<_> =
+        planes.iter_mut().map(|plane| plane.values_mut().chunks_mut(BAND_ROWS * width)).collect();
+    let bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND_ROWS))
+        .map(|_| chunks.iter_mut().filter_map(Iterator::next).collect())
+        .collect();
     let done = AtomicUsize::new(0);
     let count = bands.len();
     bands.into_par_iter().enumerate().for_each_init(
         || Scratch::new((width, height)),
         |scratch, (band, mut content)| {
-            let rows = band * BAND..((band + 1) * BAND).min(height);
+            let rows = band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
             scratch.clear(rows.len());
             for (grid, reaches) in grids.iter().zip(&reaches) {
-                scratch.scatter(grid, reaches, sprites, (limits, rows.clone()));
+                scratch.splat_grid(grid, reaches, sprites, (limits, rows.clone()));
             }
             scratch.blend(&mut content, width);
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / count as f32);
@@ -88,43 +88,43 @@ pub(super) fn splat<const N: usize>(
     planes
 }
 
-/// One row of a sprite, between blocks of zeros.
+/// One row of a sprite, padded with a block of zeros at either end.
 #[derive(Debug, Clone, Default)]
 struct SpriteRow {
-    /// Column of the first weight from the sprite's own.
+    /// Column of the first weight, relative to the sprite's own.
     first: i32,
-    /// The round that it was made in.
+    /// Round in which the row was computed.
     round: usize,
     padded: Vec<f32>,
 }
 
-/// What one thread keeps from band to band.
+/// Buffers that a thread reuses for all bands.
 struct Scratch<const N: usize> {
     size: (usize, usize),
     blocks: usize,
-    /// Sums of some rows of points, and of all.
-    recent: Vec<Layers<N>>,
+    /// Partial sums of some rows of points, and total sums.
+    partial: Vec<Layers<N>>,
     total: Vec<Layers<N>>,
-    /// By [`Point::shape`].
+    /// Indexed by [`Point::shape`].
     sprite_rows: Vec<SpriteRow>,
     weights: Vec<f32>,
     round: usize,
 }
 
 impl<const N: usize> Point<N> {
-    /// How many rows away from its pixel, or the upper ones of four, it reaches.
+    /// Reach in rows from its pixel, or from the upper ones of its four.
     #[inline(always)]
     pub(super) fn reach(&self, centre: Centre) -> i32 {
         self.sprite.reach() + i32::from(centre == Centre::Corner)
     }
 
-    /// Index of the point's sprite in its place: points at a border have sprites of their own.
+    /// Index of the point's sprite row: points at a border have sprites of their own.
     #[inline(always)]
     fn shape(&self, border: Border) -> usize {
         4 * usize::from(self.sprite.0) + 2 * usize::from(border.left) + usize::from(border.right)
     }
 
-    /// Whether it is repeated past the border of a picture `width` wide.
+    /// On which sides it is repeated past the border of a picture `width` wide.
     #[inline(always)]
     pub(super) fn border(&self, centre: Centre, width: usize) -> Border {
         Border { left: self.column == 0, right: self.column as usize + centre.spacing() == width }
@@ -136,7 +136,7 @@ impl<const N: usize> Scratch<N> {
         Self {
             size: (width, height),
             blocks: width.div_ceil(LANES),
-            recent: Vec::new(),
+            partial: Vec::new(),
             total: Vec::new(),
             sprite_rows: Vec::new(),
             weights: Vec::new(),
@@ -144,16 +144,16 @@ impl<const N: usize> Scratch<N> {
         }
     }
 
-    /// Begins a band of `rows` rows.
+    /// Clears the sums for a band of `rows` rows.
     fn clear(&mut self, rows: usize) {
-        for sums in [&mut self.recent, &mut self.total] {
+        for sums in [&mut self.partial, &mut self.total] {
             sums.clear();
             sums.resize(rows * self.blocks, [Sum::NONE; 3]);
         }
     }
 
-    /// Scatters all points of `grid` that reach the picture rows `rows`.
-    fn scatter(
+    /// Splats all points of `grid` that reach the picture rows `rows`.
+    fn splat_grid(
         &mut self,
         grid: &Grid<N>,
         reaches: &[i32],
@@ -161,7 +161,7 @@ impl<const N: usize> Scratch<N> {
         (limits, rows): (&[Limits], std::ops::Range<usize>),
     ) {
         let (width, height) = self.size;
-        // Past one height off, the picture's repetitions tell nothing new.
+        // At more than one picture height, repeated rows add no new term.
         let farthest = reaches.iter().copied().max().unwrap_or(-1).min(height as i32);
         for (count, down) in (-farthest..=farthest).enumerate() {
             self.round += 1;
@@ -171,26 +171,26 @@ impl<const N: usize> Scratch<N> {
                     continue;
                 }
                 let points = &grid.rows[source];
-                self.make_sprite_rows(points, (sprites, grid.centre), down);
+                self.update_sprite_rows(points, (sprites, grid.centre), down);
                 Arch::new().dispatch(SplatRow {
                     points,
                     centre: grid.centre,
                     width,
                     sprite_rows: &self.sprite_rows,
                     limits: &limits[y * self.blocks..][..self.blocks],
-                    sums: &mut self.recent[line * self.blocks..][..self.blocks],
-                    reach: down.abs(),
+                    sums: &mut self.partial[line * self.blocks..][..self.blocks],
+                    row_distance: down.abs(),
                 });
             }
-            if count % ROWS_A_SUM == ROWS_A_SUM - 1 {
-                self.gather();
+            if count % ROWS_PER_SUM == ROWS_PER_SUM - 1 {
+                self.flush();
             }
         }
-        self.gather();
+        self.flush();
     }
 
-    /// Makes the sprite rows that `points`, in a row `down` below, need and this round does not have yet.
-    fn make_sprite_rows(&mut self, points: &[Point<N>], (sprites, centre): (&Sprites, Centre), down: i32) {
+    /// Computes the sprite rows that `points`, `down` rows below, need and this round does not have yet.
+    fn update_sprite_rows(&mut self, points: &[Point<N>], (sprites, centre): (&Sprites, Centre), down: i32) {
         let (width, _) = self.size;
         for point in points.iter().filter(|point| point.reach(centre) >= down.abs()) {
             let border = point.border(centre, width);
@@ -212,16 +212,16 @@ impl<const N: usize> Scratch<N> {
         }
     }
 
-    fn gather(&mut self) {
-        for (total, recent) in self.total.iter_mut().zip(&mut self.recent) {
-            for (total, recent) in total.iter_mut().zip(recent) {
-                total.gather(recent);
-                *recent = Sum::NONE;
+    fn flush(&mut self) {
+        for (total, partial) in self.total.iter_mut().zip(&mut self.partial) {
+            for (total, partial) in total.iter_mut().zip(partial) {
+                total.add_sum(partial);
+                *partial = Sum::NONE;
             }
         }
     }
 
-    /// Writes the band's pixels.
+    /// Blends the layers of the band's pixels into `content`.
     fn blend(&self, content: &mut [&mut [f32]], width: usize) {
         let rows = content.first().map_or(0, |plane| plane.len() / width);
         for (y, x) in (0..rows).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -231,17 +231,17 @@ impl<const N: usize> Scratch<N> {
     }
 }
 
-/// Scatters a row of points into a row of pixels; to be compiled for each instruction set.
+/// Splats a row of points into a row of pixels; compiled for each instruction set.
 struct SplatRow<'a, const N: usize> {
     points: &'a [Point<N>],
     centre: Centre,
-    /// Of the picture.
+    /// Width of the picture.
     width: usize,
     sprite_rows: &'a [SpriteRow],
     limits: &'a [Limits],
     sums: &'a mut [Layers<N>],
-    /// How far the rows are apart.
-    reach: i32,
+    /// Distance of the two rows.
+    row_distance: i32,
 }
 
 impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
@@ -249,9 +249,9 @@ impl<const N: usize> NullaryFnOnce for SplatRow<'_, N> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { points, centre, width, sprite_rows, limits, sums, reach } = self;
+        let Self { points, centre, width, sprite_rows, limits, sums, row_distance } = self;
         let pixels = (sums.len() * LANES) as i32;
-        for point in points.iter().filter(|point| point.reach(centre) >= reach) {
+        for point in points.iter().filter(|point| point.reach(centre) >= row_distance) {
             let shape = point.shape(point.border(centre, width));
             let SpriteRow { first, padded, .. } = &sprite_rows[shape];
             let begin = point.column + first;

@@ -1,47 +1,48 @@
 //! Sprites: the blur of a point as weights of pixels that sum to one (section 3.3, eq. 5).
 //!
-//! A sprite's weight is `k_n(C) / C²` times the share of the pixel within the aperture's shape times the intensity there.
-//! Its rows are made when they are asked for, and kept by whoever works on a row: a table of all sprites would grow with
-//! the square of the largest CoC.
+//! A sprite's weight is `k_n(C) / C²` times the share of the pixel within the aperture's shape times the intensity
+//! there. Rows are computed on demand and kept by the caller that works on a row: a table of all sprites would grow
+//! with the square of the largest CoC.
 
 use crate::lens::Aperture;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Radii of neighbouring sprites are apart by this share.
-const STEP: f32 = 1.0 / 64.0;
+/// Logarithmic step between the radii of neighbouring sprites.
+const RADIUS_STEP: f32 = 1.0 / 64.0;
 
-/// Up to this radius a blur stays within its pixel.
-const PIXEL_RADIUS: f32 = 0.5;
+/// Up to this radius, in pixels, a blur stays within its pixel.
+const PIXEL_RADIUS_PX: f32 = 0.5;
 
-/// Radius from which `k_n` has reached its limit.
-const LIMIT_RADIUS: f32 = 64.0;
+/// Radius in pixels from which `k_n` has reached its limit.
+const LIMIT_RADIUS_PX: f32 = 64.0;
 
-/// Radius from which the intensity hardly changes within a pixel.
-const SMOOTH_RADIUS: f32 = 6.0;
+/// Radius in pixels from which the intensity hardly changes within a pixel.
+const SMOOTH_RADIUS_PX: f32 = 6.0;
 
-/// A pixel this deep inside the shape is covered whole, and one this far outside is not at all: half its diagonal, and the
-/// soft rim of its parts.
-const RIM: f32 = 0.7;
+/// A pixel this deep inside the shape is fully covered, and one this far outside is not covered: half a pixel's
+/// diagonal, which includes the soft edge of its subsamples. In pixels.
+const EDGE_MARGIN_PX: f32 = 0.7;
 
-/// Least intensity as a share of the greatest: a profile whose light falls between all parts of a pixel still has a sum.
+/// Minimum intensity as a share of the maximum. Without it, a profile whose light falls between all subsamples of a
+/// pixel would have a sum of zero.
 const MIN_INTENSITY: f32 = 1e-6;
 
-/// A rim's pixel is looked at in this many parts along each axis.
-const PARTS: usize = 4;
+/// Subsamples of an edge pixel along each axis.
+const SUBSAMPLES: usize = 4;
 
-/// What a sprite blurs.
+/// The pixels that a sprite blurs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Centre {
     /// One pixel.
     Pixel,
-    /// Four pixels as one, about the corner where they meet: the mean of their sprites, so that together they leave no
-    /// pattern, and no seam to pixels of their own.
+    /// Four pixels as one, about their common corner. The sprite is the mean of their sprites, so that reduced points
+    /// form no pattern, and no seam to pixels with their own points.
     Corner,
 }
 
 impl Centre {
-    /// Pixels from one point to the next.
+    /// Distance of neighbouring points, in pixels.
     pub(super) fn spacing(self) -> usize {
         match self {
             Self::Pixel => 1,
@@ -50,7 +51,7 @@ impl Centre {
     }
 }
 
-/// Whether a point lies at the left or the right border of the picture, past which it is repeated.
+/// Whether a point lies at the left or right border of the picture, past which it is repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Border {
     /// Repeated to the left.
@@ -60,60 +61,60 @@ pub(super) struct Border {
 }
 
 impl Border {
-    /// Adds to the weights of a row those of the point's repetitions, `spacing` apart.
+    /// Adds to the weights of a row those of the point's repetitions, `spacing` pixels apart.
     fn repeat(self, weights: &mut [f32], spacing: usize) {
         if !self.left && !self.right {
             return;
         }
-        let (once, count) = (weights.to_vec(), weights.len());
-        let mut further = vec![0.0; count];
+        let (single, count) = (weights.to_vec(), weights.len());
+        let mut repeated = vec![0.0; count];
         if self.left {
             for i in (0..count.saturating_sub(spacing)).rev() {
-                further[i] = further[i + spacing] + once[i + spacing];
-                weights[i] += further[i];
+                repeated[i] = repeated[i + spacing] + single[i + spacing];
+                weights[i] += repeated[i];
             }
         }
-        further.fill(0.0);
+        repeated.fill(0.0);
         if self.right {
             for i in spacing..count {
-                further[i] = further[i - spacing] + once[i - spacing];
-                weights[i] += further[i];
+                repeated[i] = repeated[i - spacing] + single[i - spacing];
+                weights[i] += repeated[i];
             }
         }
     }
 }
 
-/// Where a row of a sprite lies.
+/// Position of a row of a sprite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
-    /// What the sprite blurs.
+    /// The pixels that the sprite blurs.
     pub centre: Centre,
-    /// Rows from the sprite's pixel, or the upper ones of four, down to the row.
+    /// Rows from the sprite's pixel, or from the upper ones of its four, down to the row.
     pub down: i32,
-    /// Where its point lies in the picture.
+    /// Borders of the picture at which the point lies.
     pub border: Border,
 }
 
-/// A sprite: one of the radii, and the sign of the CoC.
+/// A sprite: index of a radius, and sign of the CoC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sprite(pub u16);
 
 impl Sprite {
     /// The sprite nearest to signed CoC radius `coc_px`.
-    pub(super) fn of(coc_px: f32) -> Self {
-        let step = (coc_px.abs() / PIXEL_RADIUS).max(1.0).ln() / STEP;
+    pub(super) fn from_coc_px(coc_px: f32) -> Self {
+        let step = (coc_px.abs() / PIXEL_RADIUS_PX).max(1.0).ln() / RADIUS_STEP;
         Self(2 * step.round() as u16 + u16::from(coc_px < 0.0))
     }
 
     /// Its signed CoC radius.
     pub(super) fn coc_px(self) -> f32 {
-        let radius = PIXEL_RADIUS * (f32::from(self.0 / 2) * STEP).exp();
+        let radius = PIXEL_RADIUS_PX * (f32::from(self.0 / 2) * RADIUS_STEP).exp();
         if self.0 % 2 == 1 { -radius } else { radius }
     }
 
-    /// Most pixels that it reaches along an axis from the pixel of its centre.
+    /// Maximum reach along an axis from the centre pixel, in pixels.
     pub(super) fn reach(self) -> i32 {
-        if self.0 / 2 == 0 { 0 } else { (self.coc_px().abs() + RIM).ceil() as i32 }
+        if self.0 / 2 == 0 { 0 } else { (self.coc_px().abs() + EDGE_MARGIN_PX).ceil() as i32 }
     }
 }
 
@@ -122,23 +123,23 @@ impl Sprite {
 pub(super) struct Sprites {
     aperture: Aperture,
     intensity: Vec<f32>,
-    /// Sum of a sprite's weights over its squared radius, which is `4 / k_n`.
+    /// Sum of a sprite's unscaled weights over its squared radius, which is `4 / k_n`.
     areas: Vec<f32>,
 }
 
 impl Sprites {
-    /// The sprites of `aperture` whose intensity from centre to rim is `intensity`, at even distances.
+    /// The sprites of `aperture` with the intensity profile `intensity` from centre to edge, at even distances.
     pub(super) fn new(aperture: Aperture, intensity: &[f32]) -> Self {
-        let greatest = intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
+        let max_intensity = intensity.iter().fold(0.0, |max: f32, &value| max.max(value));
         let intensity =
-            intensity.iter().map(|value| value.max(MIN_INTENSITY * greatest) / greatest).collect();
+            intensity.iter().map(|value| value.max(MIN_INTENSITY * max_intensity) / max_intensity).collect();
         let mut sprites = Self { aperture, intensity, areas: Vec::new() };
-        let steps = Sprite::of(LIMIT_RADIUS).0 / 2;
+        let steps = Sprite::from_coc_px(LIMIT_RADIUS_PX).0 / 2;
         sprites.areas = (0..=steps).into_par_iter().map(|step| sprites.area(Sprite(2 * step))).collect();
         sprites
     }
 
-    /// Area in squared radii of a sprite as its pixels have it, weighted by intensity.
+    /// Area in squared radii of a sprite as sampled by its pixels, weighted by intensity.
     fn area(&self, sprite: Sprite) -> f32 {
         let (coc_px, reach) = (sprite.coc_px(), sprite.reach());
         let pixels =
@@ -147,8 +148,8 @@ impl Sprites {
         (sum / f64::from(coc_px * coc_px)) as f32
     }
 
-    /// Weights of the pixels `place.down` rows below a sprite's pixel, from `-reach_px` to `reach_px` columns off it: written
-    /// to `weights`, while the first one's column is returned.
+    /// Writes the weights of the pixels `place.down` rows below a sprite's pixel, from `-reach_px` to `reach_px`
+    /// columns from it, to `weights`, and returns the column of the first one.
     pub(super) fn row(&self, sprite: Sprite, place: &Place, reach_px: i32, weights: &mut Vec<f32>) -> i32 {
         let reach = sprite.reach().min(reach_px);
         weights.clear();
@@ -159,7 +160,7 @@ impl Sprites {
                 for down in [place.down, place.down - 1] {
                     self.add_row(sprite, down, reach, 0.25, weights);
                 }
-                // The right pixels' sprites are the left ones', a column on.
+                // The sprites of the right pixels are those of the left ones, shifted by a column.
                 for column in (1..weights.len()).rev() {
                     weights[column] += weights[column - 1];
                 }
@@ -169,12 +170,13 @@ impl Sprites {
         -reach
     }
 
-    /// Adds `share` of a sprite's weights `down` rows below its pixel, from `-reach` to `reach` columns off it.
+    /// Adds `share` times a sprite's weights `down` rows below its pixel, from `-reach` to `reach` columns from it.
     fn add_row(&self, sprite: Sprite, down: i32, reach: i32, share: f32, weights: &mut [f32]) {
         let coc_px = sprite.coc_px();
         let area = self.areas.get(usize::from(sprite.0 / 2)).or(self.areas.last()).copied().unwrap_or(1.0);
         let scale = share / (area * coc_px * coc_px);
-        let chord = ((coc_px.abs() + RIM).powi(2) - (down * down) as f32).max(0.0).sqrt().ceil() as i32;
+        let chord =
+            ((coc_px.abs() + EDGE_MARGIN_PX).powi(2) - (down * down) as f32).max(0.0).sqrt().ceil() as i32;
         let chord = chord.min(reach);
         for dx in -chord..=chord {
             weights[(dx + reach) as usize] +=
@@ -182,31 +184,33 @@ impl Sprites {
         }
     }
 
-    /// How much of the pixel at `offset` from the centre a sprite of radius `coc_px` covers, times its intensity there.
+    /// Covered share of the pixel at `offset` from the centre of a sprite of radius `coc_px`, times the intensity
+    /// there.
     fn coverage(&self, offset: Vec2, coc_px: f32) -> f32 {
-        // Light goes from the fragment at q to the picture point p through u = (q − p) / c.
+        // Light from the fragment at q reaches the picture point p through lens point u = (q − p) / c.
         let point = -offset;
         let radius = coc_px.abs();
-        if radius <= PIXEL_RADIUS {
+        if radius <= PIXEL_RADIUS_PX {
             return if offset == Vec2::ZERO { 1.0 } else { 0.0 };
         }
         let depth = self.aperture.depth_inside(point, coc_px);
-        if depth < -RIM {
+        if depth < -EDGE_MARGIN_PX {
             return 0.0;
         }
-        if depth > RIM && (radius > SMOOTH_RADIUS || self.intensity.len() == 1) {
+        if depth > EDGE_MARGIN_PX && (radius > SMOOTH_RADIUS_PX || self.intensity.len() == 1) {
             return self.intensity_at(depth, radius);
         }
-        let place = |part: usize| (part as f32 + 0.5) / PARTS as f32 - 0.5;
-        let part = |i: usize| {
-            let point = point + Vec2::new(place(i % PARTS), place(i / PARTS));
+        let place = |subsample: usize| (subsample as f32 + 0.5) / SUBSAMPLES as f32 - 0.5;
+        let subsample = |i: usize| {
+            let point = point + Vec2::new(place(i % SUBSAMPLES), place(i / SUBSAMPLES));
             let depth = self.aperture.depth_inside(point, coc_px);
-            (PARTS as f32 * depth + 0.5).clamp(0.0, 1.0) * self.intensity_at(depth, radius)
+            (SUBSAMPLES as f32 * depth + 0.5).clamp(0.0, 1.0) * self.intensity_at(depth, radius)
         };
-        (0..PARTS * PARTS).map(part).sum::<f32>() / (PARTS * PARTS) as f32
+        (0..SUBSAMPLES * SUBSAMPLES).map(subsample).sum::<f32>() / (SUBSAMPLES * SUBSAMPLES) as f32
     }
 
-    /// Intensity `depth` pixels inside the shape of radius `radius`: on lines of its own form from centre to rim.
+    /// Intensity `depth` pixels inside the shape of radius `radius`: constant on contours parallel to the shape's
+    /// edge.
     fn intensity_at(&self, depth: f32, radius: f32) -> f32 {
         let last = self.intensity.len() - 1;
         if last == 0 {
@@ -252,20 +256,21 @@ mod tests {
             let sprites = sprites(blades, intensity);
             for coc_px in [0.1, 0.5, -0.7, 1.0, -2.3, 5.0, -17.2, 90.0] {
                 for centre in [Centre::Pixel, Centre::Corner] {
-                    let [sum, x, y] = moments(&sprites, Sprite::of(coc_px), centre);
+                    let [sum, x, y] = moments(&sprites, Sprite::from_coc_px(coc_px), centre);
                     let case = format!("{blades} blades, {intensity:?}, c = {coc_px}, {centre:?}");
-                    // Past the largest tabulated radius the sum of a rim's parts, 1/16 of a pixel each, is its limit's.
+                    // Past the largest tabulated radius the sum of an edge's subsamples, 1/16 of a pixel each, is its
+                    // limit's.
                     assert!((sum - 1.0).abs() < 1e-3, "{case}: sum {sum}");
                     // A triangle that covers its neighbours unevenly is rounded to whole pixels.
-                    let most = if blades == 3 { 0.1 } else { 1e-4 };
-                    assert!(x.hypot(y) < most, "{case}: {x}, {y}");
+                    let max_offset = if blades == 3 { 0.1 } else { 1e-4 };
+                    assert!(x.hypot(y) < max_offset, "{case}: {x}, {y}");
                 }
             }
         }
     }
 
     #[test]
-    fn the_scaling_of_a_uniform_disc_goes_to_four_over_pi() {
+    fn the_scaling_of_a_uniform_disc_converges_to_four_over_pi() {
         // k_n is four over the area in squared radii.
         let sprites = sprites(0, &[1.0]);
         let scaling = 4.0 / sprites.areas.last().unwrap();
@@ -273,42 +278,42 @@ mod tests {
     }
 
     #[test]
-    fn a_blur_within_its_pixel_is_the_pixel() {
+    fn a_blur_within_its_pixel_keeps_the_pixel() {
         for coc_px in [0.0, -0.3, 0.5] {
             let (sprites, mut weights) = (sprites(0, &[0.0, 1.0]), Vec::new());
             let place = Place { centre: Centre::Pixel, down: 0, border: INNER };
-            let first = sprites.row(Sprite::of(coc_px), &place, 9, &mut weights);
+            let first = sprites.row(Sprite::from_coc_px(coc_px), &place, 9, &mut weights);
             assert_eq!((first, &weights[..]), (0, &[1.0, 0.0][..]), "c = {coc_px}");
-            assert_eq!(Sprite::of(coc_px).reach(), 0, "and reaches no other");
+            assert_eq!(Sprite::from_coc_px(coc_px).reach(), 0, "and reaches no other pixel");
         }
     }
 
     #[test]
-    fn the_intensity_is_linear_from_the_centre_to_the_rim() {
+    fn the_intensity_is_linear_from_the_centre_to_the_edge() {
         let sprites = sprites(0, &[1.0, 0.5, 2.0]);
-        // Of the greatest, 2: at the centre, a quarter of the way, halfway, at the rim.
+        // As a share of the maximum, 2: at the centre, a quarter of the way, halfway, at the edge.
         for (depth, expected) in [(8.0, 0.5), (6.0, 0.375), (4.0, 0.25), (0.0, 1.0)] {
             assert!((sprites.intensity_at(depth, 8.0) - expected).abs() < 1e-6, "{depth} px inside");
         }
     }
 
     #[test]
-    fn a_triangle_points_the_other_way_in_front_of_focus() {
+    fn a_triangle_is_mirrored_in_front_of_focus() {
         let (sprites, mut weights) = (Sprites::new(Aperture::new(3, 0.0).unwrap(), &[1.0]), Vec::new());
         let place = Place { centre: Centre::Pixel, down: 0, border: INNER };
         let mut ends = |coc_px| {
-            let first = sprites.row(Sprite::of(coc_px), &place, 99, &mut weights);
+            let first = sprites.row(Sprite::from_coc_px(coc_px), &place, 99, &mut weights);
             let lit = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
             let columns: Vec<i32> = lit.map(|(i, _)| first + i as i32).collect();
             [columns[0], columns[columns.len() - 1]]
         };
-        // Behind focus its corner is to the left, 10 px off, and its side 5 px off to the right.
+        // Behind focus its corner is 10 px to the left, and its side 5 px to the right.
         assert_eq!(ends(10.0), [-10, 5], "behind focus");
         assert_eq!(ends(-10.0), [-5, 10], "in front of it");
     }
 
     #[test]
-    fn a_point_at_the_border_stands_for_its_repetitions_past_it() {
+    fn a_point_at_the_border_includes_its_repetitions_past_it() {
         let row = |left, right, spacing| {
             let mut weights = vec![1.0, 2.0, 4.0, 8.0];
             Border { left, right }.repeat(&mut weights, spacing);

@@ -1,4 +1,5 @@
-//! What `pyramid-disocclusion` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! The cost of `pyramid-disocclusion`, in the terms that its module head names. The nanoseconds are fitted by
+//! `examples/cost_model.rs`.
 
 use super::parameters::PyramidDisocclusionParameters;
 use crate::methods::contract::Plan;
@@ -6,7 +7,7 @@ use crate::methods::cost::{Cost, WorkKind, term};
 use crate::methods::shared::sub_image_pixels;
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let [_, blurred] =
         sub_image_pixels(workload, plan.parameters.get::<PyramidDisocclusionParameters>().first_radius_px);

@@ -1,35 +1,33 @@
-//! Sub-images by depth, with what nearer ones hide filled in by pyramid interpolation.
+//! Sub-images by depth, in which pyramid interpolation fills the parts that nearer ones hide.
 //!
-//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as Kraus 2011, "Using Opaque Image
-//! Blur for Real-Time Depth-of-Field Rendering", describes it and measures itself by it. The pinhole picture alone is read.
-//! For each sub-image, farthest first: pixels nearer than its range are culled; the holes are filled from around them,
-//! depth included; the filled picture is matted by depth (`shared/sub_images.rs`), blurred by a pyramid of `|i|` levels,
-//! 4×4 box analysis and biquadratic B-spline synthesis, and laid over the result.
+//! Kraus & Strengert 2007, "Depth-of-Field Rendering by Pyramidal Image Processing", as described by Kraus 2011, "Using Opaque
+//! Image Blur for Real-Time Depth-of-Field Rendering", which compares itself with it. Only the pinhole picture is read. For each
+//! sub-image, farthest first: pixels nearer than its range are culled; the holes are filled from their surroundings, depth
+//! included; the filled picture is matted by depth (`shared/sub_images.rs`), blurred by a pyramid of `|i|` levels, 4×4 box
+//! analysis and biquadratic B-spline synthesis, and composited over the result.
 //!
-//! The 2007 paper itself was not at hand; these are choices where the 2011 paper is silent. Culling is soft: a pixel is
-//! kept in the share `ω` that rises from `z_(i−2)` to `z_(i−1)`, so that a slanted surface is nowhere cut. The filling pulls
-//! and pushes: a coarse sample is the mean of what is known below it and as well known as the best known quarter of that
-//! area would make it; on the way back each level adds the expanded coarser one in the share that it does not know itself.
-//! The pyramid has as many levels as the largest blur, since no blur shows more of a hole; what even the coarsest level
-//! does not know is the mean of all that is known. Depth is interpolated as CoC radius, which unlike depth itself stays
-//! finite, and is linear across a flat surface. Past the frame its border's pixels go on, depth included: the larger
-//! framebuffer of the paper.
+//! The 2007 paper itself was not available. These choices are not specified by the 2011 paper. Culling is soft: a pixel is
+//! kept in the share `ω` that rises from `z_(i−2)` to `z_(i−1)`, so that no slanted surface is cut. Filling is pull-push. Pull: a
+//! coarse sample is the mean of the known finer samples, and its known share is raised to what the best known quarter of its area
+//! would give. Push: each level adds the expanded coarser level in the share that it does not know itself. The pyramid has as
+//! many levels as the largest blur, because no blur shows more of a hole. The part that even the coarsest level does not know is
+//! the mean of everything known. Depth is interpolated as CoC radius, which unlike depth stays finite, and is linear across a
+//! flat surface. Past the frame the border pixels repeat, depth included, in place of the larger framebuffer of the paper.
 //!
 //! Cost: pixels × sub-images as for `opaque-blur`, each with one more pyramid, of the full size. Memory: twelve planes and
-//! two pyramids. Limits: one colour and depth a pixel, what is hidden is guessed; no aperture shape; the blur radii are
-//! those of `opaque-blur`, with the same remarks: nearly twice as far as a disc's, and limited behind focus.
+//! two pyramids. Limits: one colour and depth per pixel, hidden parts are guessed; no aperture shape; the blur radii are those of
+//! `opaque-blur`, with the same limits: nearly twice as far as that of a disc, and too small far behind focus.
 //!
-//! GPU twin: `shaders/methods/pyramid_disocclusion.wgsl`.
+//! GPU backend: `shaders/methods/pyramid_disocclusion.wgsl`.
 
-#[cfg(feature = "gpu")]
 mod cost;
-mod parameters;
+#[cfg(feature = "gpu")]
 mod gpu;
+mod parameters;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};
@@ -48,7 +46,7 @@ impl Method for PyramidDisocclusion {
             name: "pyramid-disocclusion",
             source: "Kraus & Strengert 2007",
             role: Role::Baseline,
-            summary: "sub-images by depth of the pinhole picture, what nearer ones hide filled from its surroundings",
+            summary: "sub-images by depth of the pinhole picture, parts that nearer ones hide filled from their surroundings",
             effects: &[EffectKind::Merge],
             lens_samples: None,
             steps: &["first_radius_px=3.4", "first_radius_px=1.7", "first_radius_px=0.85"],
@@ -72,7 +70,7 @@ impl Method for PyramidDisocclusion {
         let count = images.far_to_near().count();
         for (done, i) in images.far_to_near().enumerate() {
             if let Some(disoccluded) = disocclude(&visible, &images, i, &grid) {
-                lay(&disoccluded, &images, i, &grid, &mut result);
+                composite(&disoccluded, &images, i, &grid, &mut result);
             }
             progress((done + 1) as f32 / count as f32);
         }
@@ -85,7 +83,7 @@ impl Method for PyramidDisocclusion {
     }
 }
 
-/// The sub-images that the picture of `scene` is cut into, and the grid of all their pyramids.
+/// The sub-images of the picture of `scene`, and the grid of all their pyramids.
 fn sub_images(scene: &Scene, plan: &Plan) -> (SubImages, Grid) {
     let first_radius_px = plan.parameters.get::<PyramidDisocclusionParameters>().first_radius_px;
     let (frame, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
@@ -94,46 +92,46 @@ fn sub_images(scene: &Scene, plan: &Plan) -> (SubImages, Grid) {
     (images, grid)
 }
 
-/// Where the coarsest level knows less than this of a pixel in all, that is rounding, and nothing is known.
+/// If the known shares of the coarsest level sum up to less than this, the sum is rounding, and nothing is known.
 const MIN_KNOWN: f64 = 1e-6;
 
-/// Figures of the laws' cases, rounded outward.
+/// Measured over all cases of each law, rounded outward.
 const DEVIATIONS: &[Deviation] = &[
     Deviation {
         law: Law::Sharpness,
         within: [0.27, 0.3],
-        reason: "what the bar hides is interpolated from its surroundings",
+        reason: "the part that the bar hides is interpolated from its surroundings",
     },
     Deviation {
         law: Law::Transparency,
         within: [0.999, 1.46],
-        reason: "the depth in a filled hole may fall into the near object's own sub-image",
+        reason: "the depth in a filled hole may fall into the sub-image of the near object itself",
     },
     Deviation {
         law: Law::Energy,
         within: [0.985, 1.001],
-        reason: "past the border its pixels go on, and the blur's reach meets it",
+        reason: "border pixels repeat past the frame, and the blur reaches them",
     },
     Deviation {
         law: Law::Place,
         within: [0.4, 0.51],
-        reason: "the 4×4 box gives a sample to coarse ones whose mean is half a pixel off",
+        reason: "the 4×4 box shifts the centre of a sample by half a pixel in the coarser level",
     },
     Deviation {
         law: Law::Spread,
         within: [2.8, 4.95],
-        reason: "1.7·2^(n−1) px is the core of n levels, whose variance is that of a larger disc",
+        reason: "1.7·2^(n−1) px is the core of the kernel of n levels, whose variance is that of a larger disc",
     },
     Deviation {
         law: Law::Convergence,
         within: [29.8, 30.8],
-        reason: "one pinhole picture, a Gaussian of a few sizes, guesses for what is hidden",
+        reason: "one pinhole picture, a Gaussian of a few sizes, hidden parts are guessed",
     },
     Deviation { law: Law::Supersampling, within: [25.0, 25.8], reason: "a pixel at an edge has one depth" },
 ];
 
-/// The picture without what is nearer than sub-image `i`, holes filled: content and, last, CoC radius, at level 0 of `grid`.
-/// None where everything is nearer.
+/// The picture without the pixels nearer than sub-image `i`, holes filled: content and, last, CoC radius, at level 0 of `grid`.
+/// `None` where all pixels are nearer.
 fn disocclude(visible: &Visible, images: &SubImages, i: i32, grid: &Grid) -> Option<Vec<Plane>> {
     let channels = visible.content.len() + 2;
     let keep = |y: usize, rows: &mut Rows| keep_row(visible, images, i, y, grid, rows);
@@ -143,7 +141,7 @@ fn disocclude(visible: &Visible, images: &SubImages, i: i32, grid: &Grid) -> Opt
             None => grid.reduce_frame(channels, BOX, keep),
             Some(finer) => grid.reduce_level(level, finer, BOX),
         };
-        raise_knowledge(&mut coarse);
+        raise_known(&mut coarse);
         pulled.push(coarse);
     }
     let mut filled = filled_with_mean(pulled.pop()?)?;
@@ -164,7 +162,7 @@ fn disocclude(visible: &Visible, images: &SubImages, i: i32, grid: &Grid) -> Opt
     }))
 }
 
-/// Row `y` of what is known behind all nearer sub-images: content and CoC radius times the share that is kept, and that share.
+/// Row `y` of the pixels that are not nearer than sub-image `i`: content and CoC radius times the kept share, and that share.
 fn keep_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Grid, rows: &mut Rows) {
     if let [values @ .., kept] = rows.as_mut_slice() {
         let kept = grid.frame_part_mut(kept);
@@ -176,12 +174,12 @@ fn keep_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Grid
     }
 }
 
-/// A quarter of a coarse sample's surroundings.
+/// A quarter of the fine samples of which a coarse sample is a mean.
 const BEST_QUARTER: f32 = 0.25;
 
-/// Makes samples of a coarser level, whose last plane says how much of their surroundings is known, as well known as the
-/// best known quarter of those could make them: a known neighbour is worth more than a far-off mean.
-fn raise_knowledge(planes: &mut [Plane]) {
+/// Raises the known share of coarse samples, the last plane, to what the best known quarter of their area could give, and scales
+/// their values with it: a known neighbour is a better guess than a distant mean.
+fn raise_known(planes: &mut [Plane]) {
     let Some((known, values)) = planes.split_last_mut() else { return };
     let raise = |known: f32| 1.0 / known.max(BEST_QUARTER);
     for plane in values {
@@ -191,20 +189,21 @@ fn raise_knowledge(planes: &mut [Plane]) {
     known.values_mut().par_iter_mut().for_each(|known| *known *= raise(*known));
 }
 
-/// The coarsest level with the mean of all that is known in the place of what is not; none where nothing is.
+/// The coarsest level, whose unknown share is filled with the mean of everything known; `None` where nothing is known.
 fn filled_with_mean(mut planes: Vec<Plane>) -> Option<Vec<Plane>> {
     let total = |plane: &Plane| plane.values().iter().map(|&value| f64::from(value)).sum::<f64>();
     let known = planes.pop()?;
-    let all_known = Some(total(&known)).filter(|&sum| sum > MIN_KNOWN)?;
+    let total_known = Some(total(&known)).filter(|&sum| sum > MIN_KNOWN)?;
     for plane in &mut planes {
-        let mean = (total(plane) / all_known) as f32;
+        let mean = (total(plane) / total_known) as f32;
         let values = plane.values_mut().iter_mut().zip(known.values());
         values.for_each(|(value, &known)| *value += (1.0 - known) * mean);
     }
     Some(planes)
 }
 
-/// Adds to what a level knows, the last of its rows saying how well, the expanded coarser level in the share that is left.
+/// Adds the `known` rows of a level to those `expanded` from the coarser one, which get the share that the level does not know.
+/// The last known row is the known share.
 fn complete_row(known: &[&[f32]], expanded: &mut Rows) {
     let Some((share, values)) = known.split_last() else { return };
     for (expanded, known) in expanded.iter_mut().zip(values) {
@@ -214,8 +213,8 @@ fn complete_row(known: &[&[f32]], expanded: &mut Rows) {
     }
 }
 
-/// Mattes sub-image `i` of the disoccluded picture, blurs it and lays it over `result`.
-fn lay(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, result: &mut CoveragePlanes) {
+/// Mattes sub-image `i` of the disoccluded picture, blurs it and composites it over `result`.
+fn composite(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, result: &mut CoveragePlanes) {
     let Some((coc_px, content)) = disoccluded.split_last() else { return };
     let channels = content.len() + 1;
     let matte = |y: usize, rows: &mut Rows| {
@@ -248,7 +247,7 @@ fn lay(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, result: &
 mod tests {
     use super::*;
 
-    /// Two columns: left of column 10 a near picture of brightness 9, right of it a far one of brightness `x`.
+    /// Two halves: left of column 10 a near surface of brightness 9, from there on a far one of brightness `x`.
     fn two_halves() -> Visible {
         let content = |_: usize| Plane::from_fn(32, 16, |x, _| if x < 10 { 9.0 } else { x as f32 });
         let coc_px = Plane::from_fn(32, 16, |x, _| if x < 10 { -8.0 } else { 4.0 });
@@ -261,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_culled_stays_as_it_is() {
+    fn pixels_that_are_not_culled_stay_unchanged() {
         let planes = disoccluded(&two_halves(), 0).unwrap();
         for (x, y) in [(10, 0), (17, 5), (31, 15)] {
             assert_eq!([planes[0].get(x, y), planes[3].get(x, y)], [x as f32, 4.0], "pixel {x}, {y}");
@@ -269,10 +268,10 @@ mod tests {
     }
 
     #[test]
-    fn holes_are_filled_with_their_surroundings_and_not_with_what_was_culled() {
+    fn holes_are_filled_from_their_surroundings_without_culled_pixels() {
         let planes = disoccluded(&two_halves(), 0).unwrap();
         for x in 0..10 {
-            assert_eq!(planes[3].get(x, 7), 4.0, "the depth of what is around the hole, column {x}");
+            assert_eq!(planes[3].get(x, 7), 4.0, "the depth around the hole, column {x}");
         }
         // Nearest to the hole are columns 10 to 13.
         assert!((10.0..13.0).contains(&planes[0].get(9, 7)), "beside the edge: {}", planes[0].get(9, 7));
@@ -282,11 +281,11 @@ mod tests {
     #[test]
     fn the_nearest_sub_image_has_no_holes() {
         let planes = disoccluded(&two_halves(), -3).unwrap();
-        assert_eq!([planes[0].get(3, 3), planes[3].get(3, 3)], [9.0, -8.0], "as it was");
+        assert_eq!([planes[0].get(3, 3), planes[3].get(3, 3)], [9.0, -8.0], "unchanged");
     }
 
     #[test]
-    fn a_sub_image_before_which_everything_lies_is_left_out() {
+    fn a_sub_image_is_skipped_where_all_pixels_are_nearer() {
         let mut near = two_halves();
         near.coc_px = Plane::filled(32, 16, -8.0);
         assert_eq!(disoccluded(&near, 2), None);

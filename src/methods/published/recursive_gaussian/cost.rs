@@ -1,4 +1,4 @@
-//! What `recursive-gaussian` costs, in the terms of the module's head; the nanoseconds are fitted by `examples/cost_model.rs`.
+//! Cost of `recursive-gaussian`, in the terms of the module's head. `examples/cost_model.rs` fits the nanoseconds.
 
 use super::layers::MAX_LAYERS;
 use super::parameters::RecursiveGaussianParameters;
@@ -6,23 +6,24 @@ use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::Workload;
 
-/// What carrying out `plan` costs.
+/// The cost of `plan`.
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let parameters = plan.parameters.get::<RecursiveGaussianParameters>();
-    // Layer n is blurred by σ_n² = n (n + 1) (2n + 1) / 6, and lies where the CoC diameter is so many σ_n.
+    // Layer n is blurred by σ_n² = n (n + 1) (2n + 1) / 6. It lies where the CoC diameter is `coc_per_sigma` times
+    // σ_n.
     let boundary_px = |n: u32| {
         let n = f64::from(n);
         0.5 * f64::from(parameters.coc_per_sigma) * (n * (n + 1.0) * (2.0 * n + 1.0) / 6.0).sqrt()
     };
-    let enough =
+    let layers_to_reach =
         |reach: f64| (0..MAX_LAYERS as u32).find(|&n| boundary_px(n) >= reach).unwrap_or(MAX_LAYERS as u32);
-    let [front, back] = workload.reach_px().map(enough);
+    let [front, back] = workload.reach_px().map(layers_to_reach);
     let needed = f64::from(1 + front + back);
-    // Layers past the last fragment are not blurred.
+    // Layers beyond the last fragment are not blurred.
     let blurred = parameters.layers.map_or(needed, |layers| needed.min(layers as f64));
-    let spans = (0..=back).map(|n| [boundary_px(n.saturating_sub(1)), boundary_px(n + 1)]);
-    let front_spans = (1..=front).map(|n| [-boundary_px(n + 1), -boundary_px(n - 1)]);
-    let matted: f64 = spans.chain(front_spans).map(|span| workload.rows_with(span)).sum();
+    let back_ranges = (0..=back).map(|n| [boundary_px(n.saturating_sub(1)), boundary_px(n + 1)]);
+    let front_ranges = (1..=front).map(|n| [-boundary_px(n + 1), -boundary_px(n - 1)]);
+    let matted: f64 = back_ranges.chain(front_ranges).map(|range| workload.rows_with(range)).sum();
     let matted = matted * workload.size()[0] * blurred / needed;
     Cost::new(
         WorkKind::Planes,

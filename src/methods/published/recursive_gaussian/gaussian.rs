@@ -1,32 +1,33 @@
-//! A Gaussian blur of exact variance, at one cost whatever its size.
+//! A Gaussian blur of exact variance, at the same cost for every size.
 //!
 //! Four passes of an extended box along the rows, four along the columns. An extended box (Gwosdek, Grewenig, Bruhn &
 //! Weickert 2011, "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering") has full weight within
-//! `r` samples and a part of it one sample further, so that it can have any variance, not only those of the whole
-//! boxes. Variances add up, so four of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000. Along each axis their shape is
-//! a Gaussian's within 4 % of its peak, and within 7 % for `σ = 1`, where each is three samples long.
+//! `r` samples and a partial weight one sample further, so that it can have any variance, not only that of whole
+//! boxes. Variances add up, so four passes of `σ²/4` have exactly `σ²`, for `σ = 1` as for 1000. Along each axis
+//! their shape is a Gaussian's within 4 % of its peak, and within 7 % for `σ = 1`, where each box is three samples
+//! long.
 //!
-//! The border repeats its last sample. Sums run in double precision and begin anew in each line and pass, so that what is
-//! added and taken away again leaves nothing that single precision could see.
+//! The border repeats its last sample. Running sums are f64 and restart in each line and pass, so that the error of
+//! adding and subtracting samples stays below f32 precision.
 
 use crate::image::Plane;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Boxes in a row that make a Gaussian; even, so that the last one ends where the first began.
+/// Passes of the box per axis. Even, so that the result of the last pass is in the buffer that the first one read.
 pub(super) const PASSES: usize = 4;
 
-/// Lines that are blurred side by side.
+/// Lines that are blurred together.
 const LANES: usize = 16;
 
-/// Smaller values are 0: they cannot show, and single precision is slow below its normal range.
-pub(super) const LEAST: f32 = 1e-20;
+/// Smaller magnitudes are set to 0: they are not visible, and f32 arithmetic is slow on subnormal numbers.
+pub(super) const MIN_MAGNITUDE: f32 = 1e-20;
 
-/// One position of [`LANES`] lines.
+/// One sample of each of [`LANES`] lines.
 type Lines = [f32; LANES];
 
-/// Blurs `plane` by a Gaussian of standard deviation `sigma_px`, border repeated.
+/// Blurs `plane` by a Gaussian of standard deviation `sigma_px`; the border is repeated.
 pub(super) fn blur(plane: &mut Plane, sigma_px: f32) {
     let (width, filter) = (plane.width(), ExtendedBox::from_sigma(sigma_px));
     if width == 0 {
@@ -42,7 +43,7 @@ pub(super) fn blur(plane: &mut Plane, sigma_px: f32) {
     });
 }
 
-/// `plane` cut into upright strips of [`LANES`] columns: of each, its piece of every row.
+/// Splits `plane` into vertical strips of [`LANES`] columns: each strip is its part of every row.
 fn strips(plane: &mut Plane) -> Vec<Vec<&mut [f32]>> {
     let (width, height) = (plane.width(), plane.height());
     let mut strips: Vec<Vec<&mut [f32]>> =
@@ -53,7 +54,7 @@ fn strips(plane: &mut Plane) -> Vec<Vec<&mut [f32]>> {
     strips
 }
 
-/// Weight `scale` within `radius` samples of the middle, `scale · edge` one sample further.
+/// A box with weight `scale` within `radius` samples of the middle, and `scale · edge` one sample further.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ExtendedBox {
     pub radius: usize,
@@ -62,15 +63,15 @@ pub(super) struct ExtendedBox {
 }
 
 impl ExtendedBox {
-    /// The one of which [`PASSES`] passes make a Gaussian of standard deviation `sigma_px`.
+    /// The box whose [`PASSES`] passes make a Gaussian of standard deviation `sigma_px`.
     pub(super) fn from_sigma(sigma_px: f32) -> Self {
         Self::from_variance(f64::from(sigma_px).powi(2) / PASSES as f64)
     }
 
-    /// The extended box of this variance.
+    /// The extended box of variance `variance`.
     ///
-    /// A box of radius `r` has variance `r(r+1)/3`; `r` is the largest with no more than `variance`, and the edge solves
-    /// `(r(r+1)(2r+1)/3 + 2 edge (r+1)²) / (2r+1 + 2 edge) = variance`.
+    /// A box of radius `r` has variance `r(r+1)/3`; `r` is the largest one with at most `variance`, and the edge
+    /// solves `(r(r+1)(2r+1)/3 + 2 edge (r+1)²) / (2r+1 + 2 edge) = variance`.
     fn from_variance(variance: f64) -> Self {
         let r = (0.5 * ((1.0 + 12.0 * variance).sqrt() - 1.0)).floor();
         let length = 2.0 * r + 1.0;
@@ -78,40 +79,40 @@ impl ExtendedBox {
         Self { radius: r as usize, edge, scale: 1.0 / (length + 2.0 * edge) }
     }
 
-    /// How far [`PASSES`] passes carry a sample.
+    /// Reach of [`PASSES`] passes, in samples.
     pub(super) fn reach(&self) -> usize {
         PASSES * (self.radius + 1)
     }
 }
 
-/// Room for the lines that a thread works at, and for what a pass makes of them.
+/// Buffers of a thread: the current lines, and the result of a pass.
 #[derive(Default)]
 struct Scratch {
     lines: Vec<Lines>,
-    passed: Vec<Lines>,
+    result: Vec<Lines>,
 }
 
 impl Scratch {
-    /// Makes room for lines of `length` samples, all 0.
+    /// Sets up lines of `length` samples, all 0.
     #[inline(always)]
     fn clear(&mut self, length: usize) {
         self.lines.clear();
         self.lines.resize(length, [0.0; LANES]);
-        self.passed.resize(length, [0.0; LANES]);
+        self.result.resize(length, [0.0; LANES]);
     }
 
-    /// Blurs the lines and returns where they are no longer what they were.
+    /// Blurs the lines and returns the range of samples that may have changed.
     #[inline(always)]
     fn blur(&mut self, filter: ExtendedBox) -> Range<usize> {
         let occupied = |line: &Lines| line.iter().any(|&value| value != 0.0);
         let Some(first) = self.lines.iter().position(occupied) else { return 0..0 };
         let last = self.lines.iter().rposition(occupied).unwrap_or(first);
-        // Past the reach of what is there, all stays 0.
+        // Beyond the reach of the samples that are not 0, all stay 0.
         let window = first.saturating_sub(filter.reach())..(last + 1 + filter.reach()).min(self.lines.len());
-        let (lines, passed) = (&mut self.lines[window.clone()], &mut self.passed[window.clone()]);
+        let (lines, result) = (&mut self.lines[window.clone()], &mut self.result[window.clone()]);
         for _ in 0..PASSES / 2 {
-            pass(lines, passed, filter);
-            pass(passed, lines, filter);
+            pass(lines, result, filter);
+            pass(result, lines, filter);
         }
         window
     }
@@ -128,7 +129,7 @@ fn pass(from: &[Lines], to: &mut [Lines], filter: ExtendedBox) {
             *sum += times as f64 * f64::from(value);
         }
     };
-    // Half of the first box lies before the line, and some of the other half may lie behind it.
+    // Half of the first box lies before the line, and a part of the other half may lie past its end.
     add(&from[0], radius + 1);
     from[1..].iter().take(radius).for_each(|line| add(line, 1));
     add(&from[last], radius.saturating_sub(last));
@@ -138,13 +139,13 @@ fn pass(from: &[Lines], to: &mut [Lines], filter: ExtendedBox) {
         for lane in 0..LANES {
             let next = f64::from(entering[lane]);
             let value = (scale * (sum[lane] + edge * (f64::from(before[lane]) + next))) as f32;
-            to[lane] = if value.abs() < LEAST { 0.0 } else { value };
+            to[lane] = if value.abs() < MIN_MAGNITUDE { 0.0 } else { value };
             sum[lane] += next - f64::from(leaving[lane]);
         }
     }
 }
 
-/// Blurs up to [`LANES`] rows; to be compiled for each instruction set.
+/// Blurs up to [`LANES`] rows; compiled for each instruction set.
 struct BlurRows<'a, 'b> {
     rows: &'a mut [&'b mut [f32]],
     filter: ExtendedBox,
@@ -158,7 +159,7 @@ impl NullaryFnOnce for BlurRows<'_, '_> {
     fn call(self) {
         let Self { rows, filter, scratch } = self;
         scratch.clear(rows[0].len());
-        // A square at a time, so that what is written column by column stays at hand.
+        // One square block at a time, so that the columns that are written stay in the cache.
         for (square, lines) in scratch.lines.chunks_mut(LANES).enumerate() {
             for (lane, row) in rows.iter().enumerate() {
                 let samples = &row[square * LANES..][..lines.len()];
@@ -176,7 +177,7 @@ impl NullaryFnOnce for BlurRows<'_, '_> {
     }
 }
 
-/// Blurs up to [`LANES`] columns, given their piece of every row; to be compiled for each instruction set.
+/// Blurs up to [`LANES`] columns, given their part of every row; compiled for each instruction set.
 struct BlurColumns<'a, 'b> {
     pieces: &'a mut [&'b mut [f32]],
     filter: ExtendedBox,
@@ -205,7 +206,7 @@ impl NullaryFnOnce for BlurColumns<'_, '_> {
 mod tests {
     use super::*;
 
-    /// A plane of zeros but for one value in its middle.
+    /// A plane of zeros except for one value in its middle.
     fn emitter(size: usize, value: f32) -> Plane {
         Plane::from_fn(size, size, |x, y| if (x, y) == (size / 2, size / 2) { value } else { 0.0 })
     }
@@ -226,12 +227,12 @@ mod tests {
     }
 
     #[test]
-    fn the_variance_is_exact_and_the_energy_stays() {
+    fn the_variance_is_exact_and_the_energy_is_preserved() {
         for sigma in [0.3f32, 1.0, 2.0, 5f32.sqrt(), 14f32.sqrt(), 9.0, 16.9] {
             let mut plane = emitter(151, 65_504.0);
             blur(&mut plane, sigma);
             let [energy, across, down] = moments(&plane);
-            // Eight roundings to single precision: 8 · 2⁻²⁴.
+            // Eight roundings to f32: 8 · 2⁻²⁴.
             assert!((energy / 65_504.0 - 1.0).abs() < 5e-7, "σ = {sigma}: energy {energy}");
             let expected = f64::from(sigma).powi(2);
             assert!((across / expected - 1.0).abs() < 2e-6, "σ = {sigma}: {across} across");
@@ -241,8 +242,9 @@ mod tests {
 
     #[test]
     fn the_shape_is_a_gaussian_within_a_few_percent_of_its_peak() {
-        // Four boxes have an excess kurtosis of −1.2 / 4; to first order that lowers the peak by an eighth of it, 3.75 %.
-        // (1, 6, 1) / 8 four times in a row has 0.423 in its middle, where a Gaussian of σ = 1 has 0.399: 6.2 % more.
+        // Four boxes have an excess kurtosis of −1.2 / 4; to first order this lowers the peak by an eighth of that,
+        // 3.75 %. (1, 6, 1) / 8 applied four times has 0.423 in its middle, where a Gaussian of σ = 1 has 0.399: 6.2
+        // % more.
         for (sigma, tolerance) in [(1.0f32, 0.065), (2.0, 0.04), (5.0, 0.04), (12.0, 0.04)] {
             let mut line = Plane::from_fn(121, 1, |x, _| if x == 60 { 1.0 } else { 0.0 });
             blur(&mut line, sigma);
@@ -256,12 +258,12 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_constant_however_wide_the_blur() {
+    fn a_constant_stays_constant_for_any_blur() {
         for (width, height) in [(1, 1), (1, 40), (33, 2), (17, 19)] {
             for sigma in [0.0, 0.7, 3.0, 50.0, 4000.0] {
                 let mut plane = Plane::filled(width, height, 0.6);
                 blur(&mut plane, sigma);
-                // One rounding to single precision in each of eight passes.
+                // One rounding to f32 in each of eight passes.
                 let off = plane.values().iter().map(|value| (value - 0.6).abs()).fold(0.0, f32::max);
                 assert!(off < 3e-7, "{width} × {height}, σ = {sigma}: off by {off}");
             }
@@ -269,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blur_of_nothing_changes_no_bit() {
+    fn a_blur_with_sigma_zero_changes_no_bit() {
         let before = Plane::from_fn(37, 21, |x, y| (x * 21 + y) as f32);
         let mut after = before.clone();
         blur(&mut after, 0.0);
@@ -277,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_firefly_leaves_nothing_beyond_the_reach_of_the_blur() {
+    fn a_firefly_leaves_zero_beyond_the_reach_of_the_blur() {
         let mut plane = Plane::from_fn(4000, 3, |x, y| if (x, y) == (70, 1) { 65_504.0 } else { 0.0 });
         blur(&mut plane, 6.0);
         let reach = ExtendedBox::from_variance(9.0).reach();
@@ -290,12 +292,13 @@ mod tests {
         // σ̂ = 3, 2, 1 against σ = √14: the same variance, and peaks lower than a Gaussian's by less than 4 % along each axis.
         let mut cascade = emitter(61, 1.0);
         [3.0, 2.0, 1.0].into_iter().for_each(|sigma| blur(&mut cascade, sigma));
-        let mut once = emitter(61, 1.0);
-        blur(&mut once, 14f32.sqrt());
+        let mut single = emitter(61, 1.0);
+        blur(&mut single, 14f32.sqrt());
         let [_, across, _] = moments(&cascade);
         assert!((across / 14.0 - 1.0).abs() < 1e-5, "variance {across}");
-        let peak = once.get(30, 30);
-        let off = cascade.values().iter().zip(once.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let peak = single.get(30, 30);
+        let off =
+            cascade.values().iter().zip(single.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(off < 0.08 * peak, "{} of the peak", off / peak);
     }
 }

@@ -1,10 +1,10 @@
-//! The depth layers: how much each is blurred, and where one ends and the next begins.
+//! The depth layers: blur and depth boundaries of each.
 //!
-//! A layer is named by its distance from the layer in focus, negative in front of it: the paper's `k − k_f`.
+//! Layers are numbered from the layer in focus, negative in front of it: the paper's `k − k_f`.
 
 use super::parameters::RecursiveGaussianParameters;
 
-/// Layers past this number are not made: the outermost one takes what lies beyond.
+/// Maximum number of layers. The outermost ones take everything beyond.
 pub(super) const MAX_LAYERS: usize = 512;
 
 /// The layers of one scene.
@@ -19,14 +19,14 @@ pub(super) struct Layers {
     coc_infinity_px: f32,
 }
 
-/// Standard deviation in pixels by which the cascade blurs at a layer, on its way to focus: `σ̂_k = |k − k_f|` (eq. 14).
+/// Standard deviation in pixels of the cascade's blur at a layer: `σ̂_k = |k − k_f|` (eq. 14).
 pub(super) fn cascade_sigma_px(layer: i32) -> f32 {
     layer.unsigned_abs() as f32
 }
 
-/// Standard deviation in pixels by which a layer is blurred in all: `σ_k² = n(n+1)(2n+1)/6`, `n = |k − k_f|`.
+/// Standard deviation in pixels of a layer's total blur: `σ_k² = n(n+1)(2n+1)/6`, `n = |k − k_f|`.
 ///
-/// That is eq. 15 in closed form. Its recursion has to run away from focus, `σ_k² = σ̂_k² + σ²` of the next layer
+/// This is eq. 15 in closed form. Its recursion has to run away from focus: `σ_k² = σ̂_k² + σ²` of the next layer
 /// towards focus.
 pub(super) fn sigma_px(layer: i32) -> f32 {
     let n = f64::from(layer.unsigned_abs());
@@ -34,10 +34,11 @@ pub(super) fn sigma_px(layer: i32) -> f32 {
 }
 
 impl Layers {
-    /// The layers for CoC radii of `coc_range_px` behind a lens that blurs infinity by `coc_infinity_px`.
+    /// The layers for CoC radii of `coc_range_px` and a lens whose CoC radius at infinity is `coc_infinity_px`.
     ///
-    /// "auto" makes so many that the range lies between the outermost boundaries (section 3.2.3); a given number goes to
-    /// whichever side is left uncovered the more. Behind focus layers end where no depth has their CoC (eq. 8).
+    /// "auto" makes as many as are needed to place the range between the outermost boundaries (section 3.2.3). A
+    /// fixed number is added layer by layer to the side whose uncovered range is larger. Behind focus layers end
+    /// where no depth has their CoC (eq. 8).
     pub(super) fn new(
         coc_range_px: [f32; 2],
         coc_infinity_px: f32,
@@ -62,13 +63,13 @@ impl Layers {
         (self.front + 1 + self.back) as usize
     }
 
-    /// Signed CoC radius in pixels of `layer`: half the diameter `d_k` that its blur stands for (eq. 10).
+    /// Signed CoC radius in pixels of `layer`: half the diameter `d_k` that its blur represents (eq. 10).
     fn radius_px(&self, layer: i32) -> f32 {
         0.5 * self.coc_per_sigma * sigma_px(layer) * layer.signum() as f32
     }
 
-    /// Signed CoC radius in pixels of the boundary `z_k` between `layer` and the next farther one: midway between theirs
-    /// (eq. 9), unless the parameters say otherwise.
+    /// Signed CoC radius in pixels of the boundary `z_k` between `layer` and the next farther one: midway between
+    /// theirs (eq. 9) unless `anchor` differs.
     fn boundary_px(&self, layer: i32) -> f32 {
         let (nearer, farther) = (self.radius_px(layer), self.radius_px(layer + 1));
         (1.0 - self.anchor) * nearer + self.anchor * farther
@@ -80,11 +81,11 @@ impl Layers {
     }
 }
 
-/// Depth at which the signed CoC radius is `coc_px`, measured from the focal plane and in units that make it `coc_px` itself
-/// there: `c_inf (z − z_f) / z_f = c / (1 − c / c_inf)`, the inverse of the CoC's law (eqs. 6 and 7).
+/// Depth at which the signed CoC radius is `coc_px`, measured from the focal plane, in units in which it equals
+/// `coc_px` near the plane: `c_inf (z − z_f) / z_f = c / (1 − c / c_inf)`, the inverse of the CoC law (eqs. 6 and 7).
 ///
-/// The matting is linear in depth, so that any linear scale of depth will do; this one is exact near focus. Infinity, and what
-/// rounding put beyond it, is the largest finite depth.
+/// The matting is linear in depth, so any linear scale of depth is valid; this one is exact near focus. Infinity, and
+/// values rounded beyond it, map to the largest finite depth.
 #[inline(always)]
 pub(super) fn depth(coc_px: f32, coc_infinity_px: f32) -> f32 {
     let depth = coc_px / (1.0 - coc_px / coc_infinity_px);
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_closed_form_of_sigma_is_the_cascade_added_up() {
+    fn the_closed_form_of_sigma_is_the_sum_of_the_cascade() {
         let mut sum = 0.0;
         for layer in 1..60 {
             sum += cascade_sigma_px(layer).powi(2);
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_inverts_the_law_of_the_coc() {
+    fn depth_inverts_the_coc_law() {
         let infinity = 40.0;
         for coc in [-2000.0f32, -3.0, -1e-6, 0.0, 1e-6, 5.0, 39.0] {
             // c = c_inf (1 − z_f / z) with z / z_f = 1 + depth / c_inf.
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_layers_are_made_as_the_range_asks_for() {
+    fn auto_makes_as_many_layers_as_the_range_needs() {
         // Radii 0, 2, 4.47, 7.48: boundaries 1, 3.24, 5.98, their mirror images in front.
         let sides = |range| {
             let layers = layers(range, 1000.0, None);
@@ -153,7 +154,7 @@ mod tests {
         assert_eq!(sides([-0.5, 0.5]), (1, 0), "the focal plane lies before the first boundary behind it");
         assert_eq!(sides([-3.0, 5.0]), (2, 2));
         assert_eq!(sides([-3.3, 1.0]), (3, 0));
-        assert_eq!(sides([1.5, 2.0]), (0, 1), "nothing at focus or in front of it");
+        assert_eq!(sides([1.5, 2.0]), (0, 1), "no fragment at focus or in front of it");
     }
 
     #[test]
@@ -164,15 +165,15 @@ mod tests {
     }
 
     #[test]
-    fn a_given_number_of_layers_goes_where_more_is_uncovered() {
-        let given = layers([-4.0, 30.0], 1000.0, Some(4));
-        assert_eq!((given.front, given.back), (0, 3));
-        let given = layers([-30.0, 4.0], 1000.0, Some(1));
-        assert_eq!((given.front, given.back), (0, 0), "the layer in focus alone");
+    fn a_fixed_number_of_layers_extends_the_less_covered_side() {
+        let fixed = layers([-4.0, 30.0], 1000.0, Some(4));
+        assert_eq!((fixed.front, fixed.back), (0, 3));
+        let fixed = layers([-30.0, 4.0], 1000.0, Some(1));
+        assert_eq!((fixed.front, fixed.back), (0, 0), "the layer in focus alone");
     }
 
     #[test]
-    fn no_range_makes_layers_without_end() {
+    fn the_number_of_layers_is_bounded_for_any_range() {
         assert_eq!(layers([-1e9, 5.0], 10.0, None).count(), MAX_LAYERS);
     }
 }

@@ -1,12 +1,14 @@
-//! Matting: the fragments of all peels, shared out among the depth layers.
+//! Matting: distribution of the fragments of all peels over the depth layers.
 //!
-//! In the first peel a fragment shows in the layer that it lies in, fades out towards the next nearer layer (`ω`, eq. 4) and
-//! reaches into the next farther one (`ω` and `ω̇`, eq. 3), where it is hidden behind itself until blur makes its own
-//! layer's border thin. In all other peels it does not reach nearer (`ω̇`), lest it cover what hides it.
+//! A fragment of the first peel shows in the layer that it lies in, fades out towards the next nearer layer (`ω`, eq.
+//! 4) and extends into the next farther one (`ω` and `ω̇`, eq. 3), where it is hidden behind itself until blur lowers
+//! the coverage at its own layer's border. Fragments of all other peels do not extend nearer (`ω̇`), so that they
+//! cannot cover the fragments that hide them.
 //!
-//! The paper knows opaque fragments only. Here what is seen of a fragment through those before it goes by `ω`, what is not
-//! by `ω̇`. A translucent fragment does not reach into the farther layer, where it would show twice, and the layer it
-//! lies in takes what the nearer one leaves: `a (1 − s) / (1 − a s)` behind `a s`, `a` in all.
+//! The paper covers opaque fragments only. Here the visible share of a fragment, seen through the fragments before
+//! it, uses `ω`, and the hidden share `ω̇`. A translucent fragment does not extend into the farther layer, where it
+//! would show twice, and the layer it lies in takes the part that the nearer one leaves: `a (1 − s) / (1 − a s)`
+//! behind `a s`, `a` in total.
 
 use super::layers::{Layers, depth};
 use crate::image::Plane;
@@ -15,38 +17,38 @@ use crate::scene::OPAQUE_ALPHA;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// A peel by depth.
+/// A peel with depths in place of CoC radii.
 #[derive(Debug)]
 pub(super) struct DepthPeel {
-    pub covered: CoveragePlanes,
-    /// As of [`depth`]; finite.
+    pub planes: CoveragePlanes,
+    /// Depth of each fragment as from [`depth`]; finite.
     pub depth: Plane,
-    /// Least and greatest depth in each row; none in a row without fragments.
-    pub spans: Vec<[f32; 2]>,
+    /// Minimum and maximum depth in each row; empty (∞, −∞) in a row without fragments.
+    pub row_ranges: Vec<[f32; 2]>,
 }
 
 impl DepthPeel {
-    /// `peel` with its CoC radii turned into depths, in place.
+    /// Converts the CoC radii of `peel` to depths, in place.
     pub(super) fn new(peel: Peel, coc_infinity_px: f32) -> Self {
-        let Peel { covered, coc_px: mut depths } = peel;
+        let Peel { covered: planes, coc_px: mut depths } = peel;
         let width = depths.width().max(1);
-        let rows = depths.values_mut().par_chunks_mut(width).zip(covered.coverage.values().par_chunks(width));
-        let spans = rows.map(|(depths, coverage)| {
-            let mut span = [f32::INFINITY, f32::NEG_INFINITY];
+        let rows = depths.values_mut().par_chunks_mut(width).zip(planes.coverage.values().par_chunks(width));
+        let row_ranges = rows.map(|(depths, coverage)| {
+            let mut range = [f32::INFINITY, f32::NEG_INFINITY];
             for (value, &coverage) in depths.iter_mut().zip(coverage) {
                 *value = depth(*value, coc_infinity_px);
                 if coverage > 0.0 {
-                    span = [span[0].min(*value), span[1].max(*value)];
+                    range = [range[0].min(*value), range[1].max(*value)];
                 }
             }
-            span
+            range
         });
-        let spans = spans.collect();
-        Self { covered, depth: depths, spans }
+        let row_ranges = row_ranges.collect();
+        Self { planes, depth: depths, row_ranges }
     }
 }
 
-/// A rise from 0 to 1, linear in depth.
+/// A ramp from 0 to 1, linear in depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ramp {
     pub from: f32,
@@ -59,24 +61,24 @@ impl Ramp {
         Self { from, to, slope: 1.0 / (to - from) }
     }
 
-    /// A step that everything (`f32::NEG_INFINITY`) or nothing (`f32::INFINITY`) is past.
+    /// A step at −∞, which every depth is past, or at ∞, which no depth is past.
     fn step(at: f32) -> Self {
         Self { from: at, to: at, slope: 0.0 }
     }
 
-    /// The ramp at `depth`; a ramp of no width is a step.
+    /// Value of the ramp at `depth`; a ramp of zero width is a step.
     #[inline(always)]
     fn at(&self, depth: f32) -> f32 {
         let between = ((depth - self.from) * self.slope).min(1.0);
-        let risen = if depth >= self.to { 1.0 } else { between };
-        if depth < self.from { 0.0 } else { risen }
+        let value = if depth >= self.to { 1.0 } else { between };
+        if depth < self.from { 0.0 } else { value }
     }
 }
 
 /// The matting functions of one layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Matte {
-    /// `z_{k−2} … z_{k−1}`, where fragments of the nearer layer reach into this one.
+    /// `z_{k−2} … z_{k−1}`, where fragments of the nearer layer extend into this one.
     pub rise: Ramp,
     /// `z_{k−1} … z_k`, where this layer's own fragments fade out of the nearer one.
     pub own: Ramp,
@@ -85,8 +87,8 @@ pub(super) struct Matte {
 }
 
 impl Matte {
-    /// The matte of `layer`. Nothing limits the outermost layers on the outside (`z_{−1} = −∞`, `z_{K−1} = ∞`); the ramps of all
-    /// others have the ends that eq. 9 gives. (The paper sets `z_0 = −∞` too, which would leave the nearest layer empty.)
+    /// The matte of `layer`. The outermost layers have no outer limit (`z_{−1} = −∞`, `z_{K−1} = ∞`); all other ramps
+    /// have the ends of eq. 9. (The paper sets `z_0 = −∞` too, which would leave the nearest layer empty.)
     pub(super) fn new(layers: &Layers, layer: i32) -> Self {
         let ramp = |k: i32| Ramp::new(layers.boundary(k), layers.boundary(k + 1));
         let outside = Ramp::step(f32::NEG_INFINITY);
@@ -98,96 +100,101 @@ impl Matte {
         }
     }
 
-    /// What this layer gets of a fragment of opacity `alpha` at `depth`, of which the share `seen` is seen in the pinhole
-    /// picture: `ω` where all is seen, `ω̇` where nothing is.
+    /// Share in this layer of a fragment of opacity `alpha` at `depth`. `visibility` is its share seen in the pinhole
+    /// picture: `ω` for 1, `ω̇` for 0.
     #[inline(always)]
-    fn share(&self, depth: f32, alpha: f32, seen: f32) -> f32 {
-        let nearer = seen * (1.0 - self.own.at(depth));
+    fn share(&self, depth: f32, alpha: f32, visibility: f32) -> f32 {
+        let nearer = visibility * (1.0 - self.own.at(depth));
         let own = if depth > self.rise.to { (1.0 - nearer) / (1.0 - alpha * nearer) } else { 0.0 };
         let not_past = if alpha >= OPAQUE_ALPHA { self.rise.at(depth) } else { own };
-        let past = seen * (1.0 - self.fall.at(depth));
+        let past = visibility * (1.0 - self.fall.at(depth));
         let share = if depth <= self.fall.from { not_past } else { past };
         if alpha > 0.0 { share } else { 0.0 }
     }
 
-    /// Whether anything of the depths in `span` is in the layer.
-    pub(super) fn meets(&self, span: [f32; 2]) -> bool {
-        span[0] <= self.fall.to && span[1] >= self.rise.from
+    /// Whether fragments in the depth range can have a share in the layer.
+    pub(super) fn overlaps(&self, range: [f32; 2]) -> bool {
+        range[0] <= self.fall.to && range[1] >= self.rise.from
     }
 }
 
-/// On which side of what was composed before a layer lies.
+/// Position of a layer relative to the layers composited before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
-    /// Before it: layers behind focus, composed towards the viewer.
-    Before,
-    /// Behind it: layers in front of focus, composed away from the viewer.
-    Behind,
+pub(super) enum CompositeOrder {
+    /// In front of them: layers behind focus, composited towards the viewer.
+    Over,
+    /// Behind them: layers in front of focus, composited away from the viewer.
+    Under,
 }
 
-/// Composes the layer of `matte` (eq. 2) with `covered`, and says whether there is anything in the layer.
-pub(super) fn compose(covered: &mut CoveragePlanes, peels: &[DepthPeel], matte: &Matte, side: Side) -> bool {
-    let channels = covered.content.len();
+/// Mattes the layer of `matte` (eq. 2) and composites it with `planes`; returns whether the layer has any content.
+pub(super) fn composite_layer(
+    planes: &mut CoveragePlanes,
+    peels: &[DepthPeel],
+    matte: &Matte,
+    order: CompositeOrder,
+) -> bool {
+    let channels = planes.content.len();
     let arch = Arch::new();
-    let row = |scratch: &mut Row, (y, target): (usize, &mut Target<'_>)| {
-        if !peels.iter().any(|peel| matte.meets(peel.spans[y])) {
+    let row = |scratch: &mut LayerRow, (y, target): (usize, &mut TargetRow<'_>)| {
+        if !peels.iter().any(|peel| matte.overlaps(peel.row_ranges[y])) {
             return false;
         }
-        let found = arch.dispatch(MatteRow { peels, y, matte, scratch: &mut *scratch });
-        if found {
-            arch.dispatch(ComposeRow { target, layer: scratch, side });
+        let has_content = arch.dispatch(MatteRow { peels, y, matte, scratch: &mut *scratch });
+        if has_content {
+            arch.dispatch(ComposeRow { target, layer: scratch, order });
         }
-        found
+        has_content
     };
-    let mut targets = targets(covered);
-    let rows = targets.par_iter_mut().enumerate();
-    let found = rows.map_init(|| Row::new(channels), row);
-    found.reduce(|| false, |one, other| one | other)
+    let mut target_rows = target_rows(planes);
+    let rows = target_rows.par_iter_mut().enumerate();
+    let has_content = rows.map_init(|| LayerRow::new(channels), row);
+    has_content.reduce(|| false, |one, other| one | other)
 }
 
-/// A row of a covered, to write.
-struct Target<'a> {
+/// A row of coverage planes, to be written.
+struct TargetRow<'a> {
     content: Vec<&'a mut [f32]>,
     coverage: &'a mut [f32],
 }
 
-/// The rows of `covered`.
-fn targets(covered: &mut CoveragePlanes) -> Vec<Target<'_>> {
-    let width = covered.coverage.width().max(1);
-    let rows = covered.coverage.values_mut().chunks_mut(width);
-    let channels = covered.content.len();
-    let mut targets: Vec<Target<'_>> =
-        rows.map(|coverage| Target { content: Vec::with_capacity(channels), coverage }).collect();
-    for plane in &mut covered.content {
+/// The rows of `planes`.
+fn target_rows(planes: &mut CoveragePlanes) -> Vec<TargetRow<'_>> {
+    let width = planes.coverage.width().max(1);
+    let rows = planes.coverage.values_mut().chunks_mut(width);
+    let channels = planes.content.len();
+    let mut target_rows: Vec<TargetRow<'_>> =
+        rows.map(|coverage| TargetRow { content: Vec::with_capacity(channels), coverage }).collect();
+    for plane in &mut planes.content {
         let rows = plane.values_mut().chunks_mut(width);
-        targets.iter_mut().zip(rows).for_each(|(target, row)| target.content.push(row));
+        target_rows.iter_mut().zip(rows).for_each(|(target, row)| target.content.push(row));
     }
-    targets
+    target_rows
 }
 
-/// A row of a layer in the making.
-struct Row {
+/// A row of a layer, and of temporary values.
+struct LayerRow {
     content: Vec<Vec<f32>>,
     coverage: Vec<f32>,
-    /// Share of each pixel in which the peel at hand is seen in the pinhole picture.
-    seen: Vec<f32>,
-    /// What the layer gets of the peel at hand, behind what it has already.
+    /// Visible share of the current peel in the pinhole picture, per pixel.
+    visibility: Vec<f32>,
+    /// Share of the current peel in the layer, behind the content matted before.
     share: Vec<f32>,
 }
 
-impl Row {
+impl LayerRow {
     fn new(channels: usize) -> Self {
         Self {
             content: vec![Vec::new(); channels],
             coverage: Vec::new(),
-            seen: Vec::new(),
+            visibility: Vec::new(),
             share: Vec::new(),
         }
     }
 
     fn clear(&mut self, width: usize) {
         let empty = self.content.iter_mut().chain([&mut self.coverage]);
-        for (values, value) in empty.map(|values| (values, 0.0)).chain([(&mut self.seen, 1.0)]) {
+        for (values, value) in empty.map(|values| (values, 0.0)).chain([(&mut self.visibility, 1.0)]) {
             values.clear();
             values.resize(width, value);
         }
@@ -195,12 +202,12 @@ impl Row {
     }
 }
 
-/// Makes row `y` of a layer: `L_k = I_0 ω_k(Z_0) ⊕ I_1 ω̇_k(Z_1) ⊕ …`; to be compiled for each instruction set.
+/// Mattes row `y` of a layer: `L_k = I_0 ω_k(Z_0) ⊕ I_1 ω̇_k(Z_1) ⊕ …`; compiled for each instruction set.
 struct MatteRow<'a> {
     peels: &'a [DepthPeel],
     y: usize,
     matte: &'a Matte,
-    scratch: &'a mut Row,
+    scratch: &'a mut LayerRow,
 }
 
 impl NullaryFnOnce for MatteRow<'_> {
@@ -211,48 +218,49 @@ impl NullaryFnOnce for MatteRow<'_> {
         let Self { peels, y, matte, scratch } = self;
         let width = peels.first().map_or(0, |peel| peel.depth.width());
         scratch.clear(width);
-        let mut found = false;
+        let mut has_content = false;
         for peel in peels {
-            let meets = share_row(matte, peel, y, scratch);
-            found |= meets;
-            if !meets {
+            let overlaps = share_row(matte, peel, y, scratch);
+            has_content |= overlaps;
+            if !overlaps {
                 continue;
             }
-            for (row, plane) in scratch.content.iter_mut().zip(&peel.covered.content) {
+            for (row, plane) in scratch.content.iter_mut().zip(&peel.planes.content) {
                 for ((sum, &value), &share) in row.iter_mut().zip(plane.row(y)).zip(&scratch.share) {
                     *sum += share * value;
                 }
             }
-            let alphas = peel.covered.coverage.row(y).iter();
+            let alphas = peel.planes.coverage.row(y).iter();
             for ((sum, &alpha), &share) in scratch.coverage.iter_mut().zip(alphas).zip(&scratch.share) {
                 *sum += share * alpha;
             }
         }
-        found
+        has_content
     }
 }
 
-/// Fills `scratch.share` for row `y` of `peel`, goes on to what is seen behind it, and says whether any share is not 0.
+/// Fills `scratch.share` for row `y` of `peel`, updates the visibility for the peels behind, and returns whether any
+/// share is not 0.
 #[inline(always)]
-fn share_row(matte: &Matte, peel: &DepthPeel, y: usize, scratch: &mut Row) -> bool {
-    let Row { coverage, seen, share, .. } = scratch;
-    let mut most = 0.0f32;
-    let fragments = peel.depth.row(y).iter().zip(peel.covered.coverage.row(y));
-    for (((&depth, &alpha), (share, &covered)), seen) in
-        fragments.zip(share.iter_mut().zip(coverage.iter())).zip(seen)
+fn share_row(matte: &Matte, peel: &DepthPeel, y: usize, scratch: &mut LayerRow) -> bool {
+    let LayerRow { coverage, visibility, share, .. } = scratch;
+    let mut max_share = 0.0f32;
+    let fragments = peel.depth.row(y).iter().zip(peel.planes.coverage.row(y));
+    for (((&depth, &alpha), (share, &layer_coverage)), visibility) in
+        fragments.zip(share.iter_mut().zip(coverage.iter())).zip(visibility)
     {
-        *share = (1.0 - covered) * matte.share(depth, alpha, *seen);
-        most = if *share > most { *share } else { most };
-        *seen *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
+        *share = (1.0 - layer_coverage) * matte.share(depth, alpha, *visibility);
+        max_share = if *share > max_share { *share } else { max_share };
+        *visibility *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
     }
-    most > 0.0
+    max_share > 0.0
 }
 
-/// Composes a row of a layer with a row of a covered; to be compiled for each instruction set.
+/// Composites a row of a layer with a row of coverage planes; compiled for each instruction set.
 struct ComposeRow<'a, 'b> {
-    target: &'a mut Target<'b>,
-    layer: &'a Row,
-    side: Side,
+    target: &'a mut TargetRow<'b>,
+    layer: &'a LayerRow,
+    order: CompositeOrder,
 }
 
 impl NullaryFnOnce for ComposeRow<'_, '_> {
@@ -260,18 +268,19 @@ impl NullaryFnOnce for ComposeRow<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { target: Target { content, coverage }, layer, side } = self;
+        let Self { target: TargetRow { content, coverage }, layer, order } = self;
         for (values, own) in content.iter_mut().zip(&layer.content) {
             let covers = coverage.iter().zip(&layer.coverage);
-            for ((value, &own), (&known, &covered)) in values.iter_mut().zip(own).zip(covers) {
-                *value = match side {
-                    Side::Before => own + (1.0 - covered) * *value,
-                    Side::Behind => *value + (1.0 - known) * own,
+            for ((value, &own), (&target_coverage, &layer_coverage)) in values.iter_mut().zip(own).zip(covers)
+            {
+                *value = match order {
+                    CompositeOrder::Over => own + (1.0 - layer_coverage) * *value,
+                    CompositeOrder::Under => *value + (1.0 - target_coverage) * own,
                 };
             }
         }
-        for (known, &covered) in coverage.iter_mut().zip(&layer.coverage) {
-            *known += (1.0 - *known) * covered;
+        for (target_coverage, &layer_coverage) in coverage.iter_mut().zip(&layer.coverage) {
+            *target_coverage += (1.0 - *target_coverage) * layer_coverage;
         }
     }
 }
@@ -285,13 +294,13 @@ mod tests {
         Layers::new([-9.0, 9.0], infinity, &RecursiveGaussianParameters::default())
     }
 
-    /// What each layer gets of a fragment, nearest layer first.
-    fn shares(layers: &Layers, depth: f32, alpha: f32, seen: f32) -> Vec<f32> {
-        let of = |layer| Matte::new(layers, layer).share(depth, alpha, seen);
+    /// Share of a fragment in each layer, nearest layer first.
+    fn shares(layers: &Layers, depth: f32, alpha: f32, visibility: f32) -> Vec<f32> {
+        let of = |layer| Matte::new(layers, layer).share(depth, alpha, visibility);
         (-layers.front..=layers.back).map(of).collect()
     }
 
-    /// Depths between two boundaries, ends left out.
+    /// Depths between two boundaries, without the ends.
     fn between(from: f32, to: f32) -> impl Iterator<Item = (f32, f32)> {
         (1..20).map(move |i| {
             let share = i as f32 / 20.0;
@@ -321,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fragment_fades_out_of_one_layer_as_it_rises_in_the_next_but_one() {
+    fn a_fragment_fades_out_of_one_layer_as_it_fades_into_the_next_but_one() {
         let layers = layers(50.0);
         for k in -2..=1 {
             for (depth, _) in between(layers.boundary(k), layers.boundary(k + 1)) {
@@ -333,13 +342,15 @@ mod tests {
     }
 
     #[test]
-    fn all_layers_over_one_another_hold_a_fragment_once() {
+    fn all_layers_composited_contain_a_fragment_once() {
         let layers = layers(50.0);
         for alpha in [1.0, 0.9, 0.5, 1e-3] {
             for depth in [-45.0, -9.0, -3.3, -0.2, 0.0, 1.0, 2.7, 8.0, 1e9, f32::MAX] {
-                for seen in [1.0, 0.4, 0.0] {
-                    let through: f32 =
-                        shares(&layers, depth, alpha, seen).iter().map(|share| 1.0 - share * alpha).product();
+                for visibility in [1.0, 0.4, 0.0] {
+                    let through: f32 = shares(&layers, depth, alpha, visibility)
+                        .iter()
+                        .map(|share| 1.0 - share * alpha)
+                        .product();
                     assert!(
                         (1.0 - through - alpha).abs() < 1e-6,
                         "alpha {alpha} at depth {depth}: {}",
@@ -351,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_limits_the_outermost_layers() {
+    fn the_outermost_layers_have_no_outer_limit() {
         let layers = layers(50.0);
         let far = shares(&layers, f32::MAX, 1.0, 1.0);
         assert_eq!(far.last(), Some(&1.0), "infinity is in the farthest");
@@ -360,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_beyond_infinity_and_ramps_without_width_are_steps() {
+    fn layers_beyond_infinity_and_ramps_of_zero_width_are_steps() {
         let layers = Layers::new([-9.0, 9.0], 3.0, &RecursiveGaussianParameters::default());
         for depth in [-2.9, 0.0, 5.0, 1e30, f32::MAX] {
             let shares = shares(&layers, depth, 1.0, 1.0);

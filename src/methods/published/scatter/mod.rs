@@ -1,43 +1,42 @@
-//! `scatter`: each pixel of the visible picture becomes a disc of its CoC, nearest first.
+//! `scatter`: each pixel of the visible picture is drawn as a disc of its CoC, nearest first.
 //!
-//! Potmesil & Chakravarty 1981, "A Lens and Aperture Camera Model for Synthetic Image Generation". A sprite spreads a
-//! pixel's light evenly over its disc, and a pixel of the result is divided by the coverage that it got. The paper adds all
-//! sprites, whatever their depth; those who compare with it sort them and blend from far to near, where however every sprite
-//! dims what is behind it, its own surface too, and the order among equals decides. Here they are added from near to far
-//! until a pixel's coverage reaches the parameter `saturation`: sprites of one surface add up to exactly one, so a whole
-//! surface hides what is behind it, and part of one the same part. A large `saturation` is the paper's plain sum.
+//! Potmesil & Chakravarty 1981, "A Lens and Aperture Camera Model for Synthetic Image Generation". A sprite spreads the light of
+//! a pixel evenly over its disc, and each pixel of the result is divided by its summed coverage. The paper adds all sprites at
+//! every depth. Later comparisons sort the sprites and blend them from far to near; then each sprite attenuates everything behind
+//! it, including its own surface, and the result depends on the order of sprites of equal depth. Here sprites are added from near
+//! to far until the coverage of a pixel reaches the parameter `saturation`. The sprites of one surface add up to exactly one, so
+//! a complete surface hides what is behind it, and a partial one hides the same part. A large `saturation` gives the plain sum of
+//! the paper.
 //!
-//! Sprites whose radii differ by less than a 32nd part (an eighth of a pixel, where that is more) are drawn with one radius
-//! and added as one, so that nothing depends on an order among them. Sprites of neighbouring pixels share all but their
-//! rims: a bin's row is drawn as steps, up at each left rim and down at each right one, and summed once. Coverage is counted
-//! in whole numbers, so what no sprite covers is not covered at all.
+//! Sprites are sorted by radius into bins 1/32 of the radius wide, and at least 1/8 px. Those of one bin are drawn with one
+//! radius and added at once, so that the result does not depend on their order. Sprites of neighbouring pixels differ only at
+//! their edges: a row of a bin is drawn as steps, up at each left edge and down at each right edge, and summed once. Coverage is
+//! counted in integers, so the coverage of a pixel that no sprite covers is exactly 0.
 //!
-//! Cost: pixels × rows of their discs, and bins × pixels. Memory: the picture twice, and 24 bytes for each run of pixels in
-//! one bin. Limits, by design: knows only what the pinhole sees, so where a blurred front shows no back to share a pixel
-//! with, the division makes all of the pixel front: its inside outline is sharp. On a surface steep in CoC the nearer
-//! sprites saturate first, which shifts its blur towards them.
+//! Cost: pixels × rows of their discs, and bins × pixels. Memory: the picture twice, and 24 bytes for each span of pixels in
+//! one bin. Limits, by design: the method reads only the pinhole picture. Where a blurred foreground has no visible background to
+//! share a pixel with, the division makes the whole pixel foreground, so the inner outline is sharp. On a surface of steep CoC
+//! the nearer sprites saturate first, which shifts the blur towards them.
 
+mod bins;
 mod cost;
 mod parameters;
-mod bins;
 mod sprite;
 
 use crate::error::Error;
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{Method, MethodInfo, Progress, Role};
+use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::planes_from_rows;
-use crate::methods::shared::{self, Visible};
+use crate::methods::shared::{self, Visible, planes_from_rows};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
-use bins::{Bin, Run};
+use bins::{Bin, Span};
 use parameters::ScatterParameters;
 use pulp::{Arch, NullaryFnOnce};
 use sprite::Step;
 
-/// The classic.
+/// The classic scatter filter.
 #[derive(Debug)]
 pub(in crate::methods) struct Scatter;
 
@@ -47,7 +46,7 @@ impl Method for Scatter {
             name: "scatter",
             source: "Potmesil & Chakravarty 1981",
             role: Role::Baseline,
-            summary: "each visible pixel a disc of its blur, nearest first until a pixel is full",
+            summary: "each visible pixel drawn as a disc of its blur, nearest first until a pixel is fully covered",
             effects: &[EffectKind::Merge],
             lens_samples: None,
             steps: &["saturation=0.5", "saturation=1", "saturation=2"],
@@ -84,15 +83,15 @@ impl Method for Scatter {
     }
 }
 
-/// A row of the result. A pixel's own sprite covers it, so that no coverage stays 0.
+/// A row of the result. Each pixel is covered by its own sprite, so no coverage stays 0.
 struct Row {
     /// Steps of one bin along the row: of its coverage, and of each channel.
-    covered: Vec<f64>,
-    steps: Vec<Vec<f64>>,
-    /// What the bins so far have left here.
+    coverage_steps: Vec<f64>,
+    content_steps: Vec<Vec<f64>>,
+    /// Sums over the bins so far.
     coverage: Vec<f64>,
     content: Vec<Vec<f64>>,
-    /// Share of a bin that finds room, pixel by pixel.
+    /// For each pixel, the share of a bin that fits below the saturation.
     shares: Vec<f64>,
 }
 
@@ -100,7 +99,7 @@ impl Row {
     fn new(width: usize, channels: usize) -> Self {
         let row = || vec![0.0; width];
         let rows = || vec![row(); channels];
-        Self { covered: row(), steps: rows(), coverage: row(), content: rows(), shares: row() }
+        Self { coverage_steps: row(), content_steps: rows(), coverage: row(), content: rows(), shares: row() }
     }
 
     fn clear(&mut self) {
@@ -108,20 +107,20 @@ impl Row {
         self.content.iter_mut().for_each(|sums| sums.fill(0.0));
     }
 
-    /// Adds the steps of a sprite's row for all pixels of `run`, `content` being its row of each channel.
+    /// Adds one step of a sprite for all pixels of `span`; `content` has the row of the span for each channel.
     #[inline(always)]
-    fn add_steps<'a>(&mut self, run: &Run, step: Step, content: impl Iterator<Item = &'a [f32]>) {
-        let width = self.covered.len();
-        let (from, to) = (i64::from(run.from) + i64::from(step.dx), i64::from(run.to) + i64::from(step.dx));
-        // What begins left of the frame has begun at its first pixel; what begins right of it never does.
+    fn add_step<'a>(&mut self, span: &Span, step: Step, content: impl Iterator<Item = &'a [f32]>) {
+        let width = self.coverage_steps.len();
+        let (from, to) = (i64::from(span.from) + i64::from(step.dx), i64::from(span.to) + i64::from(step.dx));
+        // Steps left of the frame are added at its first pixel; steps right of it have no effect.
         let outside = (-from).clamp(0, to - from) as usize;
         let inside = (from.max(0) as usize).min(width)..(to.max(0) as usize).min(width);
-        let columns = run.from as usize..run.to as usize;
+        let columns = span.from as usize..span.to as usize;
         if outside > 0 {
-            self.covered[0] += step.height * outside as f64;
+            self.coverage_steps[0] += step.height * outside as f64;
         }
-        self.covered[inside.clone()].iter_mut().for_each(|sum| *sum += step.height);
-        for (sums, values) in self.steps.iter_mut().zip(content) {
+        self.coverage_steps[inside.clone()].iter_mut().for_each(|sum| *sum += step.height);
+        for (sums, values) in self.content_steps.iter_mut().zip(content) {
             let values = &values[columns.clone()];
             if outside > 0 {
                 sums[0] += step.height * values[..outside].iter().map(|&value| f64::from(value)).sum::<f64>();
@@ -132,20 +131,20 @@ impl Row {
         }
     }
 
-    /// Sums up the steps of `columns`, adds what finds room below `saturation`, and forgets the steps.
+    /// Integrates the steps of `columns`, adds the share that fits below `saturation`, and clears the steps.
     #[inline(always)]
     fn add_bin(&mut self, columns: std::ops::Range<usize>, intensity: f64, saturation: f64) {
         let mut covered = 0.0;
-        let rows = self.covered[columns.clone()].iter_mut().zip(&mut self.coverage[columns.clone()]);
+        let rows = self.coverage_steps[columns.clone()].iter_mut().zip(&mut self.coverage[columns.clone()]);
         for ((step, coverage), share) in rows.zip(&mut self.shares[columns.clone()]) {
             covered += std::mem::take(step);
             let added = covered * intensity;
-            let room = saturation - *coverage;
-            let taken = added.min(room).max(0.0);
-            *coverage += taken;
-            *share = if covered > 0.0 { taken / covered } else { 0.0 };
+            let remaining = saturation - *coverage;
+            let kept = added.min(remaining).max(0.0);
+            *coverage += kept;
+            *share = if covered > 0.0 { kept / covered } else { 0.0 };
         }
-        for (steps, content) in self.steps.iter_mut().zip(&mut self.content) {
+        for (steps, content) in self.content_steps.iter_mut().zip(&mut self.content) {
             let mut sum = 0.0;
             let rows = steps[columns.clone()].iter_mut().zip(&mut content[columns.clone()]);
             for ((step, content), &share) in rows.zip(&self.shares[columns.clone()]) {
@@ -156,7 +155,7 @@ impl Row {
     }
 }
 
-/// Draws row `y` of all sprites; to be compiled for each instruction set.
+/// Draws row `y` of all sprites; compiled for each instruction set.
 struct DrawRow<'a> {
     row: &'a mut Row,
     /// Nearest first.
@@ -172,17 +171,17 @@ impl NullaryFnOnce for DrawRow<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { row, bins, content, y, saturation } = self;
-        let width = row.covered.len();
+        let width = row.coverage_steps.len();
         for bin in bins {
             let mut reached = width..0;
-            for run in bin.runs_reaching(y) {
-                let steps = bin.sprite.row(y as i32 - run.y as i32);
+            for span in bin.spans_reaching(y) {
+                let steps = bin.sprite.row(y as i32 - span.y as i32);
                 let (Some(first), Some(last)) = (steps.first(), steps.last()) else { continue };
                 for &step in steps {
-                    row.add_steps(run, step, content.iter().map(|plane| plane.row(run.y as usize)));
+                    row.add_step(span, step, content.iter().map(|plane| plane.row(span.y as usize)));
                 }
-                let from = (i64::from(run.from) + i64::from(first.dx)).clamp(0, width as i64) as usize;
-                let to = (i64::from(run.to) + i64::from(last.dx)).clamp(0, width as i64) as usize;
+                let from = (i64::from(span.from) + i64::from(first.dx)).clamp(0, width as i64) as usize;
+                let to = (i64::from(span.to) + i64::from(last.dx)).clamp(0, width as i64) as usize;
                 reached = reached.start.min(from)..reached.end.max(to);
             }
             if !reached.is_empty() {
@@ -197,17 +196,17 @@ const DEVIATIONS: &[Deviation] = &[
     Deviation {
         law: Law::SeeThrough,
         within: [0.0, 0.001],
-        reason: "one picture knows nothing behind a blurred front, and what is in focus spreads nowhere",
+        reason: "one picture shows nothing behind a blurred foreground, and pixels in focus do not spread",
     },
     Deviation {
         law: Law::Transparency,
         within: [0.999, 1.27],
-        reason: "inside a near outline all coverage there is comes from the front, and is divided to be whole",
+        reason: "inside a near outline all coverage comes from the foreground, and the division makes it one",
     },
     Deviation {
         law: Law::Convergence,
         within: [31.2, 33.0],
-        reason: "what the visible picture hides has no sprites",
+        reason: "surfaces that the visible picture hides have no sprites",
     },
 ];
 
@@ -226,45 +225,45 @@ mod tests {
     }
 
     #[test]
-    fn a_sharp_pixel_hides_what_spreads_over_it_from_behind() {
-        assert_eq!(scattered(&[0.0, 1.0, 0.0], &[5.0, 0.0, 5.0], 1.0)[1], 1.0, "full of itself");
+    fn a_sharp_pixel_hides_sprites_that_reach_it_from_behind() {
+        assert_eq!(scattered(&[0.0, 1.0, 0.0], &[5.0, 0.0, 5.0], 1.0)[1], 1.0, "covered by itself");
     }
 
     #[test]
-    fn a_near_sprite_takes_its_share_of_a_sharp_pixel_and_leaves_the_rest() {
+    fn near_sprites_cover_part_of_a_sharp_pixel() {
         let intensity = sprite::Sprite::new(Aperture::DISC, -2.0, (3, 1)).intensity;
         // The middle pixel lies wholly inside the discs of both its neighbours.
-        let share = 2.0 * intensity * sprite::WHOLE;
+        let share = 2.0 * intensity * sprite::FULL_COVERAGE;
         let result = scattered(&[1.0, 0.0, 1.0], &[-2.0, 0.0, -2.0], 1.0)[1];
         assert!((result - share).abs() < 1e-12, "{result}, expected {share}");
     }
 
     #[test]
-    fn past_saturation_nothing_farther_shows() {
-        // One pixel's own sprite of radius 0 covers all of it; its neighbour's disc reaches it.
+    fn farther_sprites_are_hidden_past_saturation() {
+        // The first pixel is covered completely by its own sprite of radius 0; the disc of its neighbour reaches it.
         let [hidden, added] =
             [1.0, 10.0].map(|saturation| scattered(&[0.0, 1.0], &[0.0, 3.0], saturation)[0]);
-        assert_eq!(hidden, 0.0, "full");
-        assert!(added > 0.0, "with room left, sprites are summed whatever their depth: {added}");
+        assert_eq!(hidden, 0.0, "saturated");
+        assert!(added > 0.0, "below saturation, sprites of every depth are summed: {added}");
     }
 
     #[test]
-    fn the_order_of_equals_does_not_matter() {
+    fn the_order_of_sprites_of_equal_depth_has_no_effect() {
         let values = [0.9, 0.1, 0.5, 0.3, 0.7];
         let coc = [-3.0, -3.05, -3.0, -2.98, -3.0];
-        let there = scattered(&values, &coc, 0.5);
+        let forward = scattered(&values, &coc, 0.5);
         let mut mirrored: [[f32; 5]; 2] = [values, coc];
         mirrored.iter_mut().for_each(|row| row.reverse());
-        let mut back = scattered(&mirrored[0], &mirrored[1], 0.5);
-        back.reverse();
-        for (a, b) in there.iter().zip(back) {
+        let mut backward = scattered(&mirrored[0], &mirrored[1], 0.5);
+        backward.reverse();
+        for (a, b) in forward.iter().zip(backward) {
             assert!((a - b).abs() < 1e-12, "{a}, mirrored {b}");
         }
     }
 
     #[test]
-    fn sprites_that_begin_outside_the_frame_are_there_at_its_border() {
-        // Everything covers everything, evenly: the mean.
+    fn sprites_that_begin_outside_the_frame_cover_pixels_inside_it() {
+        // Every sprite covers every pixel evenly, so each pixel is the mean.
         let result = scattered(&[0.0, 3.0, 0.0], &[40.0; 3], 1.0);
         assert!(result.iter().all(|value| (value - 1.0).abs() < 1e-12), "{result:?}");
     }

@@ -1,33 +1,34 @@
-//! The disc of a CoC radius, row by row, as steps up and down.
+//! The disc of a CoC radius, row by row, as steps of coverage up and down.
 
 use crate::lens::Aperture;
 use crate::methods::shared::soft_area;
 use glam::Vec2;
 
-/// Coverage of a pixel that lies wholly inside a disc. Whole numbers, so that sums of steps come back to exactly 0.
-pub(super) const WHOLE: f64 = 4096.0;
+/// Coverage of a pixel that lies completely inside a disc. Coverage is an integer, so that steps sum up to exactly 0.
+pub(super) const FULL_COVERAGE: f64 = 4096.0;
 
-/// Past this radius in pixels a disc's area is computed, not counted: its rim is too small a part to show.
-const COUNTED_TO_PX: f32 = 512.0;
+/// Past this radius in pixels the area of a disc is computed instead of counted: its edge pixels are too small a part to matter.
+const MAX_COUNTED_RADIUS_PX: f32 = 512.0;
 
 /// A change of coverage along a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
-    /// Column from which on it holds, from the disc's centre.
+    /// First column after the change, relative to the centre of the disc.
     pub dx: i32,
-    /// In parts of [`WHOLE`]; a whole number.
+    /// The change, where [`FULL_COVERAGE`] is one; an integer.
     pub height: f64,
 }
 
-/// A disc, clipped to what can be seen of it.
+/// A disc, clipped to the size of the picture.
 #[derive(Debug)]
 pub(super) struct Sprite {
-    /// Energy of a pixel over the disc's area in parts of [`WHOLE`], so that the whole disc adds up to one pixel.
+    /// One over the area of the disc, where [`FULL_COVERAGE`] is one pixel, so that the whole disc adds up to the energy of one
+    /// pixel.
     pub intensity: f64,
-    /// Row of the first steps, from the disc's centre.
+    /// Row of the first steps, relative to the centre of the disc.
     top: i32,
     steps: Vec<Step>,
-    /// Where each row's steps begin and end.
+    /// Index of the first step of each row, and the number of steps.
     starts: Vec<usize>,
 }
 
@@ -35,14 +36,14 @@ impl Sprite {
     /// The disc of signed CoC radius `coc_px` for a picture of `width × height` pixels.
     pub(super) fn new(aperture: Aperture, coc_px: f32, (width, height): (usize, usize)) -> Self {
         let shape = Shape::new(aperture, coc_px);
-        let area = if coc_px.abs() <= COUNTED_TO_PX {
+        let area = if coc_px.abs() <= MAX_COUNTED_RADIUS_PX {
             let rows = -shape.reach()..=shape.reach();
-            // Each step holds from its column on, and all of them together come back to 0: what they enclose.
+            // Each step holds from its column on, and the steps of a row sum up to 0, so this is the enclosed area.
             rows.flat_map(|dy| shape.row(dy, shape.reach()))
                 .map(|step| -f64::from(step.dx) * step.height)
                 .sum()
         } else {
-            WHOLE * soft_area(aperture, coc_px.abs())
+            FULL_COVERAGE * soft_area(aperture, coc_px.abs())
         };
         let (limit_x, limit_y) = (shape.reach().min(width as i32), shape.reach().min(height as i32));
         let (mut steps, mut starts) = (Vec::new(), vec![0]);
@@ -59,15 +60,15 @@ impl Sprite {
         &self.steps[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// First and last row, from the centre.
+    /// First and last row, relative to the centre.
     pub(super) fn rows_reached(&self) -> [i32; 2] {
         [self.top, self.top + self.starts.len() as i32 - 2]
     }
 }
 
-/// The aperture as a pixel spreads by it: turned by 180° to how it is seen through.
+/// The shape over which a pixel spreads: the aperture turned by 180°.
 struct Shape {
-    /// Outward normals of the sides; none for a disc.
+    /// Outward normals of the sides; empty for a disc.
     normals: Vec<Vec2>,
     /// Distance of the sides from the centre, in pixels.
     apothem_px: f32,
@@ -84,34 +85,33 @@ impl Shape {
         }
     }
 
-    /// No row or column further out than this is covered.
+    /// No row or column further from the centre than this is covered.
     fn reach(&self) -> i32 {
-        // A polygon's corners, with the half pixel of their rims, are further out than its radius and half a pixel.
+        // The corners of a polygon, with half a pixel of soft edge, are further out than its radius plus half a pixel.
         let widest = self.radius_px / self.apothem_px.max(f32::MIN_POSITIVE);
         (self.radius_px + 0.5 * widest.clamp(1.0, 2.0)) as i32 + 1
     }
 
-    /// Coverage in parts of [`WHOLE`] at an offset from the centre: 1 inside, falling over the pixel that a rim passes
-    /// through.
+    /// Coverage at an offset from the centre: [`FULL_COVERAGE`] inside, falling to 0 over one pixel at the edge.
     fn coverage(&self, offset: Vec2) -> f64 {
         let distance = match self.normals.is_empty() {
             true => offset.length(),
             false => self.normals.iter().map(|normal| normal.dot(offset)).fold(f32::NEG_INFINITY, f32::max),
         };
-        (f64::from((self.apothem_px - distance + 0.5).clamp(0.0, 1.0)) * WHOLE).round()
+        (f64::from((self.apothem_px - distance + 0.5).clamp(0.0, 1.0)) * FULL_COVERAGE).round()
     }
 
-    /// The columns of row `dy` that lie at least `depth` pixels inside, from the first to the last: empty when the first is
-    /// past the last.
-    fn columns_inside(&self, dy: i32, depth: f32) -> [f32; 2] {
-        let (distance, dy) = (self.apothem_px - depth, dy as f32);
+    /// First and last column of row `dy` that lie at least `depth_px` pixels inside; the first is past the last where there is
+    /// none.
+    fn columns_inside(&self, dy: i32, depth_px: f32) -> [f32; 2] {
+        let (distance, dy) = (self.apothem_px - depth_px, dy as f32);
         if self.normals.is_empty() {
             let half = if distance < dy.abs() { -1.0 } else { (distance * distance - dy * dy).sqrt() };
             return [-half, half];
         }
         self.normals.iter().fold([f32::NEG_INFINITY, f32::INFINITY], |[from, to], normal| {
             let rest = distance - normal.y * dy;
-            // A side this level bounds rows, not columns.
+            // A nearly horizontal side limits rows, not columns.
             match normal.x {
                 x if x > 1e-6 => [from, to.min(rest / x)],
                 x if x < -1e-6 => [from.max(rest / x), to],
@@ -121,7 +121,8 @@ impl Shape {
         })
     }
 
-    /// The steps of row `dy`, of columns up to `limit` to either side; what begins further left begins there.
+    /// The steps of row `dy`, of columns up to `limit` to either side; steps further left are moved to the first of these
+    /// columns.
     fn row(&self, dy: i32, limit: i32) -> Vec<Step> {
         let clip = |x: f32| x.clamp(-limit as f32, limit as f32) as i32;
         let [outer_from, outer_to] = self.columns_inside(dy, -0.5);
@@ -130,7 +131,7 @@ impl Shape {
         }
         let (from, to) = (clip(outer_from.floor()), clip(outer_to.ceil()));
         let [inner_from, inner_to] = self.columns_inside(dy, 0.5);
-        // Between these two, kept a pixel short for rounding, nothing changes.
+        // Between these two columns, each moved one pixel inwards against rounding, coverage is constant.
         let (full_from, full_to) = (clip(inner_from.ceil()) + 1, clip(inner_to.floor()) - 1);
         let (mut steps, mut before, mut x) = (Vec::new(), 0.0, from);
         while x <= to {
@@ -152,7 +153,7 @@ impl Shape {
 mod tests {
     use super::*;
 
-    /// Coverage of a sprite at each pixel within `reach`, from its steps.
+    /// Coverage of a sprite, from its steps, at each pixel within `reach` of its centre.
     fn drawn(sprite: &Sprite, reach: i32) -> impl Iterator<Item = (Vec2, f64)> {
         let [top, bottom] = sprite.rows_reached();
         (-reach..=reach).flat_map(move |y| {
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sprite_adds_up_to_one_and_covers_what_its_fragment_is_seen_from() {
+    fn a_sprite_adds_up_to_one_and_covers_the_pixels_that_see_its_fragment() {
         for blades in [0, 3, 5, 6] {
             let aperture = Aperture::new(blades, 11.0).unwrap();
             for coc in [0.0f32, 0.3, -0.6, 1.0, -1.7, 4.0, -9.3, 30.0] {
@@ -173,9 +174,9 @@ mod tests {
                 let mut sum = 0.0;
                 for (offset, coverage) in drawn(&sprite, 40) {
                     sum += coverage * sprite.intensity;
-                    // Seen from the pixel, the fragment is the other way.
+                    // Seen from the pixel, the offset to the fragment has the opposite sign.
                     let depth = aperture.depth_inside(-offset, coc);
-                    let expected = f64::from((depth + 0.5).clamp(0.0, 1.0)) * WHOLE;
+                    let expected = f64::from((depth + 0.5).clamp(0.0, 1.0)) * FULL_COVERAGE;
                     assert!((coverage - expected).abs() < 1.0, "{blades} blades, {coc} px at {offset}");
                 }
                 assert!((sum - 1.0).abs() < 1e-12, "{blades} blades, {coc} px: {sum}");
@@ -189,7 +190,7 @@ mod tests {
             let sprite = Sprite::new(Aperture::DISC, coc, (9, 9));
             let covered: Vec<_> = drawn(&sprite, 3).filter(|(_, coverage)| *coverage > 0.0).collect();
             assert_eq!(covered.len(), 1, "{coc} px covers {covered:?}");
-            assert_eq!(covered[0].1 * sprite.intensity, 1.0, "all of it");
+            assert_eq!(covered[0].1 * sprite.intensity, 1.0, "completely");
         }
     }
 
@@ -197,7 +198,7 @@ mod tests {
     fn a_disc_larger_than_the_picture_costs_no_more_than_the_picture() {
         let sprite = Sprite::new(Aperture::DISC, 30_000.0, (64, 48));
         assert!(sprite.steps.len() <= 2 * (2 * 48 + 1), "{} steps", sprite.steps.len());
-        let area = std::f64::consts::PI * 9e8 * WHOLE;
-        assert!((sprite.intensity * area - 1.0).abs() < 1e-6, "its energy is that of the whole disc");
+        let area = std::f64::consts::PI * 9e8 * FULL_COVERAGE;
+        assert!((sprite.intensity * area - 1.0).abs() < 1e-6, "its energy is spread over the whole disc");
     }
 }

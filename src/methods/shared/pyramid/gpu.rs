@@ -1,6 +1,8 @@
-//! The levels of a pyramid on a GPU, for a band of rows: which rows of each are kept, where, and how a pass goes from one to the next.
+//! The levels of a pyramid on a GPU, for a band of rows: which rows of each level are stored and where, and the passes between
+//! levels.
 //!
-//! Only what the band is made from is kept, sample for sample what the pyramid of the whole frame has there: bands leave no seams.
+//! Only the samples that the band depends on are stored. They equal those of the pyramid of the whole frame, so that bands have
+//! no seams.
 
 use super::super::planes::{Frame, TILE};
 use super::{Edge, Grid, Taps};
@@ -17,15 +19,15 @@ pub(in crate::methods) const FIRST_LEVEL_WGSL: &str =
     include_str!("../../../../shaders/shared/first_level.wgsl");
 
 mirrored! {
-    /// Two neighbouring levels, and the rows that a pass makes of one of them.
+    /// Two adjacent levels, and the rows that a pass makes of one of them.
     pub(in crate::methods) struct Step {
         /// Size of the finer level.
         fine_width: i32,
         fine_height: i32,
-        /// Its first row that is kept, and how many are.
+        /// Its first row that is stored, and the number of rows.
         fine_first: i32,
         fine_rows: i32,
-        /// Where they begin in the buffer.
+        /// Index in the buffer where they begin.
         fine_start: i32,
         /// The same of the coarser level.
         coarse_width: i32,
@@ -36,7 +38,7 @@ mirrored! {
         /// The rows that the pass makes.
         from_row: i32,
         to_row: i32,
-        /// 1 where the border goes on, 0 where it is clear.
+        /// 1 where the border is repeated, 0 where it is clear.
         repeats: u32,
         /// Analysis weights.
         outer: f32,
@@ -44,26 +46,27 @@ mirrored! {
     }
 }
 
-/// Rows of a frame either way that a row is made from through `levels` levels: `2 + 4 + … + 2^levels` down again, `1 + 2 + …` up.
+/// Rows of a frame on either side that a row depends on through `levels` levels: `2 + 4 + … + 2^levels` by synthesis, `1 + 2 + …`
+/// by analysis.
 pub(in crate::methods) fn reach(levels: usize) -> usize {
     3 * (1 << levels) - 3
 }
 
-/// Corners among which samples two by two have `length` of them, wherever the first is.
+/// Number of corners whose 2 × 2 samples cover `length` samples along an axis, whether the first sample is even or odd.
 pub(in crate::methods) fn corners(length: usize) -> usize {
     length / 2 + 1
 }
 
-/// The levels through which some rows of a frame are made.
+/// The levels that some rows of a frame depend on.
 #[derive(Debug)]
 pub(in crate::methods) struct Levels {
     grid: Grid,
     channels: usize,
-    /// Rows of each level that are made on the way down.
+    /// Rows of each level that synthesis makes.
     made: Vec<Range<usize>>,
-    /// Rows of each level that those are made from and, where the level has a place, are kept.
+    /// Rows of each level that the band depends on; stored where the level is in the buffer.
     kept: Vec<Range<usize>>,
-    /// Where each level begins in the buffer.
+    /// Index in the buffer where each level begins.
     starts: Vec<usize>,
     values: usize,
 }
@@ -75,7 +78,7 @@ impl Levels {
         Self::from_finest(grid, finest, channels, 1)
     }
 
-    /// The levels of `grid` for these rows of level 0, `channels` planes each; those from `lowest` on have a place in the buffer.
+    /// The levels of `grid` for these rows of level 0, `channels` planes each; those from `lowest` on are in the buffer.
     pub(in crate::methods) fn from_finest(
         grid: Grid,
         rows: Range<usize>,
@@ -100,17 +103,17 @@ impl Levels {
         self.grid.sizes.len() - 1
     }
 
-    /// Values of all levels together.
+    /// Number of values of all levels together.
     pub(in crate::methods) fn values(&self) -> usize {
         self.values
     }
 
-    /// Rows of level 0 that they are made from.
+    /// Rows of level 0 that the band depends on.
     pub(in crate::methods) fn finest_rows(&self) -> Range<usize> {
         self.kept[0].clone()
     }
 
-    /// Where the pixels of a band are.
+    /// Position of a band in the frame, and of the frame in level 0.
     pub(in crate::methods) fn frame(&self, band: &Band, channels: usize) -> Frame {
         let Grid { frame, origin, .. } = self.grid;
         let [origin_x, origin_y] = [origin.0 as i32, origin.1 as i32];
@@ -130,7 +133,7 @@ impl Levels {
         self.analysis_of(gpu, level, taps, self.kept[level + 1].clone())
     }
 
-    /// The pass that makes what of level 1 is made from these rows of the frame, and its workgroups.
+    /// The pass that makes the samples of level 1 that depend on these rows of the frame, and its workgroups.
     ///
     /// # Errors
     /// When the device fails.
@@ -141,10 +144,10 @@ impl Levels {
         rows: &Range<usize>,
     ) -> Result<(Buffer, [u32; 3]), Error> {
         let Grid { frame, origin, edge, .. } = self.grid;
-        let goes_on = |at_end: bool| at_end && edge == Edge::Repeat;
+        let repeats = |at_end: bool| at_end && edge == Edge::Repeat;
         let kept = &self.kept[1];
-        let start = if goes_on(rows.start == 0) { 0 } else { (rows.start + origin.1).saturating_sub(1) / 2 };
-        let end = if goes_on(rows.end == frame.1) { kept.end } else { (rows.end + origin.1) / 2 + 1 };
+        let start = if repeats(rows.start == 0) { 0 } else { (rows.start + origin.1).saturating_sub(1) / 2 };
+        let end = if repeats(rows.end == frame.1) { kept.end } else { (rows.end + origin.1) / 2 + 1 };
         let end = end.min(kept.end);
         self.analysis_of(gpu, 0, taps, start.max(kept.start).min(end)..end)
     }
@@ -161,7 +164,7 @@ impl Levels {
         Ok((step, self.groups(width.div_ceil(2), rows.len().div_ceil(2))))
     }
 
-    /// The pass that makes `level` of the level above it, and its workgroups.
+    /// The pass that makes `level` from the level above it, and its workgroups.
     ///
     /// # Errors
     /// When the device fails.
@@ -171,7 +174,8 @@ impl Levels {
         Ok((step, self.groups(corners(self.grid.sizes[level].0), corners(rows.len()))))
     }
 
-    /// The pass that works on each sample of `level` on its own, the coarser level of its step; all channels at once.
+    /// The pass that processes each sample of `level` independently, all channels at once; `level` is the coarser one of its
+    /// [`Step`].
     ///
     /// # Errors
     /// When the device fails.
@@ -209,7 +213,7 @@ impl Levels {
     }
 }
 
-/// Rows of each level of which these rows of level 0 are expanded.
+/// Rows of each level that synthesis of these rows of level 0 needs.
 fn made_rows(grid: &Grid, own: Range<usize>) -> Vec<Range<usize>> {
     let coarser = grid.sizes.iter().skip(1).scan(own.clone(), |rows, &(_, height)| {
         // An even row needs the coarse row before its own, an odd one the one after it.
@@ -220,7 +224,7 @@ fn made_rows(grid: &Grid, own: Range<usize>) -> Vec<Range<usize>> {
     iter::once(own).chain(coarser).collect()
 }
 
-/// Those rows of each level, and those of which the level above is made.
+/// Rows of each level that synthesis makes or that analysis of the level above needs.
 fn kept_rows(grid: &Grid, made: &[Range<usize>]) -> Vec<Range<usize>> {
     let mut kept = made.to_vec();
     for level in (0..kept.len() - 1).rev() {
@@ -237,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_band_reads_no_more_rows_than_its_levels_reach() {
+    fn a_band_reads_no_more_rows_than_reach_says() {
         for (height, levels) in [(1, 3), (2, 1), (57, 2), (157, 3), (157, 9), (1080, 6)] {
             for edge in [Edge::Clear, Edge::Repeat] {
                 let grid = Grid::new((33, height), levels, edge);
@@ -255,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_frame_keeps_every_row_that_its_pixels_reach() {
+    fn the_whole_frame_stores_all_rows_of_every_level() {
         let grid = Grid::new((40, 32), 3, Edge::Repeat);
         let levels = Levels::new(grid, &(0..32), 5);
         assert_eq!(levels.kept, [0..32, 0..16, 0..8, 0..4]);
@@ -263,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_have_every_row_of_every_level_between_them() {
+    fn bands_together_have_every_row_of_every_level() {
         for (height, levels) in [(1, 3), (7, 1), (157, 4), (61, 7), (1080, 9)] {
             let grid = Grid::new((33, height), levels, Edge::Repeat);
             for count in [1, 3, 7] {
@@ -282,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_expanded_from_its_coarse_row_and_the_next() {
+    fn a_row_is_expanded_from_its_coarse_row_and_the_next_one() {
         let grid = Grid::new((8, 32), 1, Edge::Repeat);
         let coarse = |row: usize| made_rows(&grid, row..row + 1)[1].clone();
         assert_eq!([8, 9, 0, 31].map(coarse), [3..5, 4..6, 0..1, 15..16]);

@@ -1,17 +1,17 @@
-//! Image pyramids: levels that halve the size, made by a four-tap analysis and expanded again by a B-spline synthesis.
+//! Image pyramids: levels of half the size each, computed by a four-tap analysis and expanded by a B-spline synthesis.
 //!
-//! Analysis: a coarse sample is a weighted mean of the four samples nearest to it along each axis: [`BOX`], or [`SPLAT`],
-//! the transpose of the synthesis. Synthesis: biquadratic B-spline interpolation of Strengert, Kraus & Ertl 2006, "Pyramid
-//! Methods in GPU-Based Image Processing": each axis weighs the nearest coarse sample by 3/4 and the next by 1/4.
+//! Analysis: a coarse sample is a weighted mean of the four nearest samples along each axis, with the weights [`BOX`], or
+//! [`SPLAT`], the transpose of the synthesis. Synthesis: biquadratic B-spline interpolation of Strengert, Kraus & Ertl 2006,
+//! "Pyramid Methods in GPU-Based Image Processing": each axis weighs the nearest coarse sample by 3/4 and the next by 1/4.
 //!
-//! Sizes: the frame lies in the middle of a [`Grid`] whose sides are multiples of 2^levels, so that every level halves
-//! evenly and a mirrored frame of even size has the mirrored pyramid. An axis that has come down to one sample stays
-//! there: a thin frame costs no more than a thin grid, and the grid is less than twice the frame along either axis.
+//! Sizes: the frame is centred in a [`Grid`] whose sides are multiples of 2^levels, so that every level has exactly half the size
+//! and a mirrored frame of even size has the mirrored pyramid. An axis of one sample is not halved further: the grid of a thin
+//! frame is thin, and the grid is less than twice the frame along either axis.
 //!
-//! Work is done row by row: a level is made from a function that writes rows of the finer one, so that the finest need
-//! not be stored.
+//! Levels are computed row by row from a function that writes rows of the finer level, so that the finest level need not be
+//! stored.
 //!
-//! GPU twin: `shaders/shared/pyramid.wgsl`.
+//! GPU version: `shaders/shared/pyramid.wgsl`.
 
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -35,10 +35,10 @@ pub(in crate::methods) type Taps = [f32; 2];
 /// The 4×4 box of Kraus & Strengert 2007, "Pyramid Filters Based on Bilinear Interpolation".
 pub(in crate::methods) const BOX: Taps = [0.25, 0.25];
 
-/// Bilinear splat onto the coarser level; variance 3/4 of a squared sample of the finer one, like the synthesis.
+/// Bilinear splat onto the coarser level; its variance is 3/4 of a squared sample of the finer level, as that of the synthesis.
 pub(in crate::methods) const SPLAT: Taps = [0.125, 0.375];
 
-/// Coarse rows that a task makes: neighbours share half of the rows they are made from.
+/// Coarse rows per task: adjacent coarse rows share half of their fine rows.
 const BLOCK: usize = 16;
 
 /// What lies past the border of a level.
@@ -46,11 +46,11 @@ const BLOCK: usize = 16;
 pub(in crate::methods) enum Edge {
     /// Transparent black.
     Clear,
-    /// The border's samples, for ever.
+    /// The nearest border sample.
     Repeat,
 }
 
-/// Where a frame lies in the levels of its pyramid.
+/// Position of a frame in the levels of its pyramid.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Grid {
     frame: (usize, usize),
@@ -62,7 +62,7 @@ pub(in crate::methods) struct Grid {
     pub sizes: Vec<(usize, usize)>,
 }
 
-/// Levels after which a frame of this size is no more than one sample and its surroundings.
+/// Number of levels after which a frame of this size is one sample and its neighbours.
 pub(in crate::methods) fn max_levels((width, height): (usize, usize)) -> usize {
     width.max(height).next_power_of_two().trailing_zeros() as usize + 1
 }
@@ -88,7 +88,7 @@ impl Grid {
         Self { frame, origin: ((finest.0 - frame.0) / 2, (finest.1 - frame.1) / 2), edge, sizes }
     }
 
-    /// Rows of level 0 that show these of the frame: with its first and its last those past its border.
+    /// Rows of level 0 for these rows of the frame; the first and last row of the frame include the rows past its border.
     #[cfg(feature = "gpu")]
     pub(in crate::methods) fn rows_with_border(&self, rows: &Range<usize>) -> Range<usize> {
         let start = if rows.start == 0 { 0 } else { rows.start + self.origin.1 };
@@ -102,14 +102,14 @@ impl Grid {
         Self { sizes: self.sizes[..=level].to_vec(), ..self.clone() }
     }
 
-    /// The frame's row that row `y` of level 0 shows; none past a clear border.
+    /// The frame's row for row `y` of level 0; `None` past a clear border.
     pub(in crate::methods) fn frame_row(&self, y: usize) -> Option<usize> {
         let inside = (self.origin.1..self.origin.1 + self.frame.1).contains(&y);
         (inside || self.edge == Edge::Repeat)
             .then(|| y.saturating_sub(self.origin.1).min(self.frame.1.saturating_sub(1)))
     }
 
-    /// Lays the frame's part of a row of level 0, content and, last, alpha, over a row of the frame.
+    /// Composites the frame's part of a row of level 0 (content and, last, alpha) over a row of the frame.
     pub(in crate::methods) fn lay_row_over(&self, row: &[Vec<f32>], behind: &mut [&mut [f32]]) {
         let Some(alpha) = row.last() else { return };
         let alpha = self.frame_part(alpha);
@@ -120,7 +120,7 @@ impl Grid {
         }
     }
 
-    /// Completes a row of level 0 of which the frame's part is written.
+    /// Fills the parts of a row of level 0 outside the frame; the frame's part has to be written.
     pub(in crate::methods) fn complete(&self, row: &mut [f32]) {
         let (start, end) = (self.origin.0, self.origin.0 + self.frame.0);
         let [left, right] = match self.edge {
@@ -136,7 +136,7 @@ impl Grid {
         &row[self.origin.0..][..self.frame.0]
     }
 
-    /// The frame's part of a row of level 0, to write.
+    /// The frame's part of a row of level 0, mutable.
     pub(in crate::methods) fn frame_part_mut<'a>(&self, row: &'a mut [f32]) -> &'a mut [f32] {
         &mut row[self.origin.0..][..self.frame.0]
     }
@@ -177,7 +177,7 @@ impl Grid {
         let arch = Arch::new();
         let new_rows = || vec![vec![0.0; fine_width]; channels];
         row_blocks(&mut planes, BLOCK).into_par_iter().enumerate().for_each(|(block, mut coarse)| {
-            // Fine row y is at y % 4: the four rows around a coarse one never meet there.
+            // Fine row y is at index y % 4: the four rows of a coarse row have different indices.
             let mut ring: [Rows; 4] = std::array::from_fn(|_| new_rows());
             let mut column_sums = vec![0.0; fine_width];
             let first = 2 * (block * BLOCK) as isize - 1;
@@ -205,8 +205,7 @@ impl Grid {
         planes
     }
 
-    /// The planes of `level`, of which `coarse` are those of the level above: expanded, then `finish(y, rows)` makes of
-    /// each row what the method wants.
+    /// The planes of `level`, expanded from those of the level above, `coarse`; `finish(y, rows)` then modifies each row.
     pub(in crate::methods) fn expand(
         &self,
         level: usize,
@@ -226,7 +225,7 @@ impl Grid {
         planes
     }
 
-    /// Row `y` of a level from the planes of the level above; `blend` is scratch.
+    /// Row `y` of a level, expanded from the planes of the level above; `blend` is scratch memory.
     pub(in crate::methods) fn expand_row(
         &self,
         coarse: &[Plane],
@@ -246,7 +245,7 @@ impl Grid {
     }
 }
 
-/// Makes one coarse row of four fine ones; to be compiled for each instruction set.
+/// Computes one coarse row from four fine ones; compiled for each instruction set.
 struct ReduceRow<'a> {
     fine: [&'a [f32]; 4],
     taps: Taps,
@@ -270,7 +269,7 @@ impl NullaryFnOnce for ReduceRow<'_> {
             Edge::Repeat => [sums[0], sums[last]],
         };
         if coarse.len() == 1 {
-            // An axis of one sample, or of two, has its border on either side.
+            // An axis of one or two samples has its border on both sides.
             let second = sums.get(1).copied().unwrap_or(after);
             coarse[0] = inner * (sums[0] + second) + outer * (before + after);
             return;
@@ -278,7 +277,7 @@ impl NullaryFnOnce for ReduceRow<'_> {
         let middle = coarse.len() - 1;
         coarse[0] = inner * (sums[0] + sums[1]) + outer * (before + sums[2]);
         coarse[middle] = inner * (sums[last - 1] + sums[last]) + outer * (sums[last - 2] + after);
-        // Two windows of pairs, one sample apart: loads without gaps become vectors.
+        // Two windows of pairs, one sample apart: contiguous loads are vectorised.
         let (pairs, shifted) = (sums[2..].chunks_exact(2), sums[1..].chunks_exact(2));
         let shifted = shifted.clone().zip(shifted.skip(1));
         for ((value, pair), (left, right)) in coarse[1..middle].iter_mut().zip(pairs).zip(shifted) {
@@ -287,7 +286,7 @@ impl NullaryFnOnce for ReduceRow<'_> {
     }
 }
 
-/// Makes one fine row of the two nearest coarse ones; to be compiled for each instruction set.
+/// Computes one fine row from the two nearest coarse ones; compiled for each instruction set.
 struct ExpandRow<'a> {
     nearest: &'a [f32],
     next: Option<&'a [f32]>,
@@ -330,7 +329,7 @@ impl NullaryFnOnce for ExpandRow<'_> {
 mod tests {
     use super::*;
 
-    /// `plane` carried up `levels` levels and down again.
+    /// `plane` after analysis by `levels` levels and synthesis back.
     fn blurred(plane: &Plane, levels: usize, taps: Taps, edge: Edge) -> Plane {
         let frame = (plane.width(), plane.height());
         let grid = Grid::new(frame, levels, edge);
@@ -343,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_picture_stays_constant_up_to_its_border_where_the_border_goes_on() {
+    fn a_constant_picture_stays_constant_up_to_its_border_where_the_border_is_repeated() {
         for frame in [(1, 1), (1, 7), (9, 1), (17, 3), (40, 22), (31, 31)] {
             for (levels, taps) in [(1, BOX), (3, SPLAT), (3, BOX), (7, SPLAT), (12, BOX)] {
                 let plane = blurred(&Plane::filled(frame.0, frame.1, 0.6), levels, taps, Edge::Repeat);
@@ -354,14 +353,14 @@ mod tests {
     }
 
     #[test]
-    fn past_a_clear_border_all_is_transparent() {
+    fn past_a_clear_border_samples_are_transparent() {
         let plane = blurred(&Plane::filled(32, 32, 1.0), 2, BOX, Edge::Clear);
         assert!(plane.get(0, 0) < plane.get(0, 16) && plane.get(0, 16) < 0.9, "less towards a corner");
-        // Two levels reach 3 and 6 pixels to either side.
+        // The two levels reach 3 and 6 pixels to either side.
         assert!((plane.get(16, 16) - 1.0).abs() < 1e-6, "the middle: {}", plane.get(16, 16));
     }
 
-    /// Centroid and variance along x of what a point at `at` of 128 × 128 becomes.
+    /// Centroid and variance along x of the blur of a point at `at` of 128 × 128.
     fn moments(at: (usize, usize), levels: usize, taps: Taps) -> [f32; 2] {
         let point = Plane::from_fn(128, 128, |x, y| f32::from(u8::from((x, y) == at)));
         let plane = blurred(&point, levels, taps, Edge::Repeat);
@@ -379,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn splat_and_synthesis_of_n_levels_have_the_variance_of_their_steps() {
+    fn splat_and_synthesis_of_n_levels_have_the_sum_of_their_filters_variances() {
         // [1 3 3 1] / 8 at ±½ and ±1½ samples: (2·3·¼ + 2·2¼) / 8 = ¾ of a squared sample, both ways, at each level:
         // 2 · ¾ · (1 + 4 + … ) = (4ⁿ − 1) / 2.
         for (levels, variance) in [(1, 1.5), (2, 7.5), (3, 31.5)] {
@@ -392,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn the_box_gives_every_coarse_sample_the_mean_of_sixteen() {
+    fn a_coarse_sample_of_the_box_is_the_mean_of_sixteen_fine_ones() {
         let grid = Grid::new((8, 8), 1, Edge::Repeat);
         let level = grid.reduce_frame(1, BOX, |y, rows| {
             rows[0].iter_mut().enumerate().for_each(|(x, value)| *value = (x + 10 * y) as f32);
@@ -407,7 +406,7 @@ mod tests {
         let coarse = [Plane::from_fn(2, 2, |x, y| if (x, y) == (0, 0) { 16.0 } else { 0.0 })];
         let fine = grid.expand(0, &coarse, |_, _| ());
         let row = |y| fine[0].row(y).to_vec();
-        assert_eq!(row(0), [16.0, 12.0, 4.0, 0.0], "the border goes on, then 3/4 and 1/4");
+        assert_eq!(row(0), [16.0, 12.0, 4.0, 0.0], "the border is repeated, then 3/4 and 1/4");
         assert_eq!(row(1), [12.0, 9.0, 3.0, 0.0], "3/4 of that");
     }
 

@@ -1,13 +1,14 @@
-//! Weights of the sprites that some points have, in one table.
+//! Weights of all sprites in use, in one table.
 
 use super::super::splat::Point;
 use super::super::sprites::{Border, Centre, Place, Sprite, Sprites};
 use rayon::prelude::*;
 
-/// A point inside of the picture.
+/// Border of a point inside of the picture.
 const INNER: Border = Border { left: false, right: false };
 
-/// A sprite about one of the two centres. One in front of focus is the one as far behind it, turned by 180°.
+/// A sprite about one of the two centres. In front of focus it is the sprite of the same radius behind focus, turned
+/// by 180°.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     sprite: Sprite,
@@ -15,17 +16,17 @@ struct Shape {
 }
 
 impl Shape {
-    /// Its number among all.
-    fn number<const N: usize>(point: &Point<N>, centre: Centre) -> usize {
+    /// Its index among all shapes.
+    fn index<const N: usize>(point: &Point<N>, centre: Centre) -> usize {
         usize::from(point.sprite.0 & !1) + usize::from(centre == Centre::Corner)
     }
 
-    fn numbered(number: usize) -> Self {
-        let centre = if number % 2 == 1 { Centre::Corner } else { Centre::Pixel };
-        Self { sprite: Sprite((number & !1) as u16), centre }
+    fn from_index(index: usize) -> Self {
+        let centre = if index % 2 == 1 { Centre::Corner } else { Centre::Pixel };
+        Self { sprite: Sprite((index & !1) as u16), centre }
     }
 
-    /// How far its weights go across and down in a picture of this size: past it, repetitions tell nothing new.
+    /// Reach of its weights across and down in a picture of this size: beyond that, repetitions add no new term.
     fn reach(self, (width, height): (usize, usize)) -> [usize; 2] {
         let reach = self.sprite.reach() as usize;
         [reach.min(width), (reach + usize::from(self.centre == Centre::Corner)).min(height)]
@@ -37,13 +38,13 @@ impl Shape {
         (2 * across + 2) * (2 * down + 2)
     }
 
-    /// Which of them is the one of its own pixel.
-    fn own(self, size: (usize, usize)) -> usize {
+    /// Index of the weight of its own pixel.
+    fn centre_index(self, size: (usize, usize)) -> usize {
         let [across, down] = self.reach(size);
         (2 * across + 2) * down + across
     }
 
-    /// Its weights, row by row; as many about the corner of four pixels to either side.
+    /// Its weights, row by row. About a corner there are as many rows on either side.
     fn weights(self, sprites: &Sprites, size: (usize, usize)) -> Vec<f32> {
         let [_, down] = self.reach(size).map(|reach| reach as i32);
         let (mut row, mut weights) = (Vec::new(), Vec::with_capacity(self.count(size)));
@@ -56,52 +57,52 @@ impl Shape {
     }
 }
 
-/// Where the weights of all shapes lie that some points have.
+/// Positions of the weights of all shapes in use.
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct WeightTable {
     size: (usize, usize),
-    /// Index of the first weight, by number; meaningless for those that no point has.
+    /// Index of the first weight, by shape index; meaningless for shapes not in use.
     firsts: Vec<usize>,
-    has: Vec<bool>,
+    in_use: Vec<bool>,
     /// Number of all weights.
     pub count: usize,
 }
 
-impl Table {
+impl WeightTable {
     /// The table for `points` of a picture of this size.
     pub(super) fn new<'a, const N: usize>(
         points: impl Iterator<Item = (&'a Point<N>, Centre)>,
         size: (usize, usize),
     ) -> Self {
-        let mut has: Vec<bool> = Vec::new();
+        let mut in_use: Vec<bool> = Vec::new();
         for (point, centre) in points {
-            let number = Shape::number(point, centre);
-            if number >= has.len() {
-                has.resize(number + 1, false);
+            let index = Shape::index(point, centre);
+            if index >= in_use.len() {
+                in_use.resize(index + 1, false);
             }
-            has[number] = true;
+            in_use[index] = true;
         }
         let mut count = 0;
-        let begin = |(number, &has): (usize, &bool)| {
+        let begin = |(index, &in_use): (usize, &bool)| {
             let first = count;
-            count += if has { Shape::numbered(number).count(size) } else { 0 };
+            count += if in_use { Shape::from_index(index).count(size) } else { 0 };
             first
         };
-        let firsts = has.iter().enumerate().map(begin).collect();
-        Self { size, firsts, has, count }
+        let firsts = in_use.iter().enumerate().map(begin).collect();
+        Self { size, firsts, in_use, count }
     }
 
     /// Index of the weight of the point's own pixel.
-    pub(super) fn own<const N: usize>(&self, point: &Point<N>, centre: Centre) -> u32 {
-        let number = Shape::number(point, centre);
-        (self.firsts[number] + Shape::numbered(number).own(self.size)) as u32
+    pub(super) fn centre_index<const N: usize>(&self, point: &Point<N>, centre: Centre) -> u32 {
+        let index = Shape::index(point, centre);
+        (self.firsts[index] + Shape::from_index(index).centre_index(self.size)) as u32
     }
 
     /// All weights.
     pub(super) fn weights(&self, sprites: &Sprites) -> Vec<f32> {
-        let numbers: Vec<usize> = (0..self.has.len()).filter(|&number| self.has[number]).collect();
-        let weights = |number| Shape::numbered(number).weights(sprites, self.size);
-        numbers.into_par_iter().flat_map_iter(weights).collect()
+        let indices: Vec<usize> = (0..self.in_use.len()).filter(|&index| self.in_use[index]).collect();
+        let weights = |index| Shape::from_index(index).weights(sprites, self.size);
+        indices.into_par_iter().flat_map_iter(weights).collect()
     }
 }
 
@@ -113,7 +114,7 @@ mod tests {
 
     fn point(coc_px: f32) -> Point<1> {
         let light = Light { content: [1.0], alpha: 1.0, coc_px, hidden: false };
-        Point { column: 0, sprite: Sprite::of(coc_px), light }
+        Point { column: 0, sprite: Sprite::from_coc_px(coc_px), light }
     }
 
     #[test]
@@ -121,9 +122,9 @@ mod tests {
         let sprites = Sprites::new(Aperture::new(5, 20.0).unwrap(), &[1.0, 0.5]);
         let points =
             [(point(3.0), Centre::Pixel), (point(-3.0), Centre::Pixel), (point(5.0), Centre::Corner)];
-        let table = Table::new(points.iter().map(|(point, centre)| (point, *centre)), (40, 30));
+        let table = WeightTable::new(points.iter().map(|(point, centre)| (point, *centre)), (40, 30));
         let weights = table.weights(&sprites);
-        // Squares of 4 and 6 pixels around the centre, a row and a column more, and one more row for the corner.
+        // Squares of 4 and 6 pixels around the centre, plus a row and a column each, and one more row for the corner.
         assert_eq!((table.count, weights.len()), (10 * 10 + 14 * 16, 324));
         let total: f32 = weights.iter().sum();
         assert!((total - 2.0).abs() < 1e-3, "a sprite of either kind: {total}");
@@ -132,7 +133,7 @@ mod tests {
             let behind = Sprite(point.sprite.0 & !1);
             let place = Place { centre: *centre, down: -2, border: INNER };
             let first = sprites.row(behind, &place, 40, &mut row);
-            let start = table.own(point, *centre) as i32 - 2 * row.len() as i32 + first;
+            let start = table.centre_index(point, *centre) as i32 - 2 * row.len() as i32 + first;
             assert_eq!(weights[start as usize..][..row.len()], row, "{centre:?}");
         }
     }
@@ -144,7 +145,12 @@ mod tests {
             for down in -3..=3 {
                 let weights = |coc_px: f32, down| {
                     let mut row = Vec::new();
-                    sprites.row(Sprite::of(coc_px), &Place { centre, down, border: INNER }, 40, &mut row);
+                    sprites.row(
+                        Sprite::from_coc_px(coc_px),
+                        &Place { centre, down, border: INNER },
+                        40,
+                        &mut row,
+                    );
                     row
                 };
                 let (mut turned, front) = (weights(7.0, corner - down), weights(-7.0, down));

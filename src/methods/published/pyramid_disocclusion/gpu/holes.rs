@@ -1,40 +1,15 @@
-//! What holes are filled with: a pyramid whose finest levels a band has of its own, and whose coarse levels are the whole frame's.
+//! Filling of holes: a pyramid whose finest levels belong to a band, and whose coarse levels belong to the whole frame.
 
-use super::super::MIN_KNOWN;
-use super::{Pyramid, SHADER, Source};
+use super::buffers::{Pyramid, Source};
+use super::shader::{Means, PART_VALUES, SHADER};
 use crate::error::Error;
-use crate::gpu::{Buffer, Gpu, Kernel, Work, mirrored};
+use crate::gpu::{Buffer, Gpu, Kernel, Work};
 use crate::methods::shared::{BOX, Grid, Levels, SubImages};
 use std::ops::Range;
 
-/// The finest level that is the whole frame's, where there are as many: it has a 64th of the frame's samples.
-const LOWEST: usize = 3;
-
-/// Values of a level that are summed at a time, and the threads that do so.
-pub(super) const PART_VALUES: u32 = 4096;
-pub(super) const PART_THREADS: u32 = 256;
-
-mirrored! {
-    /// Means of what is known.
-    pub(super) struct Means {
-        red: f32,
-        green: f32,
-        blue: f32,
-        alpha: f32,
-        coc_px: f32,
-    }
-}
-
-impl Means {
-    /// From sums of content, of CoC radii and of how much is known; none where nothing is.
-    fn of(totals: &[f64]) -> Option<Self> {
-        let (&known, values) = totals.split_last().filter(|(known, _)| **known > MIN_KNOWN)?;
-        let means: Vec<f32> = values.iter().map(|total| (total / known) as f32).collect();
-        let (&coc_px, content) = means.split_last()?;
-        let mean = |channel: usize| content.get(channel).copied().unwrap_or(0.0);
-        Some(Self { red: mean(0), green: mean(1), blue: mean(2), alpha: mean(3), coc_px })
-    }
-}
+/// The finest level that is stored for the whole frame, or the coarsest where there are fewer. It has 1/64 of the samples of the
+/// frame.
+const SPLIT_LEVEL: usize = 3;
 
 /// The entry points that fill.
 struct Kernels {
@@ -60,11 +35,11 @@ impl Kernels {
     }
 }
 
-/// The whole frame's levels of what the holes of a sub-image are filled with.
-pub(super) struct Filled {
+/// The levels of the whole frame from which the holes of a sub-image are filled.
+pub(super) struct FrameLevels {
     values: Buffer,
-    /// Whether anything is not nearer than the sub-image.
-    pub shows: bool,
+    /// Whether any pixel is not nearer than the sub-image.
+    pub has_content: bool,
 }
 
 /// Fills the holes of sub-images.
@@ -73,12 +48,12 @@ pub(super) struct Holes<'a> {
     kernels: Kernels,
     images: &'a SubImages,
     grid: &'a Grid,
-    /// Planes of content.
+    /// Number of planes of content.
     channels: usize,
-    /// The whole frame's levels.
-    pub whole: Levels,
-    /// The finest of them: bands have those up to it.
-    pub lowest: usize,
+    /// The levels of the whole frame.
+    pub frame_levels: Levels,
+    /// The finest of them. The levels of a band end with it.
+    pub split_level: usize,
 }
 
 impl<'a> Holes<'a> {
@@ -88,24 +63,24 @@ impl<'a> Holes<'a> {
         grid: &'a Grid,
         channels: usize,
     ) -> Result<Self, Error> {
-        let lowest = LOWEST.min(grid.sizes.len() - 1);
-        // Content, CoC radius and how much is known.
-        let whole = Levels::from_finest(grid.clone(), 0..grid.sizes[0].1, channels + 2, lowest);
-        Ok(Self { gpu, kernels: Kernels::new(gpu)?, images, grid, channels, whole, lowest })
+        let split_level = SPLIT_LEVEL.min(grid.sizes.len() - 1);
+        // Channels: content, CoC radius and known share.
+        let frame_levels = Levels::from_finest(grid.clone(), 0..grid.sizes[0].1, channels + 2, split_level);
+        Ok(Self { gpu, kernels: Kernels::new(gpu)?, images, grid, channels, frame_levels, split_level })
     }
 
-    /// A band's own levels for these rows of level 0.
-    pub(super) fn levels_of(&self, rows: Range<usize>) -> Levels {
-        Levels::from_finest(self.grid.up_to(self.lowest), rows, self.channels + 2, 1)
+    /// The levels of a band for these rows of level 0.
+    pub(super) fn band_levels(&self, rows: Range<usize>) -> Levels {
+        Levels::from_finest(self.grid.up_to(self.split_level), rows, self.channels + 2, 1)
     }
 
-    /// The whole frame's levels with nothing in them.
-    pub(super) fn unfilled(&self) -> Result<Filled, Error> {
-        let values = self.gpu.zeros::<f32>("the levels of the whole frame", self.whole.values())?;
-        Ok(Filled { values, shows: false })
+    /// The levels of the whole frame, empty.
+    pub(super) fn unfilled(&self) -> Result<FrameLevels, Error> {
+        let values = self.gpu.zeros::<f32>("the levels of the whole frame", self.frame_levels.values())?;
+        Ok(FrameLevels { values, has_content: false })
     }
 
-    /// Makes a band's own levels of what is known behind all that is nearer than sub-image `i`.
+    /// Computes the levels of a band from the pixels that are not nearer than sub-image `i`.
     pub(super) fn pull(
         &self,
         work: &mut Work<'_>,
@@ -118,18 +93,18 @@ impl<'a> Holes<'a> {
         let bindings =
             [(0, &step), (1, values), (2, frame), (3, &matting), (4, &planes.colors), (5, &planes.rest)];
         work.pass(&self.kernels.pull_first, &bindings, [across, down, 1])?;
-        self.pull_on(work, Pyramid { levels, values }, 1..levels.count(), frame)
+        self.pull_levels(work, Pyramid { levels, values }, 1..levels.count(), frame)
     }
 
-    /// Makes the level above each of `below`.
-    fn pull_on(
+    /// Computes, for each of the levels `finer`, the next coarser one.
+    fn pull_levels(
         &self,
         work: &mut Work<'_>,
         Pyramid { levels, values }: Pyramid<'_>,
-        below: Range<usize>,
+        finer: Range<usize>,
         frame: &Buffer,
     ) -> Result<(), Error> {
-        for level in below {
+        for level in finer {
             let (step, [across, down, _]) = levels.analysis(self.gpu, level, BOX)?;
             let bindings = [(0, &step), (1, values), (2, frame)];
             work.pass(&self.kernels.pull, &bindings, [across, down, 1])?;
@@ -137,29 +112,29 @@ impl<'a> Holes<'a> {
         Ok(())
     }
 
-    /// Gives the coarsest of a band's own levels to the whole frame's.
-    pub(super) fn hand_up(
+    /// Copies the coarsest level of a band into the levels of the whole frame.
+    pub(super) fn copy_to_frame(
         &self,
         work: &mut Work<'_>,
         own: Pyramid<'_>,
-        Filled { values, .. }: &Filled,
+        FrameLevels { values, .. }: &FrameLevels,
     ) -> Result<(), Error> {
-        self.copy(work, own, Pyramid { levels: &self.whole, values }, own.levels)
+        self.copy(work, own, Pyramid { levels: &self.frame_levels, values }, own.levels)
     }
 
-    /// Makes a band's own levels of the whole frame's and of what they know themselves.
-    pub(super) fn hand_down(
+    /// Fills the levels of a band from those of the whole frame.
+    pub(super) fn fill_band(
         &self,
         work: &mut Work<'_>,
-        Filled { values, .. }: &Filled,
+        FrameLevels { values, .. }: &FrameLevels,
         own: Pyramid<'_>,
         frame: &Buffer,
     ) -> Result<(), Error> {
-        self.copy(work, Pyramid { levels: &self.whole, values }, own, own.levels)?;
-        self.push(work, own, 1..self.lowest, frame)
+        self.copy(work, Pyramid { levels: &self.frame_levels, values }, own, own.levels)?;
+        self.push(work, own, 1..self.split_level, frame)
     }
 
-    /// Copies the level that both pyramids have, as many rows of it as `fewer` has.
+    /// Copies the level that both pyramids have: those of its rows that `fewer` has.
     fn copy(
         &self,
         work: &mut Work<'_>,
@@ -167,35 +142,39 @@ impl<'a> Holes<'a> {
         to: Pyramid<'_>,
         fewer: &Levels,
     ) -> Result<(), Error> {
-        let step = |levels: &Levels| levels.each_of(self.gpu, self.lowest);
+        let step = |levels: &Levels| levels.each_of(self.gpu, self.split_level);
         let (_, [across, down, _]) = step(fewer)?;
         let [(source, _), (target, _)] = [step(from.levels)?, step(to.levels)?];
         let bindings = [(0, &target), (1, to.values), (8, &source), (9, from.values)];
         work.pass(&self.kernels.copy, &bindings, [across, down, self.channels as u32 + 2])
     }
 
-    /// Makes the whole frame's levels of the finest of them.
-    pub(super) fn fill(&self, Filled { values, .. }: Filled, frame: &Buffer) -> Result<Filled, Error> {
-        let Self { gpu, whole, kernels, .. } = self;
-        let pyramid = Pyramid { levels: whole, values: &values };
-        let top = whole.count();
-        let (step, groups) = whole.each_of(gpu, top)?;
-        gpu.submit(|work| self.pull_on(work, pyramid, self.lowest..top, frame))?;
-        let means = Means::of(&self.totals(&step, &values)?);
+    /// Computes the levels of the whole frame from the finest of them, and fills them.
+    pub(super) fn fill(
+        &self,
+        FrameLevels { values, .. }: FrameLevels,
+        frame: &Buffer,
+    ) -> Result<FrameLevels, Error> {
+        let Self { gpu, frame_levels, kernels, .. } = self;
+        let pyramid = Pyramid { levels: frame_levels, values: &values };
+        let top = frame_levels.count();
+        let (step, groups) = frame_levels.each_of(gpu, top)?;
+        gpu.submit(|work| self.pull_levels(work, pyramid, self.split_level..top, frame))?;
+        let means = Means::from_totals(&self.totals(&step, &values)?);
         if let Some(means) = &means {
             let means = gpu.uniform(means)?;
             gpu.submit(|work| {
                 let bindings = [(0, &step), (1, &values), (2, frame), (10, &means)];
                 work.pass(&kernels.fill, &bindings, groups)?;
-                self.push(work, pyramid, self.lowest..top, frame)
+                self.push(work, pyramid, self.split_level..top, frame)
             })?;
         }
-        Ok(Filled { shows: means.is_some(), values })
+        Ok(FrameLevels { has_content: means.is_some(), values })
     }
 
-    /// Sums of all channels of the coarsest level, that of `step`.
+    /// The sum of each channel over the coarsest level, which is the coarse level of `step`.
     fn totals(&self, step: &Buffer, values: &Buffer) -> Result<Vec<f64>, Error> {
-        let (width, height) = self.grid.sizes[self.whole.count()];
+        let (width, height) = self.grid.sizes[self.frame_levels.count()];
         let (parts, channels) = ((width * height).div_ceil(PART_VALUES as usize), self.channels + 2);
         let totals = self.gpu.zeros::<f32>("sums", channels * parts)?;
         let bindings = [(0, step), (1, values), (11, &totals)];
@@ -205,7 +184,7 @@ impl<'a> Holes<'a> {
         Ok(sums.chunks(parts).map(|parts| parts.iter().map(|&sum| f64::from(sum)).sum()).collect())
     }
 
-    /// Completes `levels`, from the coarsest down.
+    /// Fills `levels`, the coarsest first, each from the next coarser one.
     fn push(
         &self,
         work: &mut Work<'_>,

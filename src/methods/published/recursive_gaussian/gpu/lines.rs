@@ -1,65 +1,65 @@
-//! An extended box along lines of planes, pass by pass, and its running sums: whole numbers of steps.
+//! Passes of an extended box along lines of planes, with running sums in whole steps.
 
 use super::super::gaussian::{ExtendedBox, PASSES};
 use crate::gpu::mirrored;
 use std::ops::Range;
 
 mirrored! {
-    /// An extended box along lines.
+    /// Parameters of one pass of an extended box along lines.
     pub(super) struct Lines {
-        /// How many lines there are side by side.
+        /// Number of lines.
         count: i32,
-        /// Samples of each.
+        /// Samples per line.
         length: i32,
-        /// Where they are read, as a [`Way`].
+        /// Position of the input, as [`Strides`].
         from_first: i32,
         from_plane: i32,
         from_line: i32,
         from_sample: i32,
-        /// Where they are written.
+        /// Position of the output.
         to_first: i32,
         to_plane: i32,
         to_line: i32,
         to_sample: i32,
-        /// Samples that a thread makes.
+        /// Samples that a thread computes.
         chunk: i32,
         radius: i32,
         edge: f32,
         scale: f32,
-        /// Steps in a value of one, and the step; both powers of two.
+        /// Steps per unit, and size of a step; both powers of two.
         steps: f32,
         step: f32,
-        /// Fine steps in a step, and the fine step.
+        /// Fine steps per step, and size of a fine step.
         fine_steps: f32,
         fine_step: f32,
     }
 }
 
-/// Where planes lie in a buffer.
+/// Layout of planes in a buffer.
 #[derive(Debug, Clone, Copy)]
-struct Way {
-    /// The first sample of the first line.
+struct Strides {
+    /// Index of the first sample of the first line.
     first: usize,
-    /// From one plane, one line and one sample to the next.
+    /// Distance of neighbouring planes, lines and samples.
     plane: usize,
     line: usize,
     sample: usize,
 }
 
 impl Lines {
-    /// `count` lines of `length` samples of at most `brightest`, and the ways from and to where they go.
+    /// A pass along `count` lines of `length` samples with magnitudes up to `max_value`, between two layouts.
     fn new(
         filter: &ExtendedBox,
         (count, length): (usize, usize),
-        [from, to]: [Way; 2],
-        brightest: f32,
+        [from, to]: [Strides; 2],
+        max_value: f32,
     ) -> Self {
         let &ExtendedBox { radius, edge, scale } = filter;
-        // A sum of all samples of a box must fit into a whole number of 31 bits; single precision has 24.
+        // The sum of all samples of a box must fit into 31 bits; f32 has 24.
         let sum_bits = (2 * radius + 2).next_power_of_two().trailing_zeros() as i32;
         let bits = (30 - sum_bits).clamp(1, 22);
         let [steps, fine_steps] =
-            [bits - brightest.log2().ceil() as i32, bits].map(|bits| f32::from(bits as i16).exp2());
+            [bits - max_value.log2().ceil() as i32, bits].map(|bits| f32::from(bits as i16).exp2());
         Self {
             count: count as i32,
             length: length as i32,
@@ -71,7 +71,7 @@ impl Lines {
             to_plane: to.plane as i32,
             to_line: to.line as i32,
             to_sample: to.sample as i32,
-            // Where a thread begins it adds up a whole box: few begin.
+            // Each thread first sums a whole box, so there are few threads per line.
             chunk: 8 * (radius as i32 + 1),
             radius: radius as i32,
             edge: edge as f32,
@@ -84,31 +84,32 @@ impl Lines {
     }
 }
 
-/// The passes that blur `rows` of planes of `width` × `source_rows` samples of at most `brightest`, rows first; every other one ends
-/// where the first begins.
+/// The passes that blur `rows` of planes of `width` × `source_rows` samples with magnitudes up to `max_value`, rows
+/// first. Every other pass writes to where the first one reads.
 pub(super) fn blur_passes(
     filter: &ExtendedBox,
     (width, source_rows): (usize, usize),
     rows: &Range<usize>,
-    brightest: f32,
+    max_value: f32,
 ) -> [Lines; 2 * PASSES] {
     let height = rows.len();
     let plane = width * source_rows;
-    let there = |[line, sample]: [usize; 2]| Way { first: width * rows.start, plane, line, sample };
-    let between = |[line, sample]: [usize; 2]| Way { first: 0, plane: width * height, line, sample };
-    // Rows lie as columns in between: a pass reads or writes across them only at either end.
+    let source = |[line, sample]: [usize; 2]| Strides { first: width * rows.start, plane, line, sample };
+    let scratch = |[line, sample]: [usize; 2]| Strides { first: 0, plane: width * height, line, sample };
+    // The buffer between holds rows as columns, so only the first and the last pass access samples across lines.
     let (row, column, upright) = ([width, 1], [1, height], [1, width]);
-    let across = |ways| Lines::new(filter, (height, width), ways, brightest);
-    let down = |ways| Lines::new(filter, (width, height), ways, brightest);
-    let [out, back] = [[there(upright), between(upright)], [between(upright), there(upright)]].map(down);
+    let across = |strides| Lines::new(filter, (height, width), strides, max_value);
+    let down = |strides| Lines::new(filter, (width, height), strides, max_value);
+    let [forward, back] =
+        [[source(upright), scratch(upright)], [scratch(upright), source(upright)]].map(down);
     [
-        across([there(row), between(column)]),
-        across([between(column), there(column)]),
-        across([there(column), between(column)]),
-        across([between(column), there(row)]),
-        out,
+        across([source(row), scratch(column)]),
+        across([scratch(column), source(column)]),
+        across([source(column), scratch(column)]),
+        across([scratch(column), source(row)]),
+        forward,
         back,
-        out,
+        forward,
         back,
     ]
 }
@@ -118,15 +119,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sums_of_whole_steps_fit_and_are_finer_than_single_precision() {
+    fn sums_of_whole_steps_fit_into_31_bits_and_are_finer_than_f32() {
         for sigma in [1.0, 9.0, 100.0, 4000.0] {
-            for brightest in [1.0f32, 65_504.0, 3e30] {
-                let way = Way { first: 0, plane: 63, line: 9, sample: 1 };
-                let lines = Lines::new(&ExtendedBox::from_sigma(sigma), (7, 9), [way; 2], brightest);
+            for max_value in [1.0f32, 65_504.0, 3e30] {
+                let strides = Strides { first: 0, plane: 63, line: 9, sample: 1 };
+                let lines = Lines::new(&ExtendedBox::from_sigma(sigma), (7, 9), [strides; 2], max_value);
                 let box_length = f64::from(2 * lines.radius + 2);
-                assert!(f64::from(brightest) * f64::from(lines.steps) * box_length <= 2f64.powi(31) - 1.0);
+                assert!(f64::from(max_value) * f64::from(lines.steps) * box_length <= 2f64.powi(31) - 1.0);
                 assert!(f64::from(lines.fine_steps) * box_length <= 2f64.powi(31) - 1.0, "σ = {sigma}");
-                assert!(lines.fine_step <= brightest * 2f32.powi(-33), "σ = {sigma}: {}", lines.fine_step);
+                assert!(lines.fine_step <= max_value * 2f32.powi(-33), "σ = {sigma}: {}", lines.fine_step);
             }
         }
     }

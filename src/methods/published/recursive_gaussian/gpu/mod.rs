@@ -1,24 +1,25 @@
-//! The cascade on a GPU.
+//! `recursive-gaussian` on a GPU.
 //!
-//! A pass runs along lines that lie side by side, so that neighbouring threads read neighbouring values; of rows, the first pass makes
-//! columns and the last one rows again. Its running sums are whole numbers of steps, as there is no double precision: of single precision, what a firefly
-//! leaves behind when it leaves the sum would show, and compensated sums are what compilers are free to undo.
+//! A pass runs along adjacent lines, so that neighbouring threads read neighbouring values. For rows, the first pass
+//! transposes to columns and the last one transposes back. Running sums are whole numbers of steps, as there is no
+//! f64: in f32 the error that a firefly leaves in the sum would be visible, and compilers may optimize compensated
+//! sums away.
 //!
-//! A band reads as many rows as all blurs of a side together carry a sample, or eight standard deviations: past that, less than
-//! `10⁻¹⁵` of its light comes. Frames of 8K that are blurred over hundreds of pixels leave no room for that, and are refused.
+//! A band reads as many rows as the reach of all blurs of a side together, or eight standard deviations: less than
+//! `10⁻¹⁵` of the light comes from farther rows. 8K frames that are blurred over hundreds of pixels do not fit into
+//! memory with that margin, and are refused.
 
 mod lines;
 
 use super::RecursiveGaussian;
-use super::gaussian::{ExtendedBox, LEAST, PASSES};
+use super::gaussian::{ExtendedBox, MIN_MAGNITUDE, PASSES};
 use super::layers::{Layers, cascade_sigma_px, sigma_px};
-use super::matting::{DepthPeel, Matte, Ramp, Side};
+use super::matting::{CompositeOrder, DepthPeel, Matte, Ramp};
 use super::parameters::RecursiveGaussianParameters;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored};
 use crate::image::{Image, Plane};
-use crate::methods::contract::Plan;
-use crate::methods::contract::{GpuBackend, Progress};
+use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, at_pixels, peels,
     picture_in_bands,
@@ -30,7 +31,10 @@ use std::ops::Range;
 
 static SHADER: Shader = Shader {
     name: "recursive_gaussian",
-    constants: &[("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)), ("LEAST", Constant::Float(LEAST))],
+    constants: &[
+        ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
+        ("MIN_MAGNITUDE", Constant::Float(MIN_MAGNITUDE)),
+    ],
     parts: &[
         COVERAGE_PLANES_WGSL,
         OTHER_COVERAGE_PLANES_WGSL,
@@ -40,7 +44,7 @@ static SHADER: Shader = Shader {
 };
 
 mirrored! {
-    /// The matting functions of a layer, and what a pass has to know of a peel.
+    /// The matting functions of a layer, and parameters of a peel's pass.
     struct Matting {
         rise_from: f32,
         rise_to: f32,
@@ -51,25 +55,25 @@ mirrored! {
         fall_from: f32,
         fall_to: f32,
         fall_slope: f32,
-        /// Whether the peel is opaque where it covers: all but the backdrop of an open background are.
+        /// Whether the peel has alpha where it covers: all peels but the backdrop of a transparent background do.
         shows: u32,
-        /// Whether it is the first of the layer.
+        /// Whether the peel is the first one of the layer.
         first: u32,
     }
 }
 
 mirrored! {
-    /// Some of the rows that a band reads.
+    /// A range of the rows that a band reads.
     struct Part {
         first_row: i32,
         rows: i32,
     }
 }
 
-/// Standard deviations past which a Gaussian is nothing.
+/// Standard deviations beyond which a Gaussian is taken as zero.
 const MAX_DEVIATIONS: f32 = 8.0;
 
-/// Layers that a fragment is in, at most: its own and both neighbours.
+/// Maximum number of layers of a fragment: its own and both neighbours.
 const LAYERS_OF_A_FRAGMENT: f32 = 3.0;
 
 impl GpuBackend for RecursiveGaussian {
@@ -79,21 +83,21 @@ impl GpuBackend for RecursiveGaussian {
         let layers = Layers::new(plan.coc_range_px, coc_infinity_px, parameters);
         let peels = peels(scene.clone(), plan).into_iter().map(|peel| DepthPeel::new(peel, coc_infinity_px));
         let peels: Vec<DepthPeel> = peels.collect();
-        let open = plan.does(EffectKind::TransparentBackground);
-        let painter = Painter {
+        let transparent_background = plan.does(EffectKind::TransparentBackground);
+        let renderer = Renderer {
             gpu,
             kernels: Kernels::new(gpu)?,
             layers,
             cascaded: parameters.cascaded,
-            brightest: brightest(&peels),
+            max_value: max_value(&peels),
             peels,
-            open,
+            transparent_background,
         };
-        let planes = 5 * (painter.channels() + 1);
-        let needs = RowNeeds { planes: 6 * painter.peels.len() + planes, values: 0 };
-        let reach = reach(&painter.layers, painter.cascaded);
-        picture_in_bands(gpu, (size, open), (reach, needs), progress, |band, progress| {
-            painter.band(size, band, progress)
+        let planes = 5 * (renderer.channels() + 1);
+        let needs = RowNeeds { planes: 6 * renderer.peels.len() + planes, values: 0 };
+        let reach = reach(&renderer.layers, renderer.cascaded);
+        picture_in_bands(gpu, (size, transparent_background), (reach, needs), progress, |band, progress| {
+            renderer.band(size, band, progress)
         })
     }
 
@@ -102,29 +106,29 @@ impl GpuBackend for RecursiveGaussian {
     }
 }
 
-/// How far in pixels the blurs carry a sample, as far as it matters.
+/// Reach of all blurs together in pixels, up to [`MAX_DEVIATIONS`].
 fn reach(layers: &Layers, cascaded: bool) -> usize {
-    let most = layers.front.max(layers.back);
-    let carried = |sigma_px: f32| ExtendedBox::from_sigma(sigma_px).reach();
-    let all = if cascaded {
-        (1..=most).map(|layer| carried(cascade_sigma_px(layer))).sum()
+    let max_layer = layers.front.max(layers.back);
+    let box_reach = |sigma_px: f32| ExtendedBox::from_sigma(sigma_px).reach();
+    let box_reaches = if cascaded {
+        (1..=max_layer).map(|layer| box_reach(cascade_sigma_px(layer))).sum()
     } else {
-        carried(sigma_px(most))
+        box_reach(sigma_px(max_layer))
     };
-    all.min((MAX_DEVIATIONS * sigma_px(most)).ceil() as usize)
+    box_reaches.min((MAX_DEVIATIONS * sigma_px(max_layer)).ceil() as usize)
 }
 
-/// What no value of any covered exceeds.
-fn brightest(peels: &[DepthPeel]) -> f32 {
-    let brightest =
+/// Upper bound of all values of composites.
+fn max_value(peels: &[DepthPeel]) -> f32 {
+    let max_value =
         |plane: &Plane| plane.values().par_iter().map(|value| value.abs()).reduce(|| 0.0, f32::max);
-    let from_peel = |peel: &DepthPeel| peel.covered.content.iter().map(brightest).fold(1.0, f32::max);
+    let from_peel = |peel: &DepthPeel| peel.planes.content.iter().map(max_value).fold(1.0, f32::max);
     LAYERS_OF_A_FRAGMENT * peels.iter().map(from_peel).sum::<f32>()
 }
 
 impl Matting {
     fn new(Matte { rise, own, fall }: &Matte, shows: bool, first: bool) -> Self {
-        // Shaders know no infinity; no finite depth is past the greatest one either.
+        // Shaders have no infinity. No finite depth is past the largest finite value either.
         let finite = |value: f32| value.clamp(f32::MIN, f32::MAX);
         let values = |ramp: &Ramp| [ramp.from, ramp.to, ramp.slope].map(finite);
         let [rise_from, rise_to, rise_slope] = values(rise);
@@ -148,11 +152,11 @@ impl Matting {
 
 /// The entry points.
 struct Kernels {
-    see: Kernel,
-    share: Kernel,
-    before: Kernel,
-    behind: Kernel,
-    pass_along: Kernel,
+    visibility: Kernel,
+    add_share: Kernel,
+    compose_over: Kernel,
+    compose_under: Kernel,
+    box_pass: Kernel,
     finish: Kernel,
 }
 
@@ -160,162 +164,167 @@ impl Kernels {
     fn new(gpu: &Gpu) -> Result<Self, Error> {
         let kernel = |name| gpu.kernel(&SHADER, name);
         Ok(Self {
-            see: kernel("see")?,
-            share: kernel("share")?,
-            before: kernel("before")?,
-            behind: kernel("behind")?,
-            pass_along: kernel("pass_along")?,
+            visibility: kernel("update_visibility")?,
+            add_share: kernel("add_share")?,
+            compose_over: kernel("compose_over")?,
+            compose_under: kernel("compose_under")?,
+            box_pass: kernel("box_pass")?,
             finish: kernel("finish")?,
         })
     }
 }
 
-/// What every band is made from.
-struct Painter<'a> {
+/// State shared by all bands.
+struct Renderer<'a> {
     gpu: &'a Gpu,
     kernels: Kernels,
     layers: Layers,
     cascaded: bool,
-    /// What no value of any covered exceeds.
-    brightest: f32,
+    /// Upper bound of all values of composites.
+    max_value: f32,
     peels: Vec<DepthPeel>,
-    open: bool,
+    transparent_background: bool,
 }
 
 /// The buffers of a band.
-struct Canvas<'a> {
+struct BandBuffers<'a> {
     band: &'a Band,
     width: usize,
-    /// Where the rows that are read lie.
+    /// Position of the rows that are read.
     frame: Buffer,
     peels: Vec<Planes>,
-    /// How much of each peel is seen.
-    seen: Vec<Buffer>,
-    /// The layer at hand.
+    /// Visibility of each peel.
+    visibility: Vec<Buffer>,
+    /// The current layer.
     layer: Planes,
-    /// Where blurs go in between.
-    between: Planes,
+    /// Intermediate planes of blurs.
+    scratch: Planes,
 }
 
-/// The layers on one side of focus, composed from the outermost towards focus as far as they were added.
-struct Half {
-    covered: Planes,
-    side: Side,
-    /// The rows, of those that the band reads, in which there may be anything.
+/// The layers on one side of focus, composited from the outermost towards focus.
+struct FocusSide {
+    composite: Planes,
+    order: CompositeOrder,
+    /// Range of the rows read by the band that may have content.
     rows: Range<usize>,
 }
 
-impl Painter<'_> {
-    /// Planes of content.
+impl Renderer<'_> {
+    /// Number of content planes.
     fn channels(&self) -> usize {
-        if self.open { 4 } else { 3 }
+        if self.transparent_background { 4 } else { 3 }
     }
 
-    /// Content of a band's rows.
+    /// Renders the rows of a band.
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
-        let canvas = self.canvas(size, band)?;
-        self.see(&canvas)?;
-        let half = |side| Ok::<_, Error>(Half { covered: self.covered(&canvas)?, side, rows: 0..0 });
-        let (mut front, mut back) = (half(Side::Behind)?, half(Side::Before)?);
+        let buffers = self.buffers(size, band)?;
+        self.find_visibility(&buffers)?;
+        let focus_side =
+            |order| Ok::<_, Error>(FocusSide { composite: self.empty_planes(&buffers)?, order, rows: 0..0 });
+        let (mut front, mut back) = (focus_side(CompositeOrder::Under)?, focus_side(CompositeOrder::Over)?);
         for layer in -self.layers.front..0 {
-            self.add(&mut front, layer, &canvas)?;
+            self.add(&mut front, layer, &buffers)?;
             progress((layer + self.layers.front) as f32 / self.layers.count() as f32);
         }
         for layer in (0..=self.layers.back).rev() {
-            self.add(&mut back, layer, &canvas)?;
+            self.add(&mut back, layer, &buffers)?;
             progress((self.layers.count() as i32 - layer - 1) as f32 / self.layers.count() as f32);
         }
-        let (halves, all) = ([&front.covered, &back.covered], 0..band.source.len());
-        self.gpu.submit(|work| self.compose(work, halves, &self.kernels.behind, &all, &canvas))?;
-        self.finish(size, &front.covered, &canvas)
+        let (sides, all_rows) = ([&front.composite, &back.composite], 0..band.source.len());
+        self.gpu
+            .submit(|work| self.compose(work, sides, &self.kernels.compose_under, &all_rows, &buffers))?;
+        self.finish(size, &front.composite, &buffers)
     }
 
-    fn canvas<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<Canvas<'b>, Error> {
+    fn buffers<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<BandBuffers<'b>, Error> {
         let (gpu, source) = (self.gpu, &band.source);
         let pixels = size.0 * source.len();
-        let peels = self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.covered, &peel.depth, source));
-        let unseen = self.peels.iter().skip(1).map(|_| gpu.zeros::<f32>("what is seen", pixels));
-        let all = gpu.upload("what is seen", &vec![1.0f32; pixels]);
-        let covered = || Planes::zeros(gpu, self.channels() + 1, pixels);
+        let peels = self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.planes, &peel.depth, source));
+        let zeros = self.peels.iter().skip(1).map(|_| gpu.zeros::<f32>("visibility", pixels));
+        let ones = gpu.upload("visibility", &vec![1.0f32; pixels]);
+        let empty_planes = || Planes::zeros(gpu, self.channels() + 1, pixels);
         let whole = Band { rows: source.clone(), source: source.clone() };
-        Ok(Canvas {
+        Ok(BandBuffers {
             band,
             width: size.0,
             frame: gpu.uniform(&Frame::new(size, &whole, self.channels()))?,
             peels: peels.collect::<Result<_, _>>()?,
-            seen: [all].into_iter().chain(unseen).collect::<Result<_, _>>()?,
-            layer: covered()?,
-            between: covered()?,
+            visibility: [ones].into_iter().chain(zeros).collect::<Result<_, _>>()?,
+            layer: empty_planes()?,
+            scratch: empty_planes()?,
         })
     }
 
-    /// A covered of the rows that are read, of which nothing is known.
-    fn covered(&self, canvas: &Canvas<'_>) -> Result<Planes, Error> {
-        Planes::zeros(self.gpu, self.channels() + 1, canvas.width * canvas.band.source.len())
+    /// Empty coverage planes for the rows that are read.
+    fn empty_planes(&self, buffers: &BandBuffers<'_>) -> Result<Planes, Error> {
+        Planes::zeros(self.gpu, self.channels() + 1, buffers.width * buffers.band.source.len())
     }
 
-    /// Finds how much of each peel is seen through those before it.
-    fn see(&self, canvas: &Canvas<'_>) -> Result<(), Error> {
-        let Canvas { frame, peels, seen, .. } = canvas;
-        let all = 0..canvas.band.source.len();
+    /// Computes the visibility of each peel behind those before it.
+    fn find_visibility(&self, buffers: &BandBuffers<'_>) -> Result<(), Error> {
+        let BandBuffers { frame, peels, visibility, .. } = buffers;
+        let all_rows = 0..buffers.band.source.len();
         self.gpu.submit(|work| {
-            for (peel, seen) in peels.iter().zip(seen.windows(2)) {
-                let bindings = [(2, frame), (5, &peel.rest), (10, &seen[0]), (11, &seen[1])];
-                self.at_rows(work, &self.kernels.see, &bindings, &all, canvas)?;
+            for (peel, visibility) in peels.iter().zip(visibility.windows(2)) {
+                let bindings = [(2, frame), (5, &peel.rest), (10, &visibility[0]), (11, &visibility[1])];
+                self.dispatch_rows(work, &self.kernels.visibility, &bindings, &all_rows, buffers)?;
             }
             Ok(())
         })
     }
 
     /// Adds the next layer towards focus, as on the CPU.
-    fn add(&self, half: &mut Half, layer: i32, canvas: &Canvas<'_>) -> Result<(), Error> {
+    fn add(&self, focus_side: &mut FocusSide, layer: i32, buffers: &BandBuffers<'_>) -> Result<(), Error> {
         let cascaded = self.cascaded || layer == 0;
-        let kernel = match half.side {
-            Side::Before => &self.kernels.before,
-            Side::Behind => &self.kernels.behind,
+        let kernel = match focus_side.order {
+            CompositeOrder::Over => &self.kernels.compose_over,
+            CompositeOrder::Under => &self.kernels.compose_under,
         };
         let matte = Matte::new(&self.layers, layer);
-        let mut own = self.rows_of(&matte, canvas);
+        let mut layer_rows = self.layer_rows(&matte, buffers);
         self.gpu.submit(|work| {
             if !cascaded {
-                own = wider(&own, sigma_px(layer), canvas);
+                layer_rows = widened(&layer_rows, sigma_px(layer), buffers);
             }
-            self.matte(work, &matte, &own, canvas)?;
+            self.matte(work, &matte, &layer_rows, buffers)?;
             if !cascaded {
-                self.blur(work, &canvas.layer, sigma_px(layer), &own, canvas)?;
+                self.blur(work, &buffers.layer, sigma_px(layer), &layer_rows, buffers)?;
             }
-            self.compose(work, [&half.covered, &canvas.layer], kernel, &own, canvas)?;
-            half.rows = both(&half.rows, &own);
+            self.compose(work, [&focus_side.composite, &buffers.layer], kernel, &layer_rows, buffers)?;
+            focus_side.rows = hull(&focus_side.rows, &layer_rows);
             if cascaded {
-                half.rows = wider(&half.rows, cascade_sigma_px(layer), canvas);
-                self.blur(work, &half.covered, cascade_sigma_px(layer), &half.rows, canvas)?;
+                focus_side.rows = widened(&focus_side.rows, cascade_sigma_px(layer), buffers);
+                self.blur(work, &focus_side.composite, cascade_sigma_px(layer), &focus_side.rows, buffers)?;
             }
             Ok(())
         })
     }
 
-    /// From the first to the last of the rows that the band reads in which there may be anything of a layer.
-    fn rows_of(&self, matte: &Matte, canvas: &Canvas<'_>) -> Range<usize> {
-        let source = &canvas.band.source;
-        let meets = |&y: &usize| self.peels.iter().any(|peel| matte.meets(peel.spans[source.start + y]));
-        let mut rows = (0..source.len()).filter(meets);
+    /// Range of the rows read by the band in which a layer may have content.
+    fn layer_rows(&self, matte: &Matte, buffers: &BandBuffers<'_>) -> Range<usize> {
+        let source = &buffers.band.source;
+        let overlaps =
+            |&y: &usize| self.peels.iter().any(|peel| matte.overlaps(peel.row_ranges[source.start + y]));
+        let mut rows = (0..source.len()).filter(overlaps);
         let Some(first) = rows.next() else { return 0..0 };
         first..rows.next_back().unwrap_or(first) + 1
     }
 
-    /// Makes these rows of a layer of the peels.
+    /// Mattes these rows of a layer out of the peels.
     fn matte(
         &self,
         work: &mut Work<'_>,
         matte: &Matte,
         rows: &Range<usize>,
-        canvas: &Canvas<'_>,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
-        let Canvas { frame, peels, seen, layer, band, .. } = canvas;
-        let spans = |peel: &DepthPeel| peel.spans[band.source.clone()].iter().any(|&span| matte.meets(span));
-        let met = self.peels.iter().enumerate().filter(|(_, peel)| spans(peel));
-        for (count, (i, _)) in met.enumerate() {
-            let shows = !self.open || i + 1 < self.peels.len();
+        let BandBuffers { frame, peels, visibility, layer, band, .. } = buffers;
+        let overlaps = |peel: &DepthPeel| {
+            peel.row_ranges[band.source.clone()].iter().any(|&range| matte.overlaps(range))
+        };
+        let overlapping = self.peels.iter().enumerate().filter(|(_, peel)| overlaps(peel));
+        for (count, (i, _)) in overlapping.enumerate() {
+            let shows = !self.transparent_background || i + 1 < self.peels.len();
             let matting = self.gpu.uniform(&Matting::new(matte, shows, count == 0))?;
             let bindings = [
                 (2, frame),
@@ -324,57 +333,58 @@ impl Painter<'_> {
                 (5, &peels[i].rest),
                 (8, &layer.colors),
                 (9, &layer.rest),
-                (10, &seen[i]),
+                (10, &visibility[i]),
             ];
-            self.at_rows(work, &self.kernels.share, &bindings, rows, canvas)?;
+            self.dispatch_rows(work, &self.kernels.add_share, &bindings, rows, buffers)?;
         }
         Ok(())
     }
 
-    /// Composes these rows of a covered with a layer, before or behind it.
+    /// Composites these rows of a composite with a layer, in front of it or behind it.
     fn compose(
         &self,
         work: &mut Work<'_>,
-        [covered, layer]: [&Planes; 2],
+        [composite, layer]: [&Planes; 2],
         kernel: &Kernel,
         rows: &Range<usize>,
-        canvas: &Canvas<'_>,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
         let bindings = [
-            (2, &canvas.frame),
-            (6, &covered.colors),
-            (7, &covered.rest),
+            (2, &buffers.frame),
+            (6, &composite.colors),
+            (7, &composite.rest),
             (8, &layer.colors),
             (9, &layer.rest),
         ];
-        self.at_rows(work, kernel, &bindings, rows, canvas)
+        self.dispatch_rows(work, kernel, &bindings, rows, buffers)
     }
 
-    /// Blurs these rows of content and coverage alike, rows first; past them there is nothing, as far as the blur reaches.
+    /// Blurs these rows of content and coverage alike, rows first; within the blur's reach beyond them all values are
+    /// zero.
     fn blur(
         &self,
         work: &mut Work<'_>,
-        covered: &Planes,
+        composite: &Planes,
         sigma_px: f32,
         rows: &Range<usize>,
-        canvas: &Canvas<'_>,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
         if sigma_px <= 0.0 || rows.is_empty() {
             return Ok(());
         }
         let filter = ExtendedBox::from_sigma(sigma_px);
-        let passes = blur_passes(&filter, (canvas.width, canvas.band.source.len()), rows, self.brightest);
+        let passes = blur_passes(&filter, (buffers.width, buffers.band.source.len()), rows, self.max_value);
         let rest = self.channels() + 1 - 3;
-        let Planes { colors, rest: others } = &canvas.between;
-        self.passes(work, [&covered.colors, colors], &passes, 3)?;
-        self.passes(work, [&covered.rest, others], &passes, rest)
+        let Planes { colors, rest: others } = &buffers.scratch;
+        self.passes(work, [&composite.colors, colors], &passes, 3)?;
+        self.passes(work, [&composite.rest, others], &passes, rest)
     }
 
-    /// Blurs `count` planes; they go back and forth, and end where they began.
+    /// Blurs `count` planes; the passes alternate between two buffers, and the result is in the first one.
     fn passes(
         &self,
         work: &mut Work<'_>,
-        [planes, between]: [&Buffer; 2],
+        [planes, scratch]: [&Buffer; 2],
         passes: &[Lines; 2 * PASSES],
         count: usize,
     ) -> Result<(), Error> {
@@ -384,44 +394,54 @@ impl Painter<'_> {
             let uniform = self.gpu.uniform(lines)?;
             let [lines_across, chunks] = [(lines.count, LANES), (lines.length, lines.chunk as u32)]
                 .map(|(all, part)| (all as u32).div_ceil(part));
-            let [from, to] = if pass % 2 == 0 { [planes, between] } else { [between, planes] };
+            let [from, to] = if pass % 2 == 0 { [planes, scratch] } else { [scratch, planes] };
             let bindings = [(12, from), (13, to), (14, &uniform)];
-            work.pass(&self.kernels.pass_along, &bindings, [lines_across, chunks, count as u32])?;
+            work.pass(&self.kernels.box_pass, &bindings, [lines_across, chunks, count as u32])?;
         }
         Ok(())
     }
 
-    /// Asks for `kernel` at every pixel of these rows of those that the band reads.
-    fn at_rows(
+    /// Dispatches `kernel` for every pixel of these rows of those that the band reads.
+    fn dispatch_rows(
         &self,
         work: &mut Work<'_>,
         kernel: &Kernel,
         bindings: &[(u32, &Buffer)],
         rows: &Range<usize>,
-        canvas: &Canvas<'_>,
+        buffers: &BandBuffers<'_>,
     ) -> Result<(), Error> {
         if rows.is_empty() {
             return Ok(());
         }
         let part = self.gpu.uniform(&Part { first_row: rows.start as i32, rows: rows.len() as i32 })?;
         let bindings = [bindings, &[(15, &part)]].concat();
-        at_pixels(work, kernel, &bindings, (canvas.width, rows.len()))
+        at_pixels(work, kernel, &bindings, (buffers.width, rows.len()))
     }
 
-    /// The rows that the band makes, divided by coverage.
-    fn finish(&self, size: (usize, usize), covered: &Planes, canvas: &Canvas<'_>) -> Result<Planes, Error> {
-        let made = (size.0, canvas.band.rows.len());
+    /// The rows that the band renders, divided by coverage.
+    fn finish(
+        &self,
+        size: (usize, usize),
+        composite: &Planes,
+        buffers: &BandBuffers<'_>,
+    ) -> Result<Planes, Error> {
+        let made = (size.0, buffers.band.rows.len());
         let result = Planes::zeros(self.gpu, self.channels() + 1, made.0 * made.1)?;
-        let frame = self.gpu.uniform(&Frame::new(size, canvas.band, self.channels()))?;
-        let bindings =
-            [(2, &frame), (6, &result.colors), (7, &result.rest), (8, &covered.colors), (9, &covered.rest)];
+        let frame = self.gpu.uniform(&Frame::new(size, buffers.band, self.channels()))?;
+        let bindings = [
+            (2, &frame),
+            (6, &result.colors),
+            (7, &result.rest),
+            (8, &composite.colors),
+            (9, &composite.rest),
+        ];
         self.gpu.submit(|work| at_pixels(work, &self.kernels.finish, &bindings, made))?;
         Ok(result)
     }
 }
 
-/// From the first to the last of two ranges of rows, of which either may be empty.
-fn both(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
+/// Smallest range that contains two ranges of rows, either of which may be empty.
+fn hull(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
     match (one.is_empty(), other.is_empty()) {
         (true, _) => other.clone(),
         (_, true) => one.clone(),
@@ -429,13 +449,13 @@ fn both(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
     }
 }
 
-/// The rows in which there may be anything after a blur.
-fn wider(rows: &Range<usize>, sigma_px: f32, canvas: &Canvas<'_>) -> Range<usize> {
+/// The rows that may have content after a blur.
+fn widened(rows: &Range<usize>, sigma_px: f32, buffers: &BandBuffers<'_>) -> Range<usize> {
     let reach = ExtendedBox::from_sigma(sigma_px).reach();
     if rows.is_empty() || sigma_px <= 0.0 {
         return rows.clone();
     }
-    rows.start.saturating_sub(reach)..(rows.end + reach).min(canvas.band.source.len())
+    rows.start.saturating_sub(reach)..(rows.end + reach).min(buffers.band.source.len())
 }
 
 #[cfg(test)]
@@ -443,7 +463,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cascade_reaches_as_far_as_its_blurs_together_or_eight_deviations() {
+    fn the_reach_of_a_cascade_is_that_of_its_blurs_up_to_eight_deviations() {
         let layers = |radius_px: f32| {
             let parameters = RecursiveGaussianParameters::default();
             Layers::new([-radius_px, 0.0], 1000.0, &parameters)

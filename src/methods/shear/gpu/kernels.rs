@@ -1,0 +1,80 @@
+//! The shader of `shear`, and the constants and structures that it shares with the program.
+
+use crate::gpu::{Constant, Mirrored, Shader, mirrored};
+use crate::methods::shear::keys::{BIN_SHIFT, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
+use crate::methods::shear::paint::{MIN_HIT_VIEWS, MIN_TRANSMITTANCE};
+use crate::scene::OPAQUE_ALPHA;
+
+/// The shader.
+pub(super) static SHADER: Shader = Shader {
+    name: "shear",
+    constants: &[
+        ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
+        ("MIN_TRANSMITTANCE", Constant::Float(MIN_TRANSMITTANCE)),
+        ("MIN_HIT_VIEWS", Constant::Float(MIN_HIT_VIEWS)),
+        ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
+        ("EXTRA_SHIFT", Constant::Uint(EXTRA_SHIFT)),
+        ("EXTRA_MASK", Constant::Uint(EXTRA_MASK as u32)),
+        ("OPAQUE", Constant::Uint(OPAQUE as u32)),
+        ("NO_KEY", Constant::Uint(NO_KEY as u32)),
+        ("TILE", Constant::Uint(TILE as u32)),
+        ("BLOCK", Constant::Uint(BLOCK as u32)),
+        ("SQUARE", Constant::Uint(SQUARE as u32)),
+    ],
+    parts: &[
+        include_str!("../../../../shaders/methods/shear.wgsl"),
+        include_str!("../../../../shaders/methods/shear_lists.wgsl"),
+    ],
+    structs: &[Params::LAYOUT],
+};
+
+/// Side of the shader's tiles, in pixels.
+pub(super) const TILE: usize = 16;
+
+/// Side of the shader's blocks, in pixels.
+pub(super) const BLOCK: usize = 4;
+
+/// Initial capacity of a list of groups. Most lists have one or two entries; lists are built again if one is longer.
+pub(super) const LIST_ENTRIES: usize = 16;
+
+/// Side of the shader's squares, in tiles.
+pub(super) const SQUARE: usize = 4;
+
+/// Bytes of a colour.
+pub(super) const TEXEL_BYTES: usize = size_of::<[f32; 4]>();
+
+/// Layers whose keys share a texel.
+pub(super) const LAYERS_PER_TEXEL: usize = 4;
+
+/// Planes of the unfinished picture: red, green, blue, alpha, and the share of rays that hit something in focus.
+pub(super) const PLANES: usize = 5;
+
+/// Planes of sums: red, green, blue, rays that hit something in focus, rays that hit nothing, and rays that the barrel hides.
+pub(super) const SUMS: usize = 6;
+
+mirrored! {
+    /// The parameters of all kernels, documented in the shader.
+    pub(super) struct Params {
+        width: u32,
+        height: u32,
+        source_start: u32,
+        source_rows: u32,
+        band_start: u32,
+        band_rows: u32,
+        layers: u32,
+        bins: u32,
+        words: u32,
+        entries: u32,
+        focused_start: u32,
+        focused_end: u32,
+        views: u32,
+        batch_views: u32,
+        transparent_background: u32,
+        channels: u32,
+        cats_eye: f32,
+        axis_x_px: f32,
+        axis_y_px: f32,
+        half_diagonal_px: f32,
+        softness: f32,
+    }
+}

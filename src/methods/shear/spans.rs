@@ -1,0 +1,213 @@
+//! Rows as spans: for each row and each bin, the ranges of columns whose fragments move together.
+
+use super::bins::Bins;
+use super::keys::{BIN_SHIFT, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, NO_KEY, OPAQUE};
+use crate::scene::Layer;
+use rayon::prelude::*;
+use std::ops::RangeInclusive;
+
+/// Neighbouring fragments of one row, one layer and one bin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Span {
+    /// First column.
+    pub(super) start: u32,
+    /// Column past the last.
+    pub(super) end: u32,
+    /// Index of the layer.
+    pub(super) layer: u8,
+    /// Whether its fragments are opaque.
+    pub(super) opaque: bool,
+}
+
+/// The spans of one row, sorted by bin and, within a bin, by layer and column.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RowSpans {
+    /// `starts[b] .. starts[b + 1]` are the spans of bin `b`.
+    starts: Vec<u32>,
+    spans: Vec<Span>,
+}
+
+impl RowSpans {
+    /// The spans of bin `bin`.
+    pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
+        &self.spans[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+}
+
+/// The spans of all rows, and the rows in which each bin occurs.
+#[derive(Debug, Clone)]
+pub(super) struct Spans {
+    /// The rows from the top.
+    pub(super) rows: Vec<RowSpans>,
+    /// `spans_above[b][y]`: how many spans of bin `b` lie in the rows above row `y`.
+    spans_above: Vec<Vec<u32>>,
+}
+
+impl Spans {
+    /// Whether bin `bin` has a span in any of `rows`; rows past the border count as the border row.
+    pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
+        let last = self.rows.len() as i32 - 1;
+        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
+        self.spans_above[bin][last + 1] > self.spans_above[bin][first]
+    }
+}
+
+/// Finds the spans of `layers`.
+pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
+    let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
+    let keys = Keys::new(layers, bins);
+    let scratch = || (KeyRow::new(width), Vec::new());
+    let rows: Vec<RowSpans> = (0..height)
+        .into_par_iter()
+        .map_init(scratch, |(row, spans), y| {
+            spans.clear();
+            for layer in 0..layers.len() {
+                keys.fill((layer, y), row);
+                scan(&row.keys, layer as u8, spans);
+            }
+            sorted_by_bin(spans, bins.count())
+        })
+        .collect();
+    let spans_above = (0..bins.count())
+        .map(|bin| {
+            let mut above = 0;
+            let counts = rows.iter().map(|row| row.of_bin(bin).len() as u32);
+            std::iter::once(0)
+                .chain(counts.map(|count| {
+                    above += count;
+                    above
+                }))
+                .collect()
+        })
+        .collect();
+    Spans { rows, spans_above }
+}
+
+/// Appends the spans of one row of keys to `found`, each with its bin.
+fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Span)>) {
+    let mut open = OpenSpans::default();
+    let mut last = NO_KEY;
+    for (x, &key) in keys.iter().enumerate() {
+        if key != last {
+            open.change(key, x as u32, layer, found);
+            last = key;
+        }
+    }
+    open.change(NO_KEY, keys.len() as u32, layer, found);
+}
+
+/// The spans that are open at a column: those of the fragment's bin and of the bins it joins.
+#[derive(Default)]
+struct OpenSpans {
+    /// The open bins are `first .. first + count`.
+    first: u16,
+    /// For each open bin, the first column of its span.
+    starts: [u32; 3],
+    count: u16,
+    opaque: bool,
+}
+
+impl OpenSpans {
+    /// Closes the spans that `key` does not continue and opens those that it begins at column `x`.
+    fn change(&mut self, key: Key, x: u32, layer: u8, found: &mut Vec<(u16, Span)>) {
+        let opaque = key & OPAQUE != 0;
+        let (first, count) =
+            if key == NO_KEY { (0, 0) } else { (key >> BIN_SHIFT, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK)) };
+        let continues = |bin: u16| opaque == self.opaque && bin >= first && bin < first + count;
+        for k in 0..self.count {
+            let bin = self.first + k;
+            if !continues(bin) {
+                let span = Span { start: self.starts[k as usize], end: x, layer, opaque: self.opaque };
+                found.push((bin, span));
+            }
+        }
+        let mut starts = [x; 3];
+        for k in 0..count {
+            let bin = first + k;
+            if opaque == self.opaque && bin >= self.first && bin < self.first + self.count {
+                starts[k as usize] = self.starts[(bin - self.first) as usize];
+            }
+        }
+        *self = Self { first, starts, count, opaque };
+    }
+}
+
+/// The spans `found`, sorted by bin with a stable counting sort.
+fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> RowSpans {
+    let mut starts = vec![0u32; bins + 1];
+    for (bin, _) in found {
+        starts[*bin as usize + 1] += 1;
+    }
+    for bin in 0..bins {
+        starts[bin + 1] += starts[bin];
+    }
+    let mut next = starts.clone();
+    let mut spans = vec![Span { start: 0, end: 0, layer: 0, opaque: false }; found.len()];
+    for (bin, span) in found {
+        let index = &mut next[*bin as usize];
+        spans[*index as usize] = *span;
+        *index += 1;
+    }
+    RowSpans { starts, spans }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    fn layer(alpha: &[f32], coc: &[f32]) -> Layer {
+        let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
+        Layer { color: std::array::from_fn(|_| plane(alpha)), alpha: plane(alpha), coc_px: plane(coc) }
+    }
+
+    fn span(start: u32, end: u32, opaque: bool) -> Span {
+        Span { start, end, layer: 0, opaque }
+    }
+
+    #[test]
+    fn fragments_of_one_bin_are_one_run() {
+        let spans = find(&[layer(&[1.0; 4], &[3.0; 4])], &Bins::new([3.0, 3.0], 0.5));
+        assert_eq!(spans.rows[0].of_bin(0), [span(0, 4, true)], "the whole row");
+    }
+
+    #[test]
+    fn spans_of_a_slanted_surface_overlap_from_bin_to_bin() {
+        let bins = Bins::new([0.0, 0.4], 0.5);
+        let spans = find(&[layer(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
+        assert_eq!(
+            spans.rows[0].of_bin(0),
+            [span(0, 3, true)],
+            "the nearer part and one fragment of the farther"
+        );
+        assert_eq!(
+            spans.rows[0].of_bin(1),
+            [span(1, 4, true)],
+            "the farther part and one fragment of the nearer"
+        );
+    }
+
+    #[test]
+    fn fragments_across_an_edge_in_depth_do_not_join() {
+        let bins = Bins::new([0.0, 5.0], 0.5);
+        let spans = find(&[layer(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
+        assert_eq!(spans.rows[0].of_bin(0), [span(0, 2, true)], "in front");
+        assert_eq!(spans.rows[0].of_bin(10), [span(2, 4, true)], "behind");
+    }
+
+    #[test]
+    fn a_translucent_fragment_stays_in_its_bin() {
+        let bins = Bins::new([0.0, 0.4], 0.5);
+        let spans = find(&[layer(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
+        let translucent =
+            |bin| spans.rows[0].of_bin(bin).iter().filter(|span| !span.opaque).copied().collect::<Vec<_>>();
+        assert_eq!(translucent(0), [span(1, 2, false)], "once in its own bin");
+        assert_eq!(translucent(1), [], "not in its neighbour's");
+    }
+
+    #[test]
+    fn empty_samples_end_runs() {
+        let spans = find(&[layer(&[1.0, 0.0, 1.0], &[3.0; 3])], &Bins::new([3.0, 3.0], 0.5));
+        assert_eq!(spans.rows[0].of_bin(0), [span(0, 1, true), span(2, 3, true)], "two spans");
+    }
+}
