@@ -1,9 +1,9 @@
-//! How near a true thin lens the pictures come, for every stack of a folder of scenes.
+//! Accuracy against a true thin lens, for every stack of a folder of scenes.
 //!
 //! `cargo run --release --example accuracy -- samples [VIEWS …]`
 //!
 //! A scene is a folder with a `preset.toml`, a `reference.exr` rendered with the lens on, and any of `stack.exr`,
-//! `stack_coverage.exr`, `stack_2x.exr` and `pinhole.exr`. Figures are PSNR in dB, sRGB-encoded and clipped, whole picture.
+//! `stack_coverage.exr`, `stack_2x.exr` and `pinhole.exr`. Figures are PSNR in dB of sRGB-encoded, clipped values over the whole picture.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -42,7 +42,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// The folders in `folder` that are scenes, by name.
+/// The scenes in `folder`, sorted by name.
 fn scenes(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut scenes: Vec<PathBuf> = entries.filter(|path| path.join("reference.exr").is_file()).collect();

@@ -1,12 +1,12 @@
-//! Measures the methods, fits the table of costs (`src/cost/table.rs`), and says how far predictions are off.
+//! Measures the methods, fits their cost terms (`cost.rs` in each method's folder), and reports the error of predictions.
 //!
 //! `cargo run --release --example cost_model -- samples [MEASUREMENTS.csv]`
 //!
-//! A scene is a folder with a `preset.toml` and any of `stack.exr`, `stack_coverage.exr`, `stack_2x.exr` and `pinhole.exr`, each blurred through
-//! several lenses; one made scene joins them. Seconds are processor seconds of the blur, the median of three runs, in turns.
-//! They are kept in the file that is named second: where it has a figure, nothing is run again.
+//! A scene is a folder with a `preset.toml` and any of `stack.exr`, `stack_coverage.exr`, `stack_2x.exr` and `pinhole.exr`, each blurred by
+//! several lenses; one generated scene is added. Seconds are processor seconds of the blur, the median of three alternating runs.
+//! They are stored in the file given as second argument; a case that has a figure there is not run again.
 //!
-//! Errors are `predicted / measured − 1` for each scene, predicted from a fit without it; `X` and `X_hd` are one scene.
+//! Errors are `predicted / measured − 1` for each scene, predicted by a fit without that scene; `X` and `X_hd` count as one scene.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -30,11 +30,11 @@ use thinlens::usage::Stopwatch;
 const INPUTS: [(&str, Option<usize>); 4] =
     [("stack.exr", None), ("pinhole.exr", None), ("stack_coverage.exr", None), ("stack_2x.exr", Some(2))];
 
-/// The preset's f-number is divided by these.
+/// Factors by which the preset's f-number is divided.
 const WIDER: [f32; 2] = [1.0, 0.4];
 
-/// Settings that are measured beside each method's own steps; rays are slow, so theirs are few.
-const CONTENDERS: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 accumulate:32 recursive-gaussian:layers=4 \
+/// The candidates that are measured; methods that trace rays are slow, so they have few views.
+const CANDIDATES: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 accumulate:32 recursive-gaussian:layers=4 \
     recursive-gaussian:layers=16 recursive-gaussian b-buffer point-splat point-splat:accelerated=false point-splat:hidden=false \
     layer-rays:2 layer-rays:4 layer-rays:32 layer-rays:4+cones=false layer-rays:4+iterations=6 layer-rays:4+delta_px=1 \
     opaque-blur opaque-blur:first_radius_px=0.85 opaque-blur:first_radius_px=3.4 \
@@ -42,7 +42,7 @@ const CONTENDERS: &str = "shear:16 shear:64 shear:256 accumulate:2 accumulate:4 
     pyramid-disocclusion pyramid-disocclusion:first_radius_px=0.85 pyramid-disocclusion:first_radius_px=3.4 \
     gather:64 gather:256 gather:1024 scatter";
 
-/// Rays, and pixels of sprites, past which a case is left out.
+/// Largest numbers of rays, and of pixels of sprites; a case with more is left out.
 const MAX_RAYS: f64 = 9e6;
 const MAX_SPRITES: f64 = 6e7;
 
@@ -54,7 +54,7 @@ struct Case {
     settings: Settings,
 }
 
-/// What was measured, and what it consists of.
+/// A measurement, with its amounts of work by term.
 struct Sample {
     group: String,
     name: String,
@@ -67,14 +67,14 @@ type Measurements = BTreeMap<String, f64>;
 fn main() -> Result<(), Error> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
     let folder = arguments.next().unwrap_or_else(|| PathBuf::from("samples"));
-    let kept = arguments.next();
-    let mut measurements = kept.as_deref().map(read).unwrap_or_default();
+    let file = arguments.next();
+    let mut measurements = file.as_deref().map(read).unwrap_or_default();
     let mut samples: BTreeMap<&'static str, Vec<Sample>> = BTreeMap::new();
     let mut add = |case: Case| -> Result<(), Error> {
         for (method, sample) in measure(&case, &mut measurements)? {
             samples.entry(method).or_default().push(sample);
         }
-        kept.as_deref().map_or(Ok(()), |file| write(file, &measurements))
+        file.as_deref().map_or(Ok(()), |file| write(file, &measurements))
     };
     for folder in folders(&folder) {
         for input in INPUTS {
@@ -121,7 +121,7 @@ fn read_case(
     wider: f32,
 ) -> Result<Option<Case>, Error> {
     let (file, preset) = (folder.join(input), folder.join("preset.toml"));
-    // Other kinds of stack differ in kind, not in lens.
+    // Only point-sampled stacks and pinhole pictures are blurred by several lenses.
     if !file.is_file() || (wider != 1.0 && input != "stack.exr" && input != "pinhole.exr") {
         return Ok(None);
     }
@@ -146,7 +146,7 @@ fn read_case(
     }))
 }
 
-/// The benches' scene with CoC radii up to `coc_px`, and about so many lights in it.
+/// The benches' scene with CoC radii up to `coc_px` and about `lights` lights.
 fn made(size: (usize, usize), coc_px: f32, lights: usize) -> Case {
     let mut scene = scene::scaled(&scene::synthetic(size.0, size.1), coc_px);
     let every = (size.0 * size.1).checked_div(lights).unwrap_or(usize::MAX);
@@ -161,11 +161,11 @@ fn made(size: (usize, usize), coc_px: f32, lights: usize) -> Case {
     }
 }
 
-/// Measures what of `case` is not in `measurements`.
+/// Measures the candidates of `case` that are not in `measurements`, and returns the samples of all.
 fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static str, Sample)>, Error> {
     let (stats, registry) = (case.scene.analyze(), Registry::default());
     let mut plans = Vec::new();
-    for text in CONTENDERS.split_whitespace() {
+    for text in CANDIDATES.split_whitespace() {
         let candidate = Candidate::parse(text, &registry)?;
         let plan = registry.plan(&stats, &candidate.settings(&case.settings)?)?;
         let terms = amounts(&stats, &plan);
@@ -182,7 +182,7 @@ fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static
     for _ in 0..3 {
         for (_, name, plan, _) in plans.iter().filter(|(_, name, ..)| !measurements.contains_key(name)) {
             let runs = runs.entry(name).or_default();
-            // What takes long is hardly disturbed.
+            // A long run is hardly disturbed by other load, so it is not repeated.
             if runs.first().is_none_or(|seconds| *seconds < 0.2) {
                 runs.push(run(&case.scene, plan)?);
             }
@@ -196,17 +196,17 @@ fn measure(case: &Case, measurements: &mut Measurements) -> Result<Vec<(&'static
     Ok(plans.into_iter().map(sample).collect())
 }
 
-/// The amounts of work of `plan`, term by term, with the terms' names.
+/// The amounts of work of `plan`, by the terms' names.
 fn amounts(stats: &SceneStats, plan: &Plan) -> Vec<(&'static str, f64)> {
     let cost = terms(stats, plan).expect("every built-in method says its cost");
     cost.terms.iter().map(|term| (term.name, term.amount)).collect()
 }
 
 fn is_affordable(terms: &[(&'static str, f64)], method: &str) -> bool {
-    let of = |wanted: &str| terms.iter().find(|(name, _)| *name == wanted).map_or(0.0, |(_, amount)| *amount);
+    let amount = |term: &str| terms.iter().find(|(name, _)| *name == term).map_or(0.0, |(_, amount)| *amount);
     match method {
-        "accumulate" | "layer-rays" | "peel-rays" => of("rays") <= MAX_RAYS,
-        "point-splat" => of("area of sprites") <= MAX_SPRITES,
+        "accumulate" | "layer-rays" | "peel-rays" => amount("rays") <= MAX_RAYS,
+        "point-splat" => amount("area of sprites") <= MAX_SPRITES,
         _ => true,
     }
 }
@@ -223,7 +223,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Nanoseconds a unit of each term, none negative, with the least sum of squared relative errors: coordinate by coordinate.
+/// Nanoseconds per unit of each term: a non-negative least-squares fit of the relative errors by coordinate descent.
 fn fit(samples: &[&Sample]) -> Vec<f64> {
     let count = samples.first().map_or(0, |sample| sample.terms.len());
     let column = |sample: &Sample, k: usize| sample.terms[k].1 * 1e-9 / sample.seconds;
@@ -231,12 +231,12 @@ fn fit(samples: &[&Sample]) -> Vec<f64> {
     let products: Vec<Vec<f64>> = (0..count)
         .map(|k| (0..count).map(|l| sum(&|sample| column(sample, k) * column(sample, l))).collect())
         .collect();
-    let wanted: Vec<f64> = (0..count).map(|k| sum(&|sample| column(sample, k))).collect();
+    let targets: Vec<f64> = (0..count).map(|k| sum(&|sample| column(sample, k))).collect();
     let mut nanoseconds = vec![0.0; count];
     for _ in 0..20_000 {
         for k in (0..count).filter(|&k| products[k][k] > 0.0) {
             let others: f64 = (0..count).filter(|&l| l != k).map(|l| products[k][l] * nanoseconds[l]).sum();
-            nanoseconds[k] = ((wanted[k] - others) / products[k][k]).max(0.0);
+            nanoseconds[k] = ((targets[k] - others) / products[k][k]).max(0.0);
         }
     }
     nanoseconds
@@ -248,7 +248,7 @@ fn error(sample: &Sample, nanoseconds: &[f64]) -> f64 {
     terms.sum::<f64>() * 1e-9 / sample.seconds - 1.0
 }
 
-/// Prints how far predictions of each scene are off that were fitted without it.
+/// Prints the errors of predictions for each scene by a fit without that scene.
 fn report(method: &str, samples: &[Sample]) {
     let mut errors: Vec<(f64, &str)> = samples
         .iter()
@@ -266,7 +266,7 @@ fn report(method: &str, samples: &[Sample]) {
     println!("{method:<22}{:>7}{:>7.0} %{:>7.0} %   {}", errors.len(), at(0.5), at(0.9), worst.join(", "));
 }
 
-/// Prints the terms of a method as the table has them.
+/// Prints the terms of a method as its `cost.rs` declares them.
 fn print_fit(method: &str, samples: &[Sample]) {
     println!("{method}");
     let nanoseconds = fit(&samples.iter().collect::<Vec<_>>());

@@ -1,10 +1,10 @@
-//! Fingerprints of the pictures that a build of the program makes: two builds whose tables are equal make the same bits.
+//! Fingerprints of the pictures that a build of the program renders: two builds with equal tables render the same bits.
 //!
 //! `cargo run --release --example fingerprints -- PROGRAM [cpu|gpu …]`
 //!
-//! PROGRAM renders both samples and five stacks made here, with every method, on each device (`cpu` unless told otherwise; `gpu` takes
-//! any adapter, Mesa's lavapipe too). A line is stack, method, device and the FNV-1a hash of the picture's 32-bit samples. Run it with two
-//! builds and compare the tables with `diff`.
+//! PROGRAM renders both samples and five generated stacks with every method on each device (`cpu` by default; `gpu` takes
+//! any adapter, including Mesa's lavapipe). A line is stack, method, device and the FNV-1a hash of the picture's 32-bit samples. Run it with
+//! two builds and compare the tables with `diff`.
 
 #![expect(
     clippy::print_stdout,
@@ -25,7 +25,7 @@ struct Case {
     flags: Vec<String>,
 }
 
-/// What the program says of one method.
+/// One method, as the program lists it.
 struct Method {
     name: String,
     samples_the_lens: bool,
@@ -105,7 +105,7 @@ fn fingerprint(picture: &Path) -> String {
     let image = read_all_flat_layers_from_file(picture).unwrap();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for channel in image.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
-        let FlatSamples::F32(samples) = &channel.sample_data else { panic!("float was asked for") };
+        let FlatSamples::F32(samples) = &channel.sample_data else { panic!("expected 32-bit floats") };
         for byte in samples.iter().flat_map(|sample| sample.to_bits().to_le_bytes()) {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
@@ -122,10 +122,10 @@ fn samples() -> Vec<Case> {
     ["fence", "table"].map(case).into()
 }
 
-/// A fragment of a made stack: red, green, blue, alpha, depth; premultiplied.
+/// A fragment of a generated stack: red, green, blue, alpha, depth; premultiplied.
 type Fragment = [f32; 5];
 
-/// Peels of which `at(x, y, peel)` has the fragments.
+/// A generated stack, with `at(x, y, peel)` as its fragments.
 struct Made {
     name: &'static str,
     peels: usize,
@@ -133,7 +133,7 @@ struct Made {
     at: fn(usize, usize, usize) -> Fragment,
 }
 
-const NOTHING: Fragment = [0.0, 0.0, 0.0, 0.0, 1e10];
+const EMPTY: Fragment = [0.0, 0.0, 0.0, 0.0, 1e10];
 
 /// A fixed pattern of values between 0 and 1.
 fn pattern(x: usize, y: usize, k: usize) -> f32 {
@@ -141,7 +141,7 @@ fn pattern(x: usize, y: usize, k: usize) -> f32 {
     ((bits ^ (bits >> 13)).wrapping_mul(0x5bd1_e995) % 1024) as f32 / 1024.0
 }
 
-/// A textured fragment of this coverage at this depth.
+/// A textured fragment with this alpha at this depth.
 fn surface(x: usize, y: usize, k: usize, (alpha, depth): (f32, f32)) -> Fragment {
     let [r, g, b] = [0, 1, 2].map(|c| alpha * (0.2 + 0.7 * pattern(x / 2, y / 2, 3 * k + c)));
     [r, g, b, alpha, depth]
@@ -154,7 +154,7 @@ const MADE: [Made; 5] = [
         flags: "--focal-length 85 --f-number 1.4 --focus 4",
         at: |x, y, peel| match (x % 24 < 8, peel) {
             (true, 0) => surface(x, y, 0, (1.0, 2.0)),
-            (false, 1) => NOTHING,
+            (false, 1) => EMPTY,
             _ if (x + 5 * y).is_multiple_of(97) => [40.0, 30.0, 20.0, 1.0, 9.0],
             _ => surface(x, y, 1, (1.0, 3.0 + 0.1 * y as f32)),
         },
@@ -169,7 +169,7 @@ const MADE: [Made; 5] = [
             }
             1 if x > 20 => surface(x, y, 1, (0.6, 3.0)),
             2 => surface(x, y, 2, (1.0, 8.0)),
-            _ => NOTHING,
+            _ => EMPTY,
         },
     },
     Made {
@@ -177,7 +177,7 @@ const MADE: [Made; 5] = [
         peels: 1,
         flags: "--focal-length 85 --f-number 2 --focus 5",
         at: |x, y, _| match (x, y) {
-            (0..=9, 0..=9) => NOTHING,
+            (0..=9, 0..=9) => EMPTY,
             (30..=50, 15..=45) => surface(x, y, 0, (1.0, 2.5)),
             _ => surface(x, y, 1, (1.0, 4.0 + 0.08 * y as f32)),
         },
@@ -188,7 +188,7 @@ const MADE: [Made; 5] = [
         flags: "--focal-length 85 --f-number 1.4 --focus 4 --supersample 2",
         at: |x, y, peel| match ((x + y) % 31 < 9, peel) {
             (true, 0) => surface(x, y, 0, (1.0, 2.5)),
-            (false, 1) => NOTHING,
+            (false, 1) => EMPTY,
             _ => surface(x, y, 1, (1.0, 4.0 + 0.05 * x as f32)),
         },
     },
@@ -201,7 +201,7 @@ const MADE: [Made; 5] = [
                 surface(x, y, peel, (1.0, 1.4 + 0.5 * peel as f32 + 0.012 * y as f32))
             }
             3 => surface(x, y, 3, (1.0, 2.5 + 0.05 * y as f32)),
-            _ => NOTHING,
+            _ => EMPTY,
         },
     },
 ];

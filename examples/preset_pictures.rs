@@ -1,10 +1,10 @@
-//! A picture for each preset on board: the same set, built around what each lens is for.
+//! A picture for each built-in preset: one set, scaled to the typical subject of each lens.
 //!
 //! `cargo run --release --example preset_pictures -- docs/presets`
 //!
-//! A ball in focus stands on a floor of tiles before a dark wall, with lights before the wall and one string of them in front of the ball.
-//! All lengths are in widths of the frame where the ball stands, and how wide that is differs: a face for a portrait, a tile for a macro.
-//! Every distance follows from the lens's angle, so that all pictures show the same and differ by their blur alone.
+//! A ball in focus stands on a tiled floor in front of a dark wall, with lights in front of the wall and a string of lights in front of the
+//! ball. All lengths are in widths of the frame at the ball, which differ by preset: a face for a portrait, a tile for a macro.
+//! Distances follow from the lens's angle of view, so that all pictures show the same view and differ only in their blur.
 
 use glam::Vec2;
 use std::path::PathBuf;
@@ -21,13 +21,13 @@ use thinlens::stack::StackKind;
 /// Width and height of a picture.
 const SIZE: [usize; 2] = [360, 240];
 
-/// Samples a pixel along each axis.
+/// Samples per pixel along each axis.
 const SAMPLES: usize = 3;
 
-/// How far the floor lies below the axis, in frame widths.
+/// Distance of the floor below the axis, in frame widths.
 const FLOOR: f32 = 0.22;
 
-/// Width in metres of what the frame shows where the ball stands, and how far the wall is, the distance of the ball being 1.
+/// Width of the frame at the ball in metres, and distance of the wall in units of the ball's distance.
 fn frame(preset: &str) -> (f32, f32) {
     match preset {
         "portrait" => (0.9, 4.0),
@@ -42,7 +42,7 @@ fn frame(preset: &str) -> (f32, f32) {
     }
 }
 
-/// What a ray of the pinhole camera meets: its distance, and its colour.
+/// A hit of a ray of the pinhole camera: distance and colour.
 type Hit = (f32, [f32; 3]);
 
 fn main() -> Result<(), Error> {
@@ -61,7 +61,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// The set before the lens of `settings`.
+/// The set as seen by the lens of `settings`.
 fn set(preset: &str, settings: &Settings) -> Result<Scene, Error> {
     let lens = &settings.lens;
     let focal_widths = lens.focal_length_mm.value / lens.sensor_width_mm.value;
@@ -71,7 +71,7 @@ fn set(preset: &str, settings: &Settings) -> Result<Scene, Error> {
     let spec = LensSpec {
         focal_length_mm: lens.focal_length_mm.value,
         f_number: lens.f_number.value,
-        // A scene for the miniature is as large as its units say.
+        // For the miniature preset, the width of the frame is in depth units instead of metres.
         focus_distance: if preset == "miniature" { ball_m } else { ball_m / metres_per_unit },
         sensor_width_mm: lens.sensor_width_mm.value,
         sensor_distance: lens.sensor_distance.value,
@@ -98,7 +98,7 @@ fn set(preset: &str, settings: &Settings) -> Result<Scene, Error> {
     Ok(Scene { field, ..scene })
 }
 
-/// What the ray through `place`, in frame widths from the top left, meets one behind the other before a wall at distance `far`.
+/// The first three hits, nearest first, of the ray through `place`, in frame widths from the top left, up to a wall at distance `far`.
 fn hits(place: Vec2, far: f32) -> [Option<Hit>; 3] {
     let centre = Vec2::new(0.5, 0.5 * SIZE[1] as f32 / SIZE[0] as f32);
     let ray = place - centre;
@@ -116,7 +116,7 @@ fn hits(place: Vec2, far: f32) -> [Option<Hit>; 3] {
     std::array::from_fn(|k| found.get(k).copied())
 }
 
-/// A ball of a fifth of the frame's width, all of it as far as its middle.
+/// A ball, about a quarter of the frame's width in diameter, with the distance of its centre everywhere.
 fn ball(ray: Vec2) -> Option<Hit> {
     let from_middle = (ray - Vec2::new(-0.04, FLOOR - 0.12)) / 0.12;
     let depth = 1.0 - from_middle.length_squared();
@@ -138,7 +138,7 @@ fn floor(ray: Vec2, far: f32) -> Option<Hit> {
     })
 }
 
-/// Bricks in the dark, as large in every picture.
+/// A dark brick wall with bricks of the same size in every picture.
 fn wall(ray: Vec2, far: f32) -> Hit {
     let place = 4.0 * ray / Vec2::new(0.3, 0.12);
     let row = place.y.floor();

@@ -1,5 +1,5 @@
-//! The picture of the README: the terrace sample without a lens, by thinlens, and by a renderer with the lens on; below, close-ups of beauty + Z,
-//! of peels, and of the renderer.
+//! The picture of the README: the terrace sample without a lens, by thinlens, and by a renderer with the lens on. Below are close-ups of
+//! beauty + Z, of peels, and of the renderer's picture.
 //!
 //! `cargo run --release --example readme_picture -- docs/terrace.png`
 
@@ -14,10 +14,10 @@ use thinlens::stack::{Source, read_picture};
 /// Folder of the sample.
 const SAMPLE: &str = "samples/terrace";
 
-/// Top left corner, width and height in pixels of what the close-ups show: twig and lights.
+/// Left, top, width and height in pixels of the close-ups: twig and lights.
 const CROP: [usize; 4] = [213, 0, 106, 60];
 
-/// How many times larger close-ups are.
+/// Magnification of the close-ups.
 const ZOOM: usize = 3;
 
 /// Width in pixels of the strip between pictures.
@@ -26,21 +26,21 @@ const GAP_PX: usize = 8;
 /// Brightness of that strip, scene-linear.
 const GAP: f32 = 1.0;
 
-/// What the pictures are brightened by, in stops: the scene is lit by a low sun.
+/// Exposure in stops; the scene is lit by a low sun and is dark without it.
 const EXPOSURE: f32 = 0.5;
 
 fn main() -> Result<(), Error> {
     let output = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "docs/terrace.png".to_owned()));
     let pinhole = picture("stack.exr", Some(f32::INFINITY))?;
-    let guessed = picture("pinhole.exr", None)?;
+    let beauty_and_z = picture("pinhole.exr", None)?;
     let peels = picture("stack.exr", None)?;
     let reference = read_picture(&Path::new(SAMPLE).join("reference.exr"))?;
-    let close_ups = [&guessed, &peels, &reference].map(close_up);
+    let close_ups = [&beauty_and_z, &peels, &reference].map(close_up);
     let rows = [row([&pinhole, &peels, &reference]), row([&close_ups[0], &close_ups[1], &close_ups[2]])];
     png::write(&output, &column(&rows), EXPOSURE)
 }
 
-/// `input` of the sample through its lens, or through that lens at another f-number.
+/// `input` of the sample, rendered with its lens, or with that lens at another f-number.
 fn picture(input: &str, f_number: Option<f32>) -> Result<Image, Error> {
     let preset = format!("{SAMPLE}/preset.toml");
     let job = Job {
@@ -52,7 +52,7 @@ fn picture(input: &str, f_number: Option<f32>) -> Result<Image, Error> {
     Ok(render(&job, &|_| {})?.image)
 }
 
-/// [`CROP`] of `image`, each pixel a square.
+/// [`CROP`] of `image`, enlarged without interpolation.
 fn close_up(image: &Image) -> Image {
     let [left, top, width, height] = CROP;
     Image::from_fn(width * ZOOM, height * ZOOM, |x, y| image.pixel(left + x / ZOOM, top + y / ZOOM))

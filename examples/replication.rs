@@ -1,10 +1,10 @@
-//! What the papers claim of their methods, and what came out here, as Markdown.
+//! Claims of the papers about their methods, and the results of this implementation, as Markdown.
 //!
 //! `cargo run --release --example replication -- samples`
 //!
 //! A scene is a folder with a `stack.exr`, a `preset.toml` and a `reference.exr` rendered with the lens on. Pictures are
-//! compared sRGB-encoded and clipped, whole; times are CPU seconds of the blur, the least of three runs. A claim has held on a
-//! scene when the difference has the sign that the paper gives it.
+//! compared as a whole, sRGB-encoded and clipped; times are CPU seconds of the blur, the smallest of three runs. A claim holds on a
+//! scene if the difference has the sign that the paper states.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -17,7 +17,7 @@ use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::settings::{Effort, ParameterValues, Preset, Values};
 use thinlens::stack::{Source, read_picture};
 
-/// Runs of a setting: the quickest counts, since everything else on the machine only adds.
+/// Runs of a setting. The fastest counts, since other load can only slow a run down.
 const RUNS: usize = 3;
 
 /// A method with some of its parameters set.
@@ -65,20 +65,20 @@ struct Run {
     cpu_seconds: f64,
 }
 
-/// All that is known of one scene.
+/// The measurements of one scene.
 struct Scene {
     name: String,
     reference: Image,
     runs: BTreeMap<&'static str, Run>,
 }
 
-/// Something a paper says, and how to look whether it is so.
+/// A claim of a paper, and how it is tested.
 struct Claim {
     paper: &'static str,
     says: &'static str,
     figure: &'static str,
     unit: &'static str,
-    /// The figure found on a scene; over 0, or over 1 for "times", the claim holds.
+    /// The figure measured on a scene. The claim holds if it is over 0, or over 1 for "times".
     find: fn(&Scene) -> Result<f64, Error>,
 }
 
@@ -205,8 +205,8 @@ fn main() -> Result<(), Error> {
     for claim in CLAIMS {
         let Claim { paper, says, figure, unit, find } = claim;
         let found = scenes.iter().map(find).collect::<Result<Vec<f64>, _>>()?;
-        let least = if unit == "times" { 1.0 } else { 0.0 };
-        let held = found.iter().filter(|&&figure| figure > least).count();
+        let limit = if unit == "times" { 1.0 } else { 0.0 };
+        let held = found.iter().filter(|&&figure| figure > limit).count();
         let digits = if unit == "SSIM" { 3 } else { 2 };
         let shown = |figure: &f64| {
             if unit == "times" { format!("{figure:.2}") } else { format!("{figure:+.digits$}") }
@@ -217,7 +217,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// The folders in `folder` that are scenes with a stack, by name.
+/// The scenes in `folder` that have a stack, sorted by name.
 fn folders(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_scene = |path: &PathBuf| path.join("reference.exr").is_file() && path.join("stack.exr").is_file();
@@ -226,7 +226,7 @@ fn folders(folder: &Path) -> Vec<PathBuf> {
     scenes
 }
 
-/// Carries out every setting on a scene.
+/// Runs every setting on a scene.
 fn measure(folder: &Path) -> Result<Scene, Error> {
     let mut runs = BTreeMap::new();
     for setting in &SETTINGS {

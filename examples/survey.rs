@@ -1,11 +1,11 @@
-//! What every method reaches on a folder of scenes, and what it costs.
+//! Accuracy and cost of every method on a folder of scenes.
 //!
 //! `cargo run --release --example survey -- samples [METHOD | METHOD:VIEWS …]`
 //!
-//! With `THINLENS_PICTURES=FOLDER` it writes each picture there as a PNG, the reference beside it.
+//! With `THINLENS_PICTURES=FOLDER` it writes each picture there as a PNG, next to the reference.
 //!
 //! A scene is a folder with a `stack.exr`, a `preset.toml` and a `reference.exr` rendered with the lens on. Figures are PSNR
-//! in dB and SSIM, sRGB-encoded and clipped, whole picture; CPU and wall seconds are those of the blur alone, in one run.
+//! in dB and SSIM of sRGB-encoded, clipped values over the whole picture; CPU and wall seconds are those of the blur alone, in one run.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -22,15 +22,15 @@ use thinlens::stack::{Source, read_picture};
 fn main() -> Result<(), Error> {
     let mut arguments = std::env::args().skip(1);
     let folder = PathBuf::from(arguments.next().unwrap_or_else(|| "samples".to_owned()));
-    let mut wanted: Vec<String> = arguments.collect();
-    if wanted.is_empty() {
-        wanted = METHODS.iter().map(|method| method.info().name.to_owned()).collect();
+    let mut methods: Vec<String> = arguments.collect();
+    if methods.is_empty() {
+        methods = METHODS.iter().map(|method| method.info().name.to_owned()).collect();
     }
     println!("{:<12}{:<26}{:>8}{:>8}{:>10}{:>10}", "scene", "method", "dB", "SSIM", "CPU s", "wall s");
     for scene in scenes(&folder) {
         let reference = read_picture(&scene.join("reference.exr"))?;
         let name = scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        for method in &wanted {
+        for method in &methods {
             let (image, cpu, wall) = blur(&scene, method)?;
             let score = score(&image, &reference, 0)?;
             println!(
@@ -47,7 +47,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// The folders in `folder` that are scenes with a stack, by name.
+/// The scenes in `folder` that have a stack, sorted by name.
 fn scenes(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_scene = |path: &PathBuf| path.join("reference.exr").is_file() && path.join("stack.exr").is_file();
@@ -56,7 +56,7 @@ fn scenes(folder: &Path) -> Vec<PathBuf> {
     scenes
 }
 
-/// The picture of a scene's stack by `method`, `NAME` or `NAME:VIEWS`, and the CPU and wall seconds of the blur.
+/// The picture of a scene's stack by `method`, which is `NAME` or `NAME:VIEWS`, with CPU and wall seconds of the blur.
 fn blur(scene: &Path, method: &str) -> Result<(Image, f64, f64), Error> {
     let (method, views) = match method.split_once(':') {
         Some((method, views)) => (method, views.parse().ok()),

@@ -1,15 +1,15 @@
-//! Makes `src/lens/view_tables.bin`: joint lens and pixel sample tables by sliced optimal transport.
+//! Computes `src/lens/view_tables.bin`: joint lens and pixel sample tables by sliced optimal transport.
 //!
 //! `cargo run --release --example view_tables -- src/lens/view_tables.bin` (a few minutes).
 //!
-//! A table of `n` points `(u, j)` is moved, step by step, so that along random directions and for every CoC radius `c` of
-//! a list the sorted projections of `j + c·u` meet the quantiles of the true distribution (uniform disc, uniform pixel).
-//! The points are then ordered by kernel herding, so that the beginning of a table is itself evenly spread.
+//! A table of `n` points `(u, j)` is moved iteratively so that, along random directions and for every CoC radius `c` of
+//! a list, the sorted projections of `j + c·u` match the quantiles of the true distribution (uniform disc, uniform pixel).
+//! The points are then ordered by kernel herding, so that every prefix of a table is evenly spread.
 
 use glam::Vec2;
 use std::f32::consts::PI;
 
-/// CoC radii at which `j + c·u` shall be even; the last stands for the lens alone.
+/// CoC radii at which `j + c·u` is made even; the last one is the lens alone.
 const RADII: [f32; 10] = [0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, f32::INFINITY];
 const STEPS: usize = 3000;
 
@@ -75,7 +75,7 @@ fn optimised(n: usize) -> Vec<Point> {
     centred(points)
 }
 
-/// Moves the means to zero (so that a blurred point keeps its place) and keeps the points on the lens.
+/// Moves the means to zero, so that blur does not shift points, and keeps the points within the lens.
 fn centred(mut points: Vec<Point>) -> Vec<Point> {
     for _ in 0..20 {
         let mean = points.iter().fold((Vec2::ZERO, Vec2::ZERO), |m, p| (m.0 + p.0, m.1 + p.1));
@@ -88,7 +88,7 @@ fn centred(mut points: Vec<Point>) -> Vec<Point> {
     points
 }
 
-/// Kernel herding with the energy distance: each next point is the one the chosen ones lack most.
+/// Kernel herding with the energy distance: each next point is the one that the chosen set lacks most.
 fn ordered(points: &[Point]) -> Vec<Point> {
     let n = points.len();
     let kernel = |a: &Point, b: &Point| {
@@ -100,13 +100,14 @@ fn ordered(points: &[Point]) -> Vec<Point> {
     let mean: Vec<f32> =
         points.iter().map(|a| points.iter().map(|b| kernel(a, b)).sum::<f32>() / n as f32).collect();
     let mut chosen_sum = vec![0.0f32; n];
-    let mut left: Vec<usize> = (0..n).collect();
+    let mut remaining: Vec<usize> = (0..n).collect();
     let mut result = Vec::with_capacity(n);
-    while !left.is_empty() {
+    while !remaining.is_empty() {
         let lack = |i: usize| mean[i] * (result.len() + 1) as f32 - chosen_sum[i];
-        let best = (0..left.len()).max_by(|&a, &b| lack(left[a]).total_cmp(&lack(left[b]))).unwrap_or(0);
-        let chosen = left.swap_remove(best);
-        for &i in &left {
+        let by_lack = |a: &usize, b: &usize| lack(remaining[*a]).total_cmp(&lack(remaining[*b]));
+        let best = (0..remaining.len()).max_by(by_lack).unwrap_or(0);
+        let chosen = remaining.swap_remove(best);
+        for &i in &remaining {
             chosen_sum[i] += kernel(&points[i], &points[chosen]);
         }
         result.push(points[chosen]);

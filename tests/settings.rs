@@ -122,7 +122,7 @@ fn every_setting_keeps_what_it_allows_and_settings_of_one_field_exclude_one_anot
 fn a_value_out_of_range_is_refused_alike_in_a_preset_in_a_header_and_by_code() {
     for setting in SETTINGS {
         let Some(value) = refused(setting) else { continue };
-        let wanted = format!("must be {}", setting.wanted());
+        let wanted = format!("must be {}", setting.expected());
         let preset = format!("[{}]\n{} = {}", setting.table, setting.preset_key, toml(&value));
         let error = Preset::parse(&preset, "p").unwrap_err().to_string();
         assert!(error.contains(&format!("'{}' {wanted}", setting.preset_key)), "{error}");
@@ -251,8 +251,23 @@ fn the_documented_table_is_the_declared_one() {
 }
 
 /// Modules of the library whose texts name settings by their keys.
-const SPEAK_OF_KEYS: [&str; 10] =
-    ["error.rs", "finish.rs", "gpu", "image.rs", "lens", "metrics", "output", "render", "settings", "stack"];
+const SPEAK_OF_KEYS: [&str; 15] = [
+    "confidence.rs",
+    "cost",
+    "error.rs",
+    "finish.rs",
+    "gpu",
+    "image.rs",
+    "lens",
+    "metrics",
+    "output",
+    "probes",
+    "render",
+    "sample_budget.rs",
+    "scene",
+    "settings",
+    "stack",
+];
 
 #[test]
 fn texts_of_the_library_name_no_flag() {

@@ -111,15 +111,15 @@ fn long_help(setting: &Setting) -> String {
 fn parser(setting: &'static Setting) -> ValueParser {
     let checked = move |value: Value| {
         let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&value);
-        if refused { Err(format!("it must be {}", setting.wanted())) } else { Ok(value) }
+        if refused { Err(format!("it must be {}", setting.expected())) } else { Ok(value) }
     };
     match setting.kind {
         Kind::Number(_) => ValueParser::from(move |text: &str| {
-            let number = text.parse().map_err(|_| format!("it must be {}", setting.wanted()))?;
+            let number = text.parse().map_err(|_| format!("it must be {}", setting.expected()))?;
             checked(Value::Number(number))
         }),
         Kind::Whole(..) | Kind::Count { .. } => ValueParser::from(move |text: &str| {
-            let number = text.parse().map_err(|_| format!("it must be {}", setting.wanted()))?;
+            let number = text.parse().map_err(|_| format!("it must be {}", setting.expected()))?;
             checked(Value::Whole(number))
         }),
         Kind::RedBlue(_) => {

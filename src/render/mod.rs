@@ -469,7 +469,7 @@ fn read_options(job: &Job) -> ReadOptions {
         options.supersample = values.supersample.or(options.supersample);
     }
     let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
-    options.objects |= focus.is_some_and(Focus::looks_for_an_object);
+    options.objects |= focus.is_some_and(Focus::needs_mattes);
     options
 }
 

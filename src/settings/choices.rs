@@ -1,29 +1,29 @@
-//! Settings that are one of a few words.
+//! Settings whose value is one of a few words.
 
-use super::setting::{Kept, Value, Word};
+use super::setting::{SettingType, Value, Word};
 use serde::{Deserialize, Serialize};
 
-/// How far behind the lens the sensor stands.
+/// Distance of the sensor behind the lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum SensorDistance {
-    /// At the focal length, whatever the focus: Blender and Mitsuba.
+    /// The focal length for any focus, as in Blender and Mitsuba.
     FocalLength,
-    /// At the image distance of the thin lens, `f·z_f / (z_f − f)`: a real camera.
+    /// The image distance of the thin lens, `f·z_f / (z_f − f)`, as in a real camera.
     ThinLens,
 }
 
-/// What the picture is taken to show beyond its frame.
+/// The assumed content beyond the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Border {
-    /// Its last sample, for ever.
+    /// The last sample, repeated.
     Clamp,
-    /// Itself, reflected.
+    /// The picture, reflected.
     Mirror,
-    /// Nothing.
+    /// Empty.
     Transparent,
 }
 
@@ -34,25 +34,25 @@ pub enum Border {
 pub enum DepthConvention {
     /// Distance from the lens plane along the optical axis (Blender).
     Planar,
-    /// Distance along the ray, counted from the near clip plane (Mitsuba).
+    /// Distance along the ray from the near clip plane (Mitsuba).
     Ray,
-    /// One over planar depth.
+    /// Reciprocal of planar depth.
     Inverse,
-    /// 0 at the near plane to 1 at the far plane, linear in planar depth.
+    /// From 0 at the near plane to 1 at the far plane, linear in planar depth.
     Normalised,
 }
 
-/// Gives an enum its words, for presets, headers and command lines. `open` is a word that leaves the setting open.
+/// Declares the words of an enum for presets, headers and command lines. `open` is a word that leaves the setting unset.
 macro_rules! words {
     ($type:ident $(, open: $open:literal $open_meaning:literal)?; $($variant:ident $name:literal $meaning:literal),+) => {
         impl $type {
-            /// The words that the setting may be.
+            /// The words of the setting.
             pub const WORDS: &'static [Word] = &[
                 $( Word { name: $open, meaning: $open_meaning }, )?
                 $( Word { name: $name, meaning: $meaning }, )+
             ];
 
-            /// Its word.
+            /// The word of this value.
             pub fn name(self) -> &'static str {
                 match self {
                     $( Self::$variant => $name, )+
@@ -60,7 +60,7 @@ macro_rules! words {
             }
         }
 
-        impl Kept for $type {
+        impl SettingType for $type {
             fn to_value(&self) -> Value {
                 Value::Word(self.name())
             }
@@ -78,15 +78,15 @@ macro_rules! words {
 words! { SensorDistance; FocalLength "focal_length" "", ThinLens "thin_lens" "" }
 
 words! { Border;
-    Clamp "clamp" "The last pixel, for ever",
+    Clamp "clamp" "The last pixel, repeated",
     Mirror "mirror" "The picture, reflected",
-    Transparent "transparent" "Nothing: blurred edges fade out"
+    Transparent "transparent" "Empty: blurred edges fade out"
 }
 
 words! { DepthConvention, open: "auto" "From the file";
     Planar "planar" "Along the optical axis (Blender)",
     Ray "ray" "Along the ray, from the near clip plane (Mitsuba)",
-    Inverse "inverse" "One over planar depth",
+    Inverse "inverse" "Reciprocal of planar depth",
     Normalised "normalised" "0 at `near` to 1 at `far`"
 }
 
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_words_of_reports_are_those_of_presets() {
+    fn words_in_reports_are_those_of_presets() {
         let json = |value| serde_json::to_value(value).unwrap();
         for value in [SensorDistance::FocalLength, SensorDistance::ThinLens] {
             assert_eq!(serde_json::to_value(value).unwrap(), value.name());

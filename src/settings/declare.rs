@@ -1,9 +1,9 @@
-//! From one declaration of a setting to its field in [`super::Values`], its field with an origin, and its row in
+//! Macros that turn the declaration of a setting into its field in [`super::Values`], its field with an origin, and its row in
 //! [`super::SETTINGS`].
 
 use super::origin::{Origin, Sourced};
 
-/// The highest of `layers` that sets a field.
+/// The value of a field in the highest of `layers` that sets it; later layers are higher.
 pub(super) fn pick<V, T: Clone>(
     layers: &[(Origin, &V)],
     field: impl Fn(&V) -> &Option<T>,
@@ -14,7 +14,7 @@ pub(super) fn pick<V, T: Clone>(
     layers.iter().rev().find_map(set)
 }
 
-/// The type of a resolved setting: its own where it has a default, else an option.
+/// The type of a resolved setting: its own type if it has a default, otherwise an option.
 macro_rules! resolved_type {
     ($type:ty) => { Option<$type> };
     ($type:ty = $default:expr) => { $type };
@@ -23,10 +23,10 @@ macro_rules! resolved_type {
 /// The resolved value of a setting.
 macro_rules! resolved {
     ($layers:expr, $key:ident) => {
-        pick($layers, |values| &values.$key).map_or(Sourced::default_of(None), Sourced::given)
+        pick($layers, |values| &values.$key).map_or(Sourced::from_default(None), Sourced::into_option)
     };
     ($layers:expr, $key:ident = $default:expr) => {
-        pick($layers, |values| &values.$key).unwrap_or_else(|| Sourced::default_of($default))
+        pick($layers, |values| &values.$key).unwrap_or_else(|| Sourced::from_default($default))
     };
 }
 
@@ -40,17 +40,17 @@ macro_rules! back {
     };
 }
 
-/// The default of a setting as the value of any.
+/// The default of a setting as a [`Value`](super::Value).
 macro_rules! default_of {
     ($type:ty) => {
         || None
     };
     ($type:ty = $default:expr) => {
-        || Some(<$type as Kept>::to_value(&$default))
+        || Some(<$type as SettingType>::to_value(&$default))
     };
 }
 
-/// Declares a struct of resolved settings; the fields in brackets have no row of their own.
+/// Declares a struct of resolved settings; the field in brackets has no row of its own.
 macro_rules! group {
     (
         $(#[doc = $about:literal])+
@@ -68,7 +68,7 @@ macro_rules! group {
         }
 
         impl $name {
-            /// Lays `layers` over the built-in defaults, later ones on top.
+            /// Resolves the settings from `layers` over the built-in defaults; later layers take precedence.
             pub(super) fn resolve(layers: &[(Origin, &Values)]) -> Self {
                 Self {
                     $( $plain: resolved!(layers, $plain = $plain_default), )?
@@ -76,7 +76,7 @@ macro_rules! group {
                 }
             }
 
-            /// The same as one layer.
+            /// The settings as one layer.
             pub fn values(&self) -> Values {
                 Values {
                     $( $plain: back!(self, $plain = $plain_default), )?
@@ -85,7 +85,7 @@ macro_rules! group {
                 }
             }
 
-            /// Where the value of a field comes from.
+            /// The origin of a field's value.
             fn origin(&self, field: &str) -> Option<&Origin> {
                 $( if field == stringify!($plain) { return Some(&self.$plain.origin); } )?
                 match field {
@@ -94,7 +94,7 @@ macro_rules! group {
                 }
             }
 
-            /// Every setting with its value and where that comes from, in the order of the table.
+            /// Every setting with its value and the value's origin, in the order of the table.
             pub fn listed(&self) -> Vec<Listed<'_>> {
                 let values = self.values();
                 let listed = |setting: &'static Setting| {
@@ -103,7 +103,7 @@ macro_rules! group {
                 SETTINGS.iter().filter_map(listed).collect()
             }
 
-            /// Checks every value, for settings that were not made by [`super::Settings::resolve`] from checked layers.
+            /// Checks every value. [`super::Settings::resolve`] makes settings without a check.
             ///
             /// # Errors
             /// Those of [`Values::check`].
@@ -132,7 +132,7 @@ macro_rules! settings {
             $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty = $picture_default:expr, $picture_row:expr; )+
         } )+ }
     ) => {
-        /// One layer of settings: what it leaves open is `None`.
+        /// One layer of settings; an unset value is `None`.
         ///
         /// Every new setting adds a field: end an expression with `..Values::default()`.
         #[derive(Debug, Clone, Default, PartialEq)]
@@ -144,7 +144,7 @@ macro_rules! settings {
             $( $( $(#[doc = $picture_doc])+ pub $picture: Option<$picture_type>, )+ )+
             /// Name of the method, or `auto`.
             pub method: Option<String>,
-            /// What decides the number of lens samples.
+            /// The sample budget: what decides the number of lens samples.
             pub effort: Option<Effort>,
         }
 
@@ -184,27 +184,27 @@ macro_rules! settings {
         ];
 
         impl Setting {
-            /// The value that `values` give it.
+            /// Its value in `values`.
             pub fn get(&self, values: &Values) -> Option<Value> {
                 match self.key {
                     $( stringify!($focus_key) => match &values.focus {
                         Some(Focus::$variant(focus)) => Some(focus.to_value()),
                         _ => None,
                     }, )+
-                    $( $( stringify!($lens) => values.$lens.as_ref().map(Kept::to_value), )+ )+
-                    $( stringify!($reading) => values.$reading.as_ref().map(Kept::to_value), )+
-                    $( $( stringify!($picture) => values.$picture.as_ref().map(Kept::to_value), )+ )+
+                    $( $( stringify!($lens) => values.$lens.as_ref().map(SettingType::to_value), )+ )+
+                    $( stringify!($reading) => values.$reading.as_ref().map(SettingType::to_value), )+
+                    $( $( stringify!($picture) => values.$picture.as_ref().map(SettingType::to_value), )+ )+
                     _ => None,
                 }
             }
 
-            /// Keeps `value`, one of [`Setting::kind`], in `values`; another leaves it open.
+            /// Stores `value`, which is of [`Setting::kind`], in `values`; a value of another kind unsets it.
             pub fn set(&self, values: &mut Values, value: &Value) {
                 match self.key {
-                    $( stringify!($focus_key) => values.focus = Kept::from_value(value).map(Focus::$variant), )+
-                    $( $( stringify!($lens) => values.$lens = Kept::from_value(value), )+ )+
-                    $( stringify!($reading) => values.$reading = Kept::from_value(value), )+
-                    $( $( stringify!($picture) => values.$picture = Kept::from_value(value), )+ )+
+                    $( stringify!($focus_key) => values.focus = SettingType::from_value(value).map(Focus::$variant), )+
+                    $( $( stringify!($lens) => values.$lens = SettingType::from_value(value), )+ )+
+                    $( stringify!($reading) => values.$reading = SettingType::from_value(value), )+
+                    $( $( stringify!($picture) => values.$picture = SettingType::from_value(value), )+ )+
                     _ => {}
                 }
             }

@@ -1,4 +1,4 @@
-//! How much work a picture is worth: what decides the number of lens samples.
+//! The sample budget: what decides the number of lens samples.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -8,18 +8,18 @@ use std::fmt;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Effort {
-    /// That number itself, a pixel.
+    /// The number itself, per pixel.
     Views(usize),
-    /// A sampling error: PSNR in dB against the stack's own truth.
+    /// A target for the sampling error: PSNR in dB against the stack's own truth.
     TargetDb(f64),
-    /// Wall seconds that the blur may take.
+    /// A limit for the wall seconds of the blur.
     TimeBudget(f64),
-    /// A named sampling error.
+    /// A named target for the sampling error.
     Quality(Quality),
 }
 
 impl Effort {
-    /// The least and the most that a target may be, in dB: below, any picture will do; above, half floats hold no more.
+    /// Smallest and largest target in dB: any picture reaches less, and half floats cannot represent more.
     pub const TARGETS_DB: [f64; 2] = [10.0, 80.0];
 }
 
@@ -34,18 +34,18 @@ impl fmt::Display for Effort {
     }
 }
 
-/// A named sampling error, with the most lens samples that it is worth.
+/// A named target for the sampling error, with a largest number of lens samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Quality {
-    /// To see where the blur lies.
+    /// Shows where the blur lies.
     Draft,
-    /// To judge the picture.
+    /// For an assessment of the picture.
     Preview,
-    /// To deliver: what is left shows only side by side, enlarged.
+    /// For delivery: the error is visible only side by side and enlarged.
     Final,
-    /// To measure by: less than eight bits can show.
+    /// For measurements: the error is below what eight bits show.
     Reference,
 }
 
@@ -53,7 +53,7 @@ impl Quality {
     /// Every quality, from rough to fine.
     pub const ALL: [Self; 4] = [Self::Draft, Self::Preview, Self::Final, Self::Reference];
 
-    /// The name that it is asked for by.
+    /// Its name in presets and flags.
     pub fn name(self) -> &'static str {
         match self {
             Self::Draft => "draft",
@@ -73,7 +73,7 @@ impl Quality {
         }
     }
 
-    /// Lens samples past which the target is given up.
+    /// Number of lens samples at which the search for the target ends.
     pub fn max_views(self) -> usize {
         match self {
             Self::Draft => 64,

@@ -1,4 +1,4 @@
-//! What the lens is focused on: one thing, or one after the other along a sequence of frames.
+//! What the lens is focused on: one target, or keys of a focus pull along a sequence of frames.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 pub enum Focus {
     /// Planar distance in the stack's depth units.
     Distance(f32),
-    /// What the picture shows at this pixel of the display window (x from the left, y from the top).
+    /// The visible surface at this pixel of the display window (x from the left, y from the top).
     Point([f32; 2]),
-    /// The object of this name, by the cryptomatte in the file.
+    /// The object of this name in the file's cryptomatte.
     Object(String),
-    /// What the picture shows at its centre.
+    /// The visible surface at the picture's centre.
     Centre,
-    /// One thing after the other: at least one key, in rising order of frame.
+    /// A focus pull: at least one key, in rising order of frame.
     Keys(Vec<FocusKey>),
 }
 
@@ -24,23 +24,23 @@ pub enum Focus {
 pub struct FocusKey {
     /// Number of the frame.
     pub frame: i64,
-    /// What is in focus there.
+    /// What is in focus at that frame.
     pub focus: Focus,
-    /// How focus leaves it for the next key.
+    /// Interpolation from this key to the next.
     pub easing: Easing,
 }
 
-/// How focus goes from one key to the next.
+/// Interpolation of the focus from one key to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Easing {
-    /// At one speed.
+    /// Constant speed.
     Linear,
     /// Slow at both ends.
     #[default]
     Smooth,
-    /// Not before the next key, and there at once.
+    /// Constant focus until the next key.
     Hold,
 }
 
@@ -51,11 +51,11 @@ impl Easing {
 }
 
 impl Focus {
-    /// Whether finding it takes the objects' mattes.
-    pub fn looks_for_an_object(&self) -> bool {
+    /// Whether finding its distance needs the objects' mattes.
+    pub fn needs_mattes(&self) -> bool {
         match self {
             Self::Object(_) => true,
-            Self::Keys(keys) => keys.iter().any(|key| key.focus.looks_for_an_object()),
+            Self::Keys(keys) => keys.iter().any(|key| key.focus.needs_mattes()),
             Self::Distance(_) | Self::Point(_) | Self::Centre => false,
         }
     }

@@ -1,10 +1,10 @@
-//! Every value the user can set, and where it came from.
+//! Every value that the user can set, and its origin.
 //!
-//! A value comes from: built-in default < camera data in the header < preset < flags. Each of these is one [`Values`];
-//! [`Settings::resolve`] lays them over one another and keeps the [`Origin`] of each value that won.
+//! The sources of values, in rising precedence, are the built-in default, camera data in the header, the preset, and flags. Each of them
+//! is one [`Values`]; [`Settings::resolve`] layers them and keeps the [`Origin`] of each value.
 //!
-//! [`SETTINGS`] is the one table of settings. What it says of a setting decides how presets, headers and command lines set it,
-//! what is refused, and what is shown.
+//! [`SETTINGS`] is the one table of settings. From a row follow how presets, headers and command lines set it,
+//! which values are refused, and what is shown.
 
 mod choices;
 mod declare;
@@ -35,16 +35,16 @@ use declare::pick;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// How much light passes each point of an aperture, as a picture has it.
+/// The transmittance of an aperture, read from a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mask {
-    /// Where it is from.
+    /// The picture's file, for errors.
     pub name: String,
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// Light by row, in linear units.
+    /// Light row by row, in linear units.
     pub values: Vec<f32>,
 }
 
@@ -54,52 +54,52 @@ pub struct Mask {
 pub struct Settings {
     /// Lens, aperture and depth.
     pub lens: LensSettings,
-    /// The picture beside its lens.
+    /// Settings of the picture apart from its lens.
     pub picture: PictureSettings,
     /// See [`Values::method`].
     pub method: Sourced<String>,
-    /// See [`Values::effort`]; `None` leaves it to the method.
+    /// See [`Values::effort`]; `None` leaves the choice to the method.
     pub effort: Sourced<Option<Effort>>,
     /// Values for the methods' own parameters, which the method checks.
     pub parameters: ParameterValues,
-    /// Effects that are to be on or off whatever the scene calls for.
+    /// Effects that the user switches on or off, whatever the plan would choose.
     pub switches: Switches,
-    /// What the aperture image shows, once it is read.
+    /// The content of the aperture image, once it is read.
     #[serde(skip)]
     pub mask: Option<Arc<Mask>>,
 }
 
-/// Effects by their names in reports, switched by the user.
+/// Effects that the user switches, by their names in reports.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Switches {
-    /// Those that are to be simulated.
+    /// Effects that are forced on.
     pub force: Vec<String>,
-    /// Those that are not.
+    /// Effects that are left out.
     pub without: Vec<String>,
 }
 
-/// The candidate that `word` was most likely meant to be, if any comes near.
+/// The candidate that `word` most likely stands for; `None` if none is similar.
 pub(crate) fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
-    /// Jaro-Winkler similarity from which a word counts as a slip of another.
-    const NEAR: f64 = 0.8;
-    let likeness = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
+    /// Jaro-Winkler similarity from which a word counts as a misspelling of another.
+    const MIN_SIMILARITY: f64 = 0.8;
+    let similarity = |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
     candidates
         .iter()
-        .map(|candidate| (likeness(candidate.as_ref()), candidate.as_ref()))
-        .filter(|(likeness, _)| *likeness >= NEAR)
+        .map(|candidate| (similarity(candidate.as_ref()), candidate.as_ref()))
+        .filter(|(similarity, _)| *similarity >= MIN_SIMILARITY)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, candidate)| candidate)
 }
 
 impl Settings {
-    /// Lays `layers` over the built-in defaults, later ones on top.
+    /// Resolves the settings from `layers` over the built-in defaults; later layers take precedence.
     pub fn resolve(layers: &[(Origin, &Values)], parameters: ParameterValues) -> Self {
         let effort = pick(layers, |values| &values.effort);
         Self {
             lens: LensSettings::resolve(layers),
             picture: PictureSettings::resolve(layers),
-            method: pick(layers, |values| &values.method).unwrap_or(Sourced::default_of("auto".to_owned())),
-            effort: effort.map_or(Sourced::default_of(None), Sourced::given),
+            method: pick(layers, |values| &values.method).unwrap_or(Sourced::from_default("auto".to_owned())),
+            effort: effort.map_or(Sourced::from_default(None), Sourced::into_option),
             parameters,
             switches: Switches::default(),
             mask: None,

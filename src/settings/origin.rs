@@ -1,9 +1,9 @@
-//! Where values come from.
+//! Values with their origin.
 
 use serde::Serialize;
 use std::fmt;
 
-/// Where a value came from.
+/// The origin of a value.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "from", content = "name")]
 #[non_exhaustive]
@@ -12,7 +12,7 @@ pub enum Origin {
     Default,
     /// An attribute of the input's header.
     Header,
-    /// A preset, by name or file.
+    /// A preset, by its name or file.
     Preset(String),
     /// A command-line flag.
     Flag,
@@ -34,18 +34,18 @@ impl fmt::Display for Origin {
 pub struct Sourced<T> {
     /// The value.
     pub value: T,
-    /// Where it came from.
+    /// Its origin.
     pub origin: Origin,
 }
 
 impl<T> Sourced<T> {
     /// A built-in default.
-    pub(super) fn default_of(value: T) -> Self {
+    pub(super) fn from_default(value: T) -> Self {
         Self { value, origin: Origin::Default }
     }
 
-    /// The same value, as one that might be open.
-    pub(super) fn given(self) -> Sourced<Option<T>> {
+    /// The same value as that of an optional setting.
+    pub(super) fn into_option(self) -> Sourced<Option<T>> {
         Sourced { value: Some(self.value), origin: self.origin }
     }
 }

@@ -1,11 +1,11 @@
-//! Parameters of methods: how a method declares them, and how values for them travel from presets and flags to the method.
+//! Parameters of methods: how a method declares them, and how values from presets and flags reach the method.
 //!
 //! A parameter is declared once, in the folder of its method, by [`declare_parameters!`](crate::declare_parameters): name, type,
 //! default, range and meaning. The type that the method reads, the preset's schema, every error message and `thinlens methods NAME`
-//! follow from that. This module knows no method.
+//! follow from that. This module does not depend on any method.
 //!
-//! [`ParameterValues`] are what a user wrote, by method and not yet checked; [`ParameterTable::read`] checks them against the
-//! declaration and gives the method's own type, wrapped as [`Parameters`].
+//! [`ParameterValues`] are the user's values, by method and not yet checked. [`ParameterTable::read`] checks them against the
+//! declaration and returns the method's own type, wrapped as [`Parameters`].
 
 use super::nearest;
 use crate::error::Error;
@@ -23,9 +23,9 @@ pub struct Parameter {
     pub name: &'static str,
     /// The default, as a preset writes it.
     pub default: String,
-    /// What values it accepts.
+    /// The values that it accepts.
     pub kind: ParameterKind,
-    /// What it does, with the equation that it enters.
+    /// What it does, with the equation that it is used in.
     pub description: &'static str,
 }
 
@@ -61,7 +61,7 @@ impl ParameterKind {
     /// Whether `value` is of this kind; "auto" is `null`.
     pub fn allows(&self, value: &Json) -> bool {
         let between = |value: &Json, from: f32, to: f32| {
-            // A value that stands for a float is compared as one: 0.1 is not less than 0.1f32.
+            // Compared as f32, like the bounds: as f64, 0.1 is less than 0.1f32.
             value.as_f64().is_some_and(|number| (from..=to).contains(&(number as f32)))
         };
         match *self {
@@ -78,7 +78,7 @@ impl ParameterKind {
 }
 
 impl Parameter {
-    /// What the parameter must be, and its default: as in "must be …".
+    /// The expected value and the default, as in "must be …".
     pub fn expected(&self) -> String {
         format!("{} (the default is {})", self.kind.in_words(), self.default)
     }
@@ -144,16 +144,16 @@ macro_rules! declare_parameters {
     };
 }
 
-/// One value for a parameter, as a preset or a flag gives it: not yet checked.
+/// One value for a parameter from a preset or a flag, not yet checked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ParameterValue {
     /// Name of the method.
     pub method: String,
     /// The parameter's key.
     pub key: String,
-    /// The value; `null` is "auto", and what no parameter can be is a text.
+    /// The value; `null` is "auto", and a value that no parameter accepts is a text.
     pub value: Json,
-    /// Where it is written, for errors.
+    /// Its location in a preset, for errors.
     #[serde(skip)]
     pub(crate) place: Option<Place>,
 }
@@ -161,15 +161,15 @@ pub struct ParameterValue {
 /// Where a preset sets a parameter: file, line and column, the line itself and carets, as errors show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// The place of the method's name, `[method.NAME]`.
+    /// Location of the method's name, `[method.NAME]`.
     pub method: String,
-    /// The place of the key.
+    /// Location of the key.
     pub key: String,
-    /// The place of the value.
+    /// Location of the value.
     pub value: String,
 }
 
-/// Values for the parameters of any methods, in the order in which they were set: the last one of a key counts.
+/// Values for the parameters of any methods, in the order in which they were set: the last value of a key is used.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ParameterValues(Vec<ParameterValue>);
 
@@ -184,18 +184,18 @@ impl ParameterValues {
         });
     }
 
-    /// Adds a value, which outranks those before it.
+    /// Adds a value, which takes precedence over those before it.
     pub fn push(&mut self, value: ParameterValue) {
         self.0.push(value);
     }
 
-    /// Every value, first set first.
+    /// Every value, in the order in which they were set.
     pub fn iter(&self) -> impl Iterator<Item = &ParameterValue> {
         self.0.iter()
     }
 }
 
-/// What a [`Parameters`] holds: any type that a method declares.
+/// The content of a [`Parameters`]: any type that a method declares.
 trait ParameterSet: Any + Debug + Send + Sync {
     fn as_any(&self) -> &dyn Any;
     fn table(&self) -> Json;
@@ -211,7 +211,7 @@ impl<T: Declared> ParameterSet for T {
     }
 }
 
-/// The parameters of one method, checked. The method knows their type: [`Parameters::get`].
+/// The parameters of one method, checked. The method gets them as its own type from [`Parameters::get`].
 #[derive(Debug, Clone)]
 pub struct Parameters(Arc<dyn ParameterSet>);
 
@@ -224,7 +224,7 @@ impl Parameters {
     /// The parameters as the type that the method declared.
     ///
     /// # Panics
-    /// If they are another method's.
+    /// If `T` is not the type of these parameters.
     pub fn get<T: Declared>(&self) -> &T {
         self.0.as_any().downcast_ref().expect("a plan has the parameters of its own method")
     }
@@ -247,7 +247,7 @@ impl Serialize for Parameters {
     }
 }
 
-/// The parameters of a method, by their declaration.
+/// The declared parameters of a method.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterTable {
     declarations: fn() -> Vec<Parameter>,
@@ -271,7 +271,7 @@ impl ParameterTable {
         Self::of::<NoParameters>()
     }
 
-    /// The table that `T` declares.
+    /// The table of the parameters that `T` declares.
     pub fn of<T: Declared>() -> Self {
         Self {
             declarations: T::declarations,
@@ -290,24 +290,24 @@ impl ParameterTable {
         (self.defaults)()
     }
 
-    /// The defaults with what `values` set of the method called `method`.
+    /// The defaults, with the `values` for the method called `method`.
     ///
     /// # Errors
     /// An unknown key, with the nearest known one, and a value that the parameter does not accept.
     ///
     /// # Panics
-    /// Never: what a parameter's kind allows, its type holds.
+    /// Never: the type of a parameter represents every value that its kind allows.
     pub fn read(&self, method: &str, values: &ParameterValues) -> Result<Parameters, Error> {
         let mut table = self.defaults().table();
         for value in values.iter().filter(|value| value.method == method) {
             self.check(value)?;
             table[&value.key] = value.value.clone();
         }
-        Ok((self.read)(table).expect("what a parameter's kind allows, its type holds"))
+        Ok((self.read)(table).expect("a parameter's type represents every value that its kind allows"))
     }
 
-    /// The value that `setting`, a `KEY=VALUE` with the value as a preset writes it, gives a parameter of the method called
-    /// `method`; quotes around `auto` may be left out.
+    /// Parses `setting`, a `KEY=VALUE` with the value as a preset writes it, for the method called `method`. Quotes around `auto` may be
+    /// left out.
     ///
     /// # Errors
     /// A text of another form, an unknown key, and a value that the parameter does not accept.
@@ -353,7 +353,7 @@ impl ParameterTable {
     }
 }
 
-/// `error` with the place in a preset that it is about.
+/// `error` with its location in a preset.
 pub(crate) fn at(error: Error, place: Option<&String>) -> Error {
     match place {
         Some(place) => error.with("in", place.clone()),
@@ -366,11 +366,11 @@ mod tests {
     use super::*;
 
     crate::declare_parameters! {
-        /// Parameters of a method that is made for these tests.
+        /// Parameters of a method for these tests.
         MadeParameters {
             /// A share.
             share: f32 = 0.5, Number(0.1, 10.0);
-            /// Layers; "auto" makes as many as it takes.
+            /// Layers; "auto" uses as many as are needed.
             layers: Option<usize> = None, CountOrAuto(1, 512);
             /// A profile.
             profile: Vec<f32> = vec![1.0], Numbers(0.0, 1000.0);
@@ -401,18 +401,18 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_that_cannot_be_set_says_why() {
+    fn a_parameter_that_cannot_be_set_is_refused_with_a_reason() {
         let message = |setting| table().parse("made", setting).unwrap_err().to_string();
         assert!(message("share").contains("KEY=VALUE"));
         assert!(message("shrae=1").contains("did you mean 'share'?"));
         assert!(message("share=0").contains("must be a number from 0.1 to 10 (the default is 0.5)"));
-        assert!(message("share=auto").contains("must be a number"), "auto is not for every parameter");
+        assert!(message("share=auto").contains("must be a number"), "only some parameters accept auto");
         assert!(message("share=much").contains("found: much"));
         assert!(message("profile=[0,0]").contains("not all 0"));
     }
 
     #[test]
-    fn values_of_other_methods_are_left_alone() {
+    fn values_of_other_methods_are_ignored() {
         let mut values = ParameterValues::default();
         values.set("another", "share", 9000.0);
         assert_eq!(table().read("made", &values).unwrap(), table().defaults());

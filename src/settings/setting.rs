@@ -1,6 +1,6 @@
-//! What is known of a setting beside its value: its names, its unit, its range, its default and what it does.
+//! The declaration of a setting: its names, unit, range, default and description.
 //!
-//! [`super::SETTINGS`] has them all. A value is checked against its setting in [`Setting::check`] and nowhere else.
+//! [`super::SETTINGS`] has all of them. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
 use crate::error::Error;
 use std::fmt;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Setting {
-    /// Its key in the library: the name that errors and findings call it by, in backquotes.
+    /// Its key in the library, which errors and findings use in backquotes.
     pub key: &'static str,
     /// The field of [`super::Values`] that holds it. Settings of one field exclude one another.
     pub field: &'static str,
@@ -20,17 +20,17 @@ pub struct Setting {
     pub preset_key: &'static str,
     /// Its name in words.
     pub name: &'static str,
-    /// What its numbers count: `mm`. Empty for a number without a unit.
+    /// Its unit, such as `mm`; empty for a number without a unit.
     pub unit: &'static str,
-    /// What it may be.
+    /// The values that it accepts.
     pub kind: Kind,
-    /// What its numbers stand for, where the unit does not say it; may be empty.
+    /// The meaning of its numbers, where the unit does not give it; may be empty.
     pub scale: &'static str,
-    /// The attribute of a header that holds it.
+    /// Its attribute in file headers.
     pub attribute: Option<&'static str>,
     /// How it is set on a command line.
     pub command_line: CommandLine,
-    /// What holds where it is not set and has no default value; may be empty.
+    /// What applies where it is not set and has no default value; may be empty.
     pub otherwise: &'static str,
     pub(super) text: &'static str,
     pub(super) default: fn() -> Option<Value>,
@@ -43,10 +43,10 @@ pub enum CommandLine {
     Flag {
         /// The flag without its dashes.
         name: &'static str,
-        /// What its value is called in the help.
+        /// The name of its value in the help.
         value_name: &'static str,
     },
-    /// It is not, for this reason.
+    /// It has no flag, for this reason.
     Never(&'static str),
 }
 
@@ -67,26 +67,26 @@ pub enum Value {
     File(PathBuf),
 }
 
-/// What a setting may be.
+/// The values that a setting accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// A number.
     Number(Range),
     /// A number for red and one for blue.
     RedBlue(Range),
-    /// A place in the picture, in pixels from the left and from the top.
+    /// A position in the picture, in pixels from the left and from the top.
     Pixel,
     /// A whole number from the first to the second.
     Whole(u32, u32),
-    /// A whole number of things, or 0 for something else.
+    /// A number of things, or 0 with a meaning of its own.
     Count {
-        /// What 0 stands for.
+        /// The meaning of 0.
         zero: &'static str,
-        /// The smallest number beside 0.
+        /// The smallest number other than 0.
         min: u32,
         /// The largest number.
         max: u32,
-        /// What is counted.
+        /// The things that are counted.
         of: &'static str,
     },
     /// One of these words.
@@ -97,32 +97,32 @@ pub enum Kind {
     File,
 }
 
-/// Which numbers a setting may have.
+/// The numbers that a setting accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Range {
-    /// Any finite one.
+    /// Any finite number.
     Any,
-    /// A finite one above 0.
+    /// A finite number above 0.
     Positive,
-    /// One above 0, the infinite one included.
+    /// A number above 0, or infinity.
     PositiveOrInfinite,
-    /// A finite one from 0.
+    /// A finite number, 0 or more.
     NotNegative,
-    /// One from the first to the second.
+    /// A number from the first to the second.
     Within(f32, f32),
 }
 
-/// One of the words that a setting may be.
+/// One of the words that a setting accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Word {
     /// The word as presets and headers write it.
     pub name: &'static str,
-    /// What it means; empty where the word or its setting says it.
+    /// Its meaning; empty where the word or its setting explains it.
     pub meaning: &'static str,
 }
 
 impl Range {
-    /// Whether `number` lies within.
+    /// Whether the range contains `number`.
     pub fn contains(self, number: f32) -> bool {
         match self {
             Self::Any => number.is_finite(),
@@ -163,7 +163,7 @@ impl Kind {
         }
     }
 
-    /// The range in a few words; `None` where there is none.
+    /// The range in a few words; `None` for a kind without one.
     pub fn range(&self) -> Option<String> {
         match self {
             Self::Number(range) | Self::RedBlue(range) => Some(range.to_string()),
@@ -176,7 +176,7 @@ impl Kind {
     }
 
     /// The kind in words, as in "must be …".
-    fn in_words(&self) -> String {
+    pub(super) fn in_words(&self) -> String {
         match self {
             Self::Number(Range::Any) => "a number".to_owned(),
             Self::Number(Range::Positive) => "a positive number".to_owned(),
@@ -209,7 +209,7 @@ impl fmt::Display for Value {
 }
 
 impl Setting {
-    /// What a setting of `kind` has unless the methods below say otherwise. The table adds key, accessors and text.
+    /// A setting of `kind` with empty optional parts, for the methods below to fill. The table adds key, accessors and text.
     pub(super) const fn new(kind: Kind, name: &'static str) -> Self {
         Self {
             key: "",
@@ -233,7 +233,7 @@ impl Setting {
         Self { unit, ..self }
     }
 
-    /// With what its numbers stand for.
+    /// With the meaning of its numbers.
     pub(super) const fn scale(self, scale: &'static str) -> Self {
         Self { scale, ..self }
     }
@@ -258,7 +258,7 @@ impl Setting {
         Self { preset_key: key, ..self }
     }
 
-    /// With what holds where it is not set.
+    /// With what applies where it is not set.
     pub(super) const fn otherwise(self, words: &'static str) -> Self {
         Self { otherwise: words, ..self }
     }
@@ -268,7 +268,7 @@ impl Setting {
         self.paragraphs().next().unwrap_or_default()
     }
 
-    /// What else there is to say, a paragraph each.
+    /// Further paragraphs about it.
     pub fn details(&self) -> Vec<String> {
         self.paragraphs().skip(1).collect()
     }
@@ -277,18 +277,18 @@ impl Setting {
         self.text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "))
     }
 
-    /// Its default value; `None` where something else holds: see [`Self::otherwise`].
+    /// Its default value; `None` if it has none: see [`Self::otherwise`].
     pub fn default_value(&self) -> Option<Value> {
         (self.default)()
     }
 
-    /// What holds where it is not set.
+    /// The default in words: the default value, or what applies where the setting is not set.
     pub fn default_in_words(&self) -> String {
         self.default_value().map_or_else(|| self.otherwise.to_owned(), |value| value.to_string())
     }
 
-    /// What it must be, as in "must be …".
-    pub fn wanted(&self) -> String {
+    /// The expected value, as in "must be …".
+    pub fn expected(&self) -> String {
         let kind = self.kind.in_words();
         if self.scale.is_empty() { kind } else { format!("{kind}: {}", self.scale) }
     }
@@ -307,31 +307,31 @@ impl Setting {
         }
     }
 
-    /// Checks that it may be `value`.
+    /// Checks that it accepts `value`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] if it may not, with what it must be.
+    /// [`crate::error::ErrorKind::Settings`] if it does not, with the expected value.
     pub fn check(&self, value: &Value) -> Result<(), Error> {
         if self.kind.allows(value) {
             return Ok(());
         }
-        let what = format!("`{}` must be {}", self.key, self.wanted());
+        let what = format!("`{}` must be {}", self.key, self.expected());
         Err(Error::settings(what).with("found", value.to_string()))
     }
 }
 
 /// A type that a field of [`super::Values`] may have.
-pub(super) trait Kept: Sized {
-    /// As the value of any setting.
+pub(super) trait SettingType: Sized {
+    /// Converts it to the value of any setting.
     fn to_value(&self) -> Value;
-    /// From such a value, if it is one of this type.
+    /// Converts such a value; `None` for a value of another type.
     fn from_value(value: &Value) -> Option<Self>;
 }
 
-/// Implements [`Kept`] for types that a variant of [`Value`] holds.
-macro_rules! kept {
+/// Implements [`SettingType`] for the types in the variants of [`Value`].
+macro_rules! setting_types {
     ($($type:ty: $variant:ident),+) => { $(
-        impl Kept for $type {
+        impl SettingType for $type {
             fn to_value(&self) -> Value {
                 Value::$variant(self.clone())
             }
@@ -346,9 +346,9 @@ macro_rules! kept {
     )+ };
 }
 
-kept! { f32: Number, [f32; 2]: Pair, u32: Whole, String: Name, PathBuf: File }
+setting_types! { f32: Number, [f32; 2]: Pair, u32: Whole, String: Name, PathBuf: File }
 
-impl Kept for usize {
+impl SettingType for usize {
     fn to_value(&self) -> Value {
         Value::Whole(u32::try_from(*self).unwrap_or(u32::MAX))
     }

@@ -1,17 +1,17 @@
 //! The one table of settings: lens, aperture, aberrations, depth and picture.
 //!
-//! A row declares all that is known of a setting: key, type and default, table and key in presets, unit, range, header attribute,
+//! A row declares everything about a setting: key, type and default, table and key in presets, unit, range, header attribute,
 //! flag, and in its comment what it does. The comment's first line is the help of `-h`, without a full stop and under 60
 //! characters; further paragraphs follow in `--help`. A key in backquotes is shown as a flag there.
 //!
-//! A new setting is one row, and its use.
+//! A new setting needs one row, and its use. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
 use super::choices::{Border, DepthConvention, SensorDistance};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
 use super::origin::{Origin, Sourced};
-use super::setting::{Kept, Kind, Range, Setting, Value};
+use super::setting::{Kind, Range, Setting, SettingType, Value};
 use crate::error::Error;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -21,13 +21,13 @@ const fn number(name: &'static str, range: Range) -> Setting {
     Setting::new(Kind::Number(range), name)
 }
 
-/// An error of the lens in micrometres at the sensor.
+/// Range of aberrations, in micrometres at the sensor.
 const UM: Range = Range::Within(-5000.0, 5000.0);
 
-/// Why strengths of the highlight extrapolation have no flag.
-const IN_PRESETS: &str = "a matter of taste for a kind of source, kept in a preset";
+/// Why the parameters of the highlight extrapolation have no flag.
+const IN_PRESETS: &str = "a choice for a kind of source, made in a preset";
 
-/// `row` with what its place in the table says.
+/// `row`, completed by its position in the table.
 const fn row(key: &'static str, table: &'static str, text: &'static str, row: Setting) -> Setting {
     let preset_key = if row.preset_key.is_empty() { key } else { row.preset_key };
     Setting { key, field: key, table, preset_key, text, ..row }
@@ -39,12 +39,12 @@ settings! {
         focus_distance: Distance, number("focus distance", Range::PositiveOrInfinite)
             .unit("depth units").otherwise("the picture's centre")
             .attribute("thinlens.focus_distance").flag("focus", "DISTANCE");
-        /// Focus on what this pixel shows; the centre by default
+        /// Focus on the surface at this pixel; the centre by default
         focus_point: Point, Setting::new(Kind::Pixel, "focus point")
             .unit("px").otherwise("the picture's centre").flag("focus-at", "X,Y");
-        /// Focus on this object, by the file's cryptomatte
+        /// Focus on this object of the file's cryptomatte
         ///
-        /// Its distance is the median of what the picture shows of it. `thinlens inspect` lists the objects of a file.
+        /// Its distance is the median over its visible pixels. `thinlens inspect` lists the objects of a file.
         focus_object: Object, Setting::new(Kind::Name, "focus object")
             .otherwise("the picture's centre").flag("focus-on", "NAME");
     }
@@ -61,9 +61,9 @@ settings! {
             /// Width of the sensor
             sensor_width_mm: f32 = 36.0, number("sensor width", Range::Positive)
                 .unit("mm").attribute("thinlens.sensor_width_mm").flag("sensor-width", "MM");
-            /// How far behind the lens the sensor stands
+            /// Distance of the sensor behind the lens
             ///
-            /// focal-length: as Blender and Mitsuba have it. thin-lens: at the image distance, as in a real camera; blurs more
+            /// focal-length: as in Blender and Mitsuba. thin-lens: at the image distance, as in a real camera, with more blur
             /// in close-ups.
             sensor_distance: SensorDistance = SensorDistance::FocalLength,
                 Setting::new(Kind::Word(SensorDistance::WORDS), "sensor distance")
@@ -84,49 +84,49 @@ settings! {
                 .attribute("thinlens.blade_curvature").flag("blade-curvature", "CURVATURE");
             /// Height of the aperture over its width (anamorphic)
             ///
-            /// What a blurred point looks like through an anamorphic lens: 2 makes it twice as high as wide. Its height is that of
-            /// the disc of the f-number. From 1 to 4.
+            /// The shape of blurred points through an anamorphic lens: with 2 they are twice as high as wide. Their height is that
+            /// of the disc of the f-number. From 1 to 4.
             squeeze: f32 = 1.0, number("squeeze", Range::Within(1.0, 4.0))
                 .scale("height over width").attribute("thinlens.squeeze").flag("squeeze", "RATIO");
-            /// Picture of the aperture, in place of blades
+            /// Picture of the aperture, instead of blades
             ///
-            /// White lets light through. The circle that touches the sides of the picture is the aperture's, read upright as a
-            /// point behind focus shows it.
+            /// White lets light through. The picture's inscribed circle is the aperture, upright as in a blurred point behind
+            /// focus.
             aperture_image: PathBuf, Setting::new(Kind::File, "aperture image")
                 .preset_key("image").otherwise("none").flag("aperture-image", "FILE");
-            /// The cat's eye of the corners: how far the barrel cuts in
+            /// Cat's eye: offset of the lens barrel in the corners
             ///
-            /// Optical vignetting: a barrel as wide as the aperture stands this many aperture radii aside of it, seen from the
-            /// frame's corners, and in proportion less towards the middle. From 0 to 1.2.
+            /// Optical vignetting: seen from the frame's corners, a barrel as wide as the aperture is offset from it by this many
+            /// aperture radii, and in proportion less towards the centre. From 0 to 1.2.
             cats_eye: f32 = 0.0, number("cat's eye", Range::Within(0.0, 1.2))
-                .unit("aperture radii").scale("how far the barrel stands aside in the corners, in aperture radii")
+                .unit("aperture radii").scale("offset of the lens barrel in the corners, in aperture radii")
                 .attribute("thinlens.cats_eye").flag("cats-eye", "RADII");
         }
         "lens" {
-            /// How much of the falloff of brightness shows, 0 to 1
+            /// Strength of the falloff of brightness, 0 to 1
             ///
-            /// The falloff is the fourth power of the cosine of the field angle, times what `cats_eye` leaves of the aperture; it
-            /// is raised to this power.
+            /// The falloff is the fourth power of the cosine of the field angle, times the share of the aperture that `cats_eye`
+            /// leaves open; it is raised to this power.
             vignetting: f32 = 0.0, number("vignetting", Range::Within(0.0, 1.0))
                 .scale("0 for none, 1 for the lens's own").attribute("thinlens.vignetting").flag("vignetting", "SHARE");
         }
         "aberrations" {
             /// Spherical aberration, in micrometres
             ///
-            /// How much nearer to the lens the aperture's edge focuses than its middle, along the axis at the sensor. Positive:
+            /// By how much the aperture's edge focuses nearer to the lens than its centre, along the axis at the sensor. Positive:
             /// soft discs behind focus, hard rings in front of it; negative: soap bubbles behind it.
             spherical_um: f32 = 0.0, number("spherical", UM)
                 .unit("µm").scale("micrometres").attribute("thinlens.spherical_um").flag("spherical", "UM");
             /// Axial colour error of red and blue, in micrometres
             ///
-            /// How much farther from the lens than green they focus, along the axis at the sensor. Both positive: green fringes
+            /// By how much they focus farther from the lens than green, along the axis at the sensor. Both positive: green fringes
             /// behind focus, magenta ones in front of it.
             axial_color_um: [f32; 2] = [0.0; 2], Setting::new(Kind::RedBlue(UM), "axial colour")
                 .unit("µm").scale("micrometres of red and of blue")
                 .attribute("thinlens.axial_color_um").flag("axial-color", "RED,BLUE");
             /// Lateral colour error of red and blue, in micrometres
             ///
-            /// How much farther from the axis than green they show what is in the frame's corners, at the sensor.
+            /// By how much they are shifted away from the axis against green in the frame's corners, at the sensor.
             lateral_color_um: [f32; 2] = [0.0; 2], Setting::new(Kind::RedBlue(UM), "lateral colour")
                 .unit("µm").scale("micrometres of red and of blue")
                 .attribute("thinlens.lateral_color_um").flag("lateral-color", "RED,BLUE");
@@ -135,7 +135,7 @@ settings! {
             /// Length of one depth unit
             metres_per_unit: f32 = 1.0, number("depth unit", Range::Positive)
                 .unit("m").attribute("thinlens.metres_per_unit").flag("metres-per-unit", "METRES");
-            /// Depth at which the renderer starts to count (ray depth)
+            /// Distance of the near clip plane, where ray depth is 0
             near_clip: f32 = 0.0, number("near clip", Range::NotNegative)
                 .unit("depth units").attribute("thinlens.near_clip").flag("near-clip", "DISTANCE");
             /// Planar distance of depth 0 (normalised depth)
@@ -152,45 +152,45 @@ settings! {
         convention: DepthConvention, Setting::new(Kind::Word(DepthConvention::WORDS), "depth convention")
             .otherwise("from the file")
             .attribute("thinlens.depth_convention").flag("depth-convention", "CONVENTION");
-        /// Samples a picture pixel along each axis
+        /// Samples per picture pixel along each axis
         supersample: usize, Setting::new(Kind::Whole(1, 64), "supersample")
             .otherwise("1").attribute("thinlens.supersample").flag("supersample", "S");
     }
 
-    /// The picture beside its lens, each value with its origin.
+    /// Settings of the picture apart from its lens, each value with its origin.
     picture {
         "picture" {
             /// What lies beyond the frame; clamp by default
             ///
-            /// What is blurred at the frame's edge is blurred with what lies beyond it. Overscan is the true answer: what the data
-            /// window holds is used, and this is about what lies beyond that.
+            /// Blur at the frame's edge mixes in what lies beyond it. Overscan is exact: pixels of the data window outside the
+            /// frame are used, and this setting applies beyond them.
             border: Border = Border::Clamp, Setting::new(Kind::Word(Border::WORDS), "border").flag("border", "BORDER");
         }
         "highlight-extrapolation" {
-            /// Luminance above which clipped highlights gain
+            /// Luminance above which highlights gain light
             ///
             /// Display-coded luminance λ₀ above which the highlights of a source that ends at white are extrapolated.
             extrapolation_threshold: f32 = 0.8, number("threshold", Range::Within(0.0, 0.999))
                 .preset_key("threshold").scale("luminance as displayed, white is 1").no_flag(IN_PRESETS);
-            /// Exponent β by which the gain sets in towards white
+            /// Exponent β of the gain from the threshold to white
             extrapolation_falloff: f32 = 3.0, number("falloff", Range::Within(0.1, 100.0))
                 .preset_key("falloff").scale("an exponent").no_flag(IN_PRESETS);
-            /// Gain γ in light that white is extrapolated by
+            /// Gain γ of white, a factor on its light
             extrapolation_gain: f32 = 2.0, number("gain", Range::Within(1.0, 1000.0))
                 .preset_key("gain").scale("of the light of white").no_flag(IN_PRESETS);
         }
     }
 }
 
-/// A setting with its value and where that comes from.
+/// A setting with its value and the value's origin.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Listed<'a> {
     /// The setting.
     pub setting: &'static Setting,
-    /// Its value; `None` where it has none.
+    /// Its value; `None` if it is not set and has no default.
     pub value: Option<Value>,
-    /// Where the value comes from.
+    /// The origin of the value.
     pub origin: &'a Origin,
 }
 
@@ -202,7 +202,7 @@ impl Setting {
 }
 
 impl PartialEq for Setting {
-    /// Settings are rows of one table.
+    /// Compares the keys, since settings are rows of one table.
     fn eq(&self, other: &Self) -> bool {
         self.key == other.key
     }
@@ -212,7 +212,7 @@ impl Values {
     /// Checks every value that is set.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for the first that its setting does not allow, with what it must be.
+    /// [`crate::error::ErrorKind::Settings`] for the first value that its setting does not accept, with the expected value.
     pub fn check(&self) -> Result<(), Error> {
         let set = SETTINGS.iter().filter_map(|setting| Some((setting, setting.get(self)?)));
         for (setting, value) in set {
@@ -228,7 +228,7 @@ impl Values {
         })
     }
 
-    /// The attributes that hold these values in a file's header, by name: what [`crate::stack`] reads back from one.
+    /// The attributes of these values in a file's header, by name; [`crate::stack`] reads them back.
     pub fn attributes(&self) -> Vec<(&'static str, Value)> {
         let attribute = |setting: &'static Setting| Some((setting.attribute?, setting.get(self)?));
         SETTINGS.iter().filter_map(attribute).collect()

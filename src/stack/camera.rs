@@ -82,7 +82,7 @@ impl Lookup<'_> {
         };
         let value = value.filter(|value| setting.kind.allows(value));
         if value.is_none() {
-            self.ignore(name, found, &setting.wanted());
+            self.ignore(name, found, &setting.expected());
         }
         value
     }

@@ -60,7 +60,7 @@ fn a_flag_out_of_its_range_is_refused_as_in_a_preset_before_anything_is_read() {
         };
         let output = run(folder.path(), &["plan", "no-such.exr", &format!("--{name}"), value]);
         let text = stderr(&output);
-        assert!(text.contains(&format!("must be {}", setting.wanted())), "--{name} {value}: {text}");
+        assert!(text.contains(&format!("must be {}", setting.expected())), "--{name} {value}: {text}");
         assert!(text.contains(&format!("--{name}")), "the flag is named: {text}");
         assert!(!text.contains("no-such.exr"), "{text}");
         refused += 1;

@@ -1,5 +1,4 @@
-//! The entries of a preset, each with its place in the text, so that an error shows the line. Which entries there may be, this
-//! file does not know.
+//! The entries of a preset, each with its location in the text, so that errors show the line. The schema is not known here.
 
 use super::super::{Effort, Kind, Setting, Value, nearest};
 use crate::error::Error;
@@ -16,7 +15,7 @@ pub(super) struct Document<'a> {
 }
 
 impl<'a> Document<'a> {
-    /// The entries of a table in the order of the file, so that its first mistake is the one reported.
+    /// The entries of a table in the order of the file, so that the first mistake is the one reported.
     pub(super) fn entries(self, table: &'a str, content: &'a DeTable<'a>) -> Vec<Entry<'a>> {
         let mut entries: Vec<_> = content
             .iter()
@@ -37,7 +36,7 @@ impl<'a> Document<'a> {
         Error::settings(what).with("in", self.place(span))
     }
 
-    /// Where the bytes `span` are: file, line and column, the line itself, and carets under them.
+    /// The location of the bytes `span`: file, line and column, the line itself, and carets under them.
     pub(super) fn place(self, span: Range<usize>) -> String {
         let start = char_boundary(self.text, span.start);
         let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
@@ -45,7 +44,7 @@ impl<'a> Document<'a> {
         let line = self.text[..line_start].matches('\n').count() + 1;
         let before = &self.text[line_start..start];
         let end = char_boundary(self.text, span.end).clamp(start, line_end);
-        // A tab stays a tab, so that the carets stand where the line does.
+        // Tabs are kept, so that the carets align with the line above.
         let padding: String = before.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
         let carets = "^".repeat(self.text[start..end].chars().count().max(1));
         let number = line.to_string();
@@ -59,12 +58,12 @@ impl<'a> Document<'a> {
     }
 }
 
-/// The last place of `text` up to `index` where a character starts.
+/// The largest index of `text` up to `index` at which a character starts.
 fn char_boundary(text: &str, index: usize) -> usize {
     (0..=index.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0)
 }
 
-/// One `key = value` of a preset with its place in the text.
+/// One `key = value` of a preset with its location in the text.
 pub(super) struct Entry<'a> {
     pub(super) document: Document<'a>,
     pub(super) table: &'a str,
@@ -74,9 +73,9 @@ pub(super) struct Entry<'a> {
 }
 
 impl<'a> Entry<'a> {
-    /// The error for a value that is not `wanted`.
-    pub(super) fn unsuitable(&self, wanted: &str) -> Error {
-        self.document.error(format!("'{}' must be {wanted}", self.key), self.value.span())
+    /// The error for a value that is not the `expected` one.
+    pub(super) fn unsuitable(&self, expected: &str) -> Error {
+        self.document.error(format!("'{}' must be {expected}", self.key), self.value.span())
     }
 
     pub(super) fn text(&self) -> Result<&'a str, Error> {
@@ -105,9 +104,9 @@ impl<'a> Entry<'a> {
         count.map(|count| count as usize).ok_or_else(|| self.unsuitable("a whole number, 1 or more"))
     }
 
-    /// A number, whole or not, that satisfies `suits`.
-    fn number_where(&self, wanted: &str, suits: impl Fn(f32) -> bool) -> Result<f32, Error> {
-        number(self.value.get_ref()).filter(|&x| suits(x)).ok_or_else(|| self.unsuitable(wanted))
+    /// A number, whole or not, that satisfies `is_valid`.
+    fn number_where(&self, expected: &str, is_valid: impl Fn(f32) -> bool) -> Result<f32, Error> {
+        number(self.value.get_ref()).filter(|&x| is_valid(x)).ok_or_else(|| self.unsuitable(expected))
     }
 
     /// A list of two numbers.
@@ -131,7 +130,7 @@ impl<'a> Entry<'a> {
             Kind::File => Some(Value::File(self.text()?.into())),
         };
         let allowed = value.filter(|value| setting.kind.allows(value));
-        allowed.ok_or_else(|| self.unsuitable(&setting.wanted()))
+        allowed.ok_or_else(|| self.unsuitable(&setting.expected()))
     }
 
     /// A positive number.
@@ -140,9 +139,9 @@ impl<'a> Entry<'a> {
     }
 
     pub(super) fn decibels(&self) -> Result<f64, Error> {
-        let [least, most] = Effort::TARGETS_DB;
-        let wanted = format!("a number of decibels from {least} to {most}");
-        self.number_where(&wanted, |x| (least..=most).contains(&f64::from(x))).map(f64::from)
+        let [min, max] = Effort::TARGETS_DB;
+        let expected = format!("a number of decibels from {min} to {max}");
+        self.number_where(&expected, |x| (min..=max).contains(&f64::from(x))).map(f64::from)
     }
 
     pub(super) fn one_of<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, Error> {
@@ -159,7 +158,7 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// A parameter's value: a flag, a number, a list of numbers, `null` for the text "auto"; a text for what no parameter can be.
+/// A parameter's value: a flag, a number, a list of numbers, `null` for the text "auto"; a text for a value that no parameter accepts.
 pub(super) fn json(value: &DeValue<'_>) -> Json {
     let known = match value {
         DeValue::Boolean(flag) => Some(Json::from(*flag)),

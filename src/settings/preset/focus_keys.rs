@@ -6,13 +6,13 @@ use crate::error::Error;
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// A key that each of the `[[lens.focus_keys]]` may hold: its name, and how its value is checked and kept.
+/// A key of the tables `[[lens.focus_keys]]`: its name, and how its value is checked and stored.
 pub(super) struct FocusKeyPart {
     pub(super) name: &'static str,
     set: fn(&mut FocusKeyDraft, &Entry<'_>) -> Result<(), Error>,
 }
 
-/// One of the `[[lens.focus_keys]]` as far as it is read.
+/// One of the `[[lens.focus_keys]]` while it is read.
 #[derive(Default)]
 struct FocusKeyDraft {
     frame: Option<i64>,
@@ -29,14 +29,14 @@ pub(super) static FOCUS_KEY_PARTS: [FocusKeyPart; 5] = [
     FocusKeyPart { name: "easing", set: |key, e| e.one_of(&Easing::ALL).map(|x| key.easing = x) },
 ];
 
-/// A list of what is in focus at which frame; `unknown` is the error for a key that none of them may hold.
+/// The focus keys of `entry`; `unknown` makes the error for an unknown key.
 pub(super) fn focus_keys(
     entry: &Entry<'_>,
     unknown: impl Fn(&Entry<'_>) -> Error,
 ) -> Result<Vec<FocusKey>, Error> {
-    let wanted = "at least one table, [[lens.focus_keys]]";
+    let expected = "at least one table, [[lens.focus_keys]]";
     let items = entry.value.get_ref().as_array().filter(|items| !items.is_empty());
-    let items = items.ok_or_else(|| entry.unsuitable(wanted))?;
+    let items = items.ok_or_else(|| entry.unsuitable(expected))?;
     let mut keys: Vec<FocusKey> = Vec::new();
     for item in items {
         let key = focus_key(entry, item, &unknown)?;
@@ -50,7 +50,7 @@ pub(super) fn focus_keys(
     Ok(keys)
 }
 
-/// One of them, the `item` of the list that `entry` is.
+/// One focus key, the `item` of the list in `entry`.
 fn focus_key(
     entry: &Entry<'_>,
     item: &Spanned<DeValue<'_>>,
@@ -67,20 +67,20 @@ fn focus_key(
     let lacks = |what: &str, help: &str| {
         entry.document.error(format!("a focus key has no {what}"), item.span()).help(help)
     };
-    let frame = frame.ok_or_else(|| lacks("frame", "say when: frame = 1"))?;
-    let help = "say what is in focus: distance = 2.0, point = [x, y] or object = \"NAME\"";
+    let frame = frame.ok_or_else(|| lacks("frame", "give its frame: frame = 1"))?;
+    let help = "give its focus: distance = 2.0, point = [x, y] or object = \"NAME\"";
     let focus = focus.ok_or_else(|| lacks("focus", help))?;
     Ok(FocusKey { frame, focus, easing })
 }
 
 impl Entry<'_> {
-    /// Keeps what `key` focuses on, the value of a setting, unless another line has said it.
+    /// Stores the focus of `key`, a value of the setting called `setting`, unless another line has set it.
     fn focus_of_key(&self, key: &mut FocusKeyDraft, setting: &str) -> Result<(), Error> {
         let setting = Setting::by_key(setting).expect("each way to focus has a setting");
         let value = self.setting(setting)?;
         if key.focus.is_some() {
             let what = "'distance', 'point' and 'object' exclude one another";
-            let help = "keep one of them, or make another [[lens.focus_keys]] of it";
+            let help = "keep one of them, or move the other to a [[lens.focus_keys]] of its own";
             return Err(self.document.error(what, self.key_span.clone()).help(help));
         }
         let mut values = Values::default();

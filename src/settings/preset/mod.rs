@@ -1,7 +1,6 @@
 //! Presets: a TOML file becomes a layer of [`Values`].
 //!
-//! [`entry`] reads what is written and says where it is wrong, [`focus_keys`] reads a focus pull, and [`schema`] knows which keys there
-//! are.
+//! [`entry`] reads values and makes errors with their location, [`focus_keys`] reads a focus pull, and [`schema`] has the known keys.
 
 mod entry;
 mod focus_keys;
@@ -13,26 +12,26 @@ use entry::Document;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
-/// A preset as read.
+/// The content of a preset.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Preset {
-    /// What it sets.
+    /// The settings.
     pub values: Values,
     /// The `[method.NAME]` tables, which the methods check.
     pub parameters: ParameterValues,
 }
 
-/// A preset that ships inside the program.
+/// A built-in preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct BuiltIn {
-    /// The name that it is asked for by.
+    /// Its name.
     pub name: &'static str,
     /// The TOML text.
     pub text: &'static str,
 }
 
-/// Every preset that ships inside the program.
+/// Every built-in preset.
 pub static BUILT_IN: [BuiltIn; 11] = [
     BuiltIn { name: "portrait", text: include_str!("../../../presets/portrait.toml") },
     BuiltIn { name: "landscape", text: include_str!("../../../presets/landscape.toml") },
@@ -61,19 +60,19 @@ impl BuiltIn {
                 None => format!("the presets are {}; ", names.join(", ")),
             };
             Error::settings(format!("there is no preset called '{name}'")).help(format!(
-                "{known}`thinlens presets` lists them, and a preset of your own is given by its path"
+                "{known}`thinlens presets` lists them; for a preset of your own, give its path"
             ))
         })
     }
 
-    /// What the preset is for: the first line of its head comment.
+    /// The purpose of the preset: the first line of its head comment.
     pub fn summary(&self) -> &'static str {
         self.text.lines().next().unwrap_or_default().trim_start_matches('#').trim()
     }
 }
 
 impl Preset {
-    /// Loads the preset that ships as `name`, else the file at the path `name`.
+    /// Loads the built-in preset `name`, otherwise the file at the path `name`.
     ///
     /// # Errors
     /// A name that is neither, and all errors of [`Preset::parse`].
@@ -82,8 +81,8 @@ impl Preset {
             return Self::parse(built_in.text, name);
         }
         let path = Path::new(name);
-        let means_a_file = path.extension().is_some() || path.components().count() > 1 || path.exists();
-        if !means_a_file {
+        let is_path = path.extension().is_some() || path.components().count() > 1 || path.exists();
+        if !is_path {
             BuiltIn::by_name(name)?;
         }
         let text = std::fs::read_to_string(path).map_err(|cause| {
@@ -203,12 +202,12 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_number_serves_where_a_number_is_wanted() {
+    fn a_whole_number_is_accepted_as_a_number() {
         assert_eq!(parse("[lens]\nfocal_length_mm = 85").unwrap().values.focal_length_mm, Some(85.0));
     }
 
     #[test]
-    fn the_convention_auto_leaves_the_convention_open() {
+    fn the_convention_auto_leaves_the_convention_unset() {
         assert_eq!(parse("[depth]\nconvention = 'auto'").unwrap().values.convention, None);
     }
 
@@ -230,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_shown_with_its_place_and_the_nearest_key() {
+    fn an_unknown_key_is_shown_with_its_location_and_the_nearest_key() {
         assert_eq!(
             message("[lens]\nfnumber = 1.4"),
             "unknown key 'fnumber' in [lens]\n  in: my.toml:2:1\n  2 | fnumber = 1.4\n    | ^^^^^^^\n  help: did you mean \
@@ -239,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_near_to_none_lists_the_keys_of_its_table() {
+    fn an_unknown_key_without_a_near_one_lists_the_keys_of_its_table() {
         let message = message("[aperture]\nvignette = 1");
         assert!(
             message.contains("the keys of [aperture] are blades, rotation_deg, blade_curvature, squeeze"),
@@ -248,19 +247,19 @@ mod tests {
     }
 
     #[test]
-    fn a_key_in_the_wrong_table_is_sent_to_its_own() {
+    fn a_key_in_the_wrong_table_is_refused_with_its_own_table() {
         assert!(message("[aperture]\nf_number = 2").contains("'f_number' belongs in [lens]"));
         assert!(message("f_number = 2").contains("'f_number' belongs in [lens]"));
     }
 
     #[test]
-    fn an_unknown_table_has_its_nearest_table() {
+    fn an_unknown_table_is_refused_with_the_nearest_table() {
         assert!(message("[lense]\nf_number = 2").contains("did you mean 'lens'?"));
     }
 
     #[test]
     fn a_value_of_the_wrong_kind_is_refused_with_carets_under_the_value() {
-        for (line, wanted) in [
+        for (line, expected) in [
             ("[lens]\nf_number = 'wide'", "must be a positive number, or inf"),
             ("[lens]\nfocal_length_mm = -85", "must be a positive number"),
             ("[lens]\nfocal_length_mm = nan", "must be a positive number"),
@@ -278,7 +277,7 @@ mod tests {
             ("lens = 3", "must be a table, [lens]"),
         ] {
             let message = message(line);
-            assert!(message.contains(wanted) && message.contains('^'), "{line}: {message}");
+            assert!(message.contains(expected) && message.contains('^'), "{line}: {message}");
         }
     }
 
@@ -295,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn focus_keys_are_read_in_their_order_and_are_smooth_unless_told_otherwise() {
+    fn focus_keys_are_read_in_order_and_are_smooth_by_default() {
         let text = "
             [lens]
             f_number = 2
@@ -319,13 +318,13 @@ mod tests {
         assert_eq!(parse(text).unwrap().values.focus, Some(Focus::Keys(expected)));
         let inline = "[lens]\nfocus_keys = [{ frame = 1, distance = inf }]";
         let expected = vec![key(1, Focus::Distance(f32::INFINITY), Easing::Smooth)];
-        assert_eq!(parse(inline).unwrap().values.focus, Some(Focus::Keys(expected)), "in one line too");
+        assert_eq!(parse(inline).unwrap().values.focus, Some(Focus::Keys(expected)), "as an inline table");
     }
 
     #[test]
-    fn a_slip_in_a_focus_key_is_shown_with_its_place() {
+    fn a_mistake_in_a_focus_key_is_shown_with_its_location() {
         let key = |lines: &str| message(&format!("[[lens.focus_keys]]\n{lines}"));
-        for (lines, wanted, place) in [
+        for (lines, expected, place) in [
             ("frame = 1\ndistanse = 2", "did you mean 'distance'?", "my.toml:3:1"),
             ("frame = 1\nfocus_distance = 2", "did you mean 'distance'?", "my.toml:3:1"),
             (
@@ -347,7 +346,7 @@ mod tests {
             ),
         ] {
             let message = key(lines);
-            assert!(message.contains(wanted) && message.contains(place), "{lines}: {message}");
+            assert!(message.contains(expected) && message.contains(place), "{lines}: {message}");
         }
     }
 
@@ -365,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_toml_is_shown_with_its_place() {
+    fn invalid_toml_is_shown_with_its_location() {
         let message = message("[lens]\nf_number = \n");
         assert!(message.contains("not valid TOML") && message.contains("my.toml:2:"), "{message}");
     }
@@ -390,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn every_preset_on_board_is_valid_says_where_it_comes_from_and_leaves_the_focus_open() {
+    fn every_built_in_preset_is_valid_has_a_summary_and_leaves_the_focus_unset() {
         for built_in in BUILT_IN {
             let preset = Preset::load(built_in.name).unwrap();
             assert_eq!(preset.values.focus, None, "{}", built_in.name);
@@ -400,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_preset_has_its_nearest_name() {
+    fn an_unknown_preset_is_refused_with_the_nearest_name() {
         let message = Preset::load("potrait").unwrap_err().to_string();
         assert!(message.contains("did you mean 'portrait'?"), "{message}");
         assert!(message.contains("thinlens presets"), "{message}");

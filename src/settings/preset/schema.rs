@@ -1,5 +1,5 @@
-//! What a preset may hold: the settings of [`SETTINGS`], the keys of [`OTHERS`], and the `[method.NAME]` tables. These
-//! are the methods' own and are checked by them, so that a new method needs no line here.
+//! The schema of presets: the settings of [`SETTINGS`], the keys of [`OTHERS`], and the `[method.NAME]` tables, which the
+//! methods declare and check, so that a new method needs no change here.
 
 use super::super::{
     Effort, Focus, ParameterValue, ParameterValues, Place, Quality, SETTINGS, Setting, Values, nearest,
@@ -10,14 +10,14 @@ use crate::error::Error;
 use std::ops::Range;
 use toml::de::DeTable;
 
-/// A key that a preset may hold: its table, its name, and how its value is checked and kept.
+/// A key of presets: its table, its name, and how its value is checked and stored.
 struct Key {
     table: &'static str,
     name: &'static str,
     set: fn(&mut Values, &Entry<'_>) -> Result<(), Error>,
 }
 
-/// Every key outside the `[method.NAME]` tables that is no setting of [`SETTINGS`].
+/// Every key outside the `[method.NAME]` tables that is not in [`SETTINGS`].
 static OTHERS: [Key; 6] = {
     const fn key(
         table: &'static str,
@@ -41,7 +41,7 @@ static OTHERS: [Key; 6] = {
     ]
 };
 
-/// The setting that `key` of `table` is.
+/// The setting with the key `key` in `table`.
 fn setting(table: &str, key: &str) -> Option<&'static Setting> {
     SETTINGS.iter().find(|setting| setting.table == table && setting.preset_key == key)
 }
@@ -53,7 +53,7 @@ fn keys() -> impl Iterator<Item = (&'static str, &'static str)> {
 }
 
 impl<'a> Entry<'a> {
-    /// Checks the entry and keeps its value where it belongs.
+    /// Checks the entry and stores its value in `values` or `parameters`.
     pub(super) fn read(&self, values: &mut Values, parameters: &mut ParameterValues) -> Result<(), Error> {
         if let Some(setting) = setting(self.table, self.key) {
             return self.read_setting(setting, values);
@@ -71,7 +71,7 @@ impl<'a> Entry<'a> {
         Ok(())
     }
 
-    /// Checks the value of `setting`, and keeps it.
+    /// Checks the value of `setting` and stores it.
     fn read_setting(&self, setting: &Setting, values: &mut Values) -> Result<(), Error> {
         let value = self.setting(setting)?;
         if setting.field == "focus" {
@@ -120,7 +120,7 @@ impl<'a> Entry<'a> {
             if self.table.is_empty() { self.key.to_owned() } else { format!("{}.{}", self.table, self.key) };
         let table = self.value.get_ref().as_table();
         table.ok_or_else(|| {
-            // A key of a table, written above all tables, is the likelier mistake.
+            // At the root, an entry that is no table is most likely a key of a table in the wrong place.
             let misplaced = self.table.is_empty() && !table_names().contains(&self.key);
             if misplaced { self.unknown() } else { self.unsuitable(&format!("a table, [{name}]")) }
         })
@@ -135,7 +135,7 @@ impl<'a> Entry<'a> {
         Err(self.document.error(what, self.key_span.clone()).help("keep one of them"))
     }
 
-    /// Keeps `effort`, unless another key has set one.
+    /// Stores `effort`, unless another key has set one.
     fn effort(&self, values: &mut Values, effort: Effort) -> Result<(), Error> {
         if values.effort.is_some() {
             let what = "'views', 'target_db', 'time_budget_s' and 'quality' exclude one another";
@@ -157,7 +157,7 @@ pub(super) fn table_names() -> Vec<&'static str> {
     names
 }
 
-/// Every key that the table called `table` may hold; `""` is the root.
+/// Every key of the table called `table`; `""` is the root.
 fn known_keys(table: &str) -> Vec<String> {
     match table {
         "" => table_names().into_iter().map(str::to_owned).collect(),
