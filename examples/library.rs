@@ -29,7 +29,7 @@ const WALL_M: f32 = 6.0;
 
 fn main() -> Result<(), Error> {
     let [width, height] = SIZE;
-    let stack = Stack::from_peels(peels(), Frame::of_size(width, height), &ReadOptions::default())?;
+    let stack = Stack::from_peels(peels(), Frame::from_size(width, height), &ReadOptions::default())?;
     let lens = Values {
         focal_length_mm: Some(85.0),
         f_number: Some(1.4),
@@ -53,7 +53,7 @@ fn peels() -> Vec<Peel> {
         let [x, y] = [x as f32 + 0.5 - 0.5 * width as f32, y as f32 + 0.5 - 0.5 * height as f32];
         x.hypot(y) < DISC_RADIUS_PX
     };
-    let wall = |x: usize, y: usize| if (x / 8 + y / 8) % 2 == 0 { [0.8, 0.7, 0.5] } else { [0.1, 0.1, 0.1] };
+    let wall = |x: usize, y: usize| if (x / 8 + y / 8).is_multiple_of(2) { [0.8, 0.7, 0.5] } else { [0.1, 0.1, 0.1] };
     let front = |x, y| if in_disc(x, y) { [0.05, 0.2, 0.7] } else { wall(x, y) };
     let front_depth = |x, y| if in_disc(x, y) { DISC_M } else { WALL_M };
     vec![

@@ -71,7 +71,7 @@ pub mod error;
 pub mod finding;
 pub mod image;
 pub mod usage;
-mod machine;
+pub mod machine;
 pub mod settings;
 pub mod stack;
 pub mod lens;

@@ -143,7 +143,7 @@ mod tests {
         // The sum of pixels 22, 23, 32 and 33.
         assert!((point.light.content[0] - 1.1).abs() < 1e-6, "the sum of all four: {point:?}");
         assert_eq!(point.light.alpha, 4.0, "four pixels");
-        assert_eq!((point.column, grid.centre), (2, Centre::Corner), "where they meet");
+        assert_eq!((point.column, grid.centre), (2, Centre::Corner), "their common corner");
         assert_eq!([shares.at(3, 3), shares.at(4, 4)], [1.0, 0.0], "the fifth column keeps its own points");
     }
 
