@@ -3,12 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "a sample that cannot be read has failed")]
 
 use std::path::{Path, PathBuf};
+use thinlens::gpu::DeviceChoice;
 use thinlens::methods::{self, METHODS};
 use thinlens::metrics::score;
-use thinlens::render::{Job, NamedPreset, prepare, render};
+use thinlens::render::{Job, NamedPreset, prepare, render, render_stack};
 use thinlens::scene::EffectKind;
 use thinlens::settings::{Effort, Preset, Values};
-use thinlens::stack::{Source, StackKind, read_picture};
+use thinlens::stack::{ReadOptions, Source, Stack, StackKind, read, read_picture};
 
 fn folder(scene: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(scene)
@@ -123,4 +124,16 @@ fn an_infinite_f_number_gives_the_stack_as_the_camera_saw_it_with_every_method()
         let seen = prepared.scene.pinhole();
         assert_eq!(prepared.blur(&|_| {}).unwrap().image, seen, "{}", method.info().name);
     }
+}
+
+#[test]
+fn planes_in_memory_are_rendered_as_their_file_is() {
+    let job = Job { device: DeviceChoice::Cpu, ..job("fence", "stack.exr", "shear", 4) };
+    let Stack { peels, frame, convention, camera, .. } = read(&job.sources, &job.read_options).unwrap();
+    let options = ReadOptions { convention: Some(convention), ..ReadOptions::default() };
+    let mut planes = Stack::from_peels(peels, frame, &options).unwrap();
+    planes.camera = camera;
+    let in_memory = render_stack(planes, &job, &|_| {}).unwrap();
+    assert_eq!(in_memory.image, render(&job, &|_| {}).unwrap().image);
+    assert_eq!(in_memory.frame, frame);
 }
