@@ -33,7 +33,7 @@ provide() {
 # Sees to it that there is a Vulkan driver.
 provide_vulkan() {
     compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null \
-        || install "the tests of GPU twins" mesa-vulkan-drivers libvulkan1
+        || install "the tests of GPU backends" mesa-vulkan-drivers libvulkan1
 }
 
 # Runs program $1 of version $2 with the arguments $4 …; PyPI's project $3 has it ready-made. It is kept in target/tools.
