@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release --example library [-- PICTURE.png]`
 //!
-//! A scene of two peels is made in memory: a blue disc in front of a chequered wall, and what the disc hides of the wall. The lens
-//! is focused on what a pixel shows, and the number of lens samples is what 45 dB take. Prints what was found, decided and measured.
+//! A stack of two peels is made in memory: a blue disc in front of a chequered wall, and the part of the wall behind the disc. The lens
+//! is focused on the surface at a pixel, and the number of lens samples is the one that reaches 45 dB. Prints findings, the plan and the
+//! sampling error.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
@@ -18,7 +19,7 @@ use thinlens::stack::{Frame, Peel, ReadOptions, Stack};
 /// Width and height of the picture in pixels.
 const SIZE: [usize; 2] = [320, 180];
 
-/// Radius of the disc in pixels; its centre is the picture's.
+/// Radius of the disc in pixels; it is centred in the picture.
 const DISC_RADIUS_PX: f32 = 50.0;
 
 /// Distance of the disc in metres.
@@ -46,7 +47,7 @@ fn main() -> Result<(), Error> {
     }
 }
 
-/// Nearest first: the disc and the wall around it, and the wall behind the disc.
+/// The peels, nearest first: the disc and the wall around it, then the wall behind the disc.
 fn peels() -> Vec<Peel> {
     let [width, height] = SIZE;
     let in_disc = |x: usize, y: usize| {
@@ -60,7 +61,7 @@ fn peels() -> Vec<Peel> {
     let front_depth = |x, y| if in_disc(x, y) { DISC_M } else { WALL_M };
     vec![
         peel(front, |_, _| 1.0, front_depth),
-        // Colour is premultiplied, and depth counts where alpha is not 0.
+        // Colour is premultiplied; depth is used only where alpha is not 0.
         peel(
             |x, y| if in_disc(x, y) { wall(x, y) } else { [0.0; 3] },
             |x, y| f32::from(in_disc(x, y)),
@@ -69,7 +70,7 @@ fn peels() -> Vec<Peel> {
     ]
 }
 
-/// A peel of functions of column and row.
+/// A peel from functions of column and row.
 fn peel(
     color: impl Fn(usize, usize) -> [f32; 3],
     alpha: impl Fn(usize, usize) -> f32,
@@ -83,13 +84,13 @@ fn peel(
     }
 }
 
-/// What was concluded of the stack, decided and measured, and two pixels of the result.
+/// Prints the findings about the stack, the plan, the sampling error and two pixels of the result.
 fn describe(rendered: &Rendered) {
     for finding in &rendered.stack.findings {
         println!("{}: {}", finding.about, finding.text);
     }
     println!("focus distance: {} m", rendered.lens.focus_distance);
-    println!("method: {}, {:?} lens samples a pixel", rendered.plan.method, rendered.plan.views);
+    println!("method: {}, {:?} lens samples per pixel", rendered.plan.method, rendered.plan.views);
     if let Some(psnr_db) = rendered.sampling_error().and_then(|estimate| estimate.psnr_db) {
         println!("sampling error: {psnr_db:.1} dB");
     }
