@@ -492,7 +492,7 @@ fn a_job_whose_gpu_is_lost_runs_on_the_cpu_with_a_warning() {
     assert_eq!(rendered.device.kind, DeviceKind::Cpu, "{:?}", rendered.device);
     assert!(rendered.device.reason.contains("the GPU failed"), "{:?}", rendered.device);
     let report = rendered.report(Vec::new(), String::new());
-    let told = report.warnings.iter().any(|warning| warning.contains("the frame was done on the CPU"));
+    let told = report.warnings.iter().any(|warning| warning.contains("the frame was rendered on the CPU"));
     assert!(told, "{:?}", report.warnings);
     assert_eq!(rendered.image, render(&job(DeviceChoice::Cpu), &|_| {}).unwrap().image, "bit for bit");
 }

@@ -1,0 +1,190 @@
+//! A job: everything that determines one picture, and the settings that follow from it.
+
+use crate::error::Error;
+use crate::gpu::DeviceChoice;
+use crate::image::Image;
+use crate::methods::{self, Registry};
+use crate::scene::FrameNumber;
+use crate::settings::{Focus, Mask, Origin, Preset, Settings, Switches, Values};
+use crate::stack::{self, ReadOptions, Source};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A preset and the name it was requested by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPreset {
+    /// Name or path, as origins show it.
+    pub name: String,
+    /// What it sets.
+    pub preset: Preset,
+}
+
+/// Everything that determines one picture.
+///
+/// Fields are added with new settings: make one by [`Job::new`], or end its expression with `..Job::default()`.
+#[derive(Debug, Clone, Default)]
+pub struct Job {
+    /// The stack's files.
+    pub sources: Vec<Source>,
+    /// Frame number, for focus keys; taken from the first file's name if `None`.
+    pub frame: Option<i64>,
+    /// How to read them; what the preset or `flags` say about depth is added.
+    pub read_options: ReadOptions,
+    /// The methods to choose from.
+    pub methods: Registry,
+    /// The preset, if any.
+    pub preset: Option<NamedPreset>,
+    /// Values that outrank the preset.
+    pub flags: Values,
+    /// Parameters of the method that outrank the preset's, `KEY=VALUE` each.
+    pub parameters: Vec<String>,
+    /// Effects that are forced on, or left out.
+    pub switches: Switches,
+    /// Device that carries out the plan.
+    pub device: DeviceChoice,
+    /// Number of pixels at which the sampling error is measured, if any.
+    pub verify: Option<usize>,
+    /// Whether to compute the confidence mask.
+    pub confidence: bool,
+}
+
+impl Job {
+    /// The stack in the files `sources`, with the default lens.
+    pub fn new(sources: impl IntoIterator<Item = Source>) -> Self {
+        Self { sources: sources.into_iter().collect(), ..Self::default() }
+    }
+
+    /// The job with `preset`, called `name` where origins are shown.
+    #[must_use]
+    pub fn with_preset(self, name: impl Into<String>, preset: Preset) -> Self {
+        Self { preset: Some(NamedPreset { name: name.into(), preset }), ..self }
+    }
+
+    /// The job with `values`, which outrank the preset.
+    #[must_use]
+    pub fn with_values(self, values: Values) -> Self {
+        Self { flags: values, ..self }
+    }
+
+    /// The job with `methods` to choose from.
+    #[must_use]
+    pub fn with_methods(self, methods: Registry) -> Self {
+        Self { methods, ..self }
+    }
+}
+
+/// The layers of values that the user set, lowest first.
+pub(super) fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> {
+    let preset = job.preset.iter().map(|p| (Origin::Preset(p.name.clone()), &p.preset.values));
+    preset.chain([(Origin::Flag, &job.flags)])
+}
+
+/// Every value with its origin, over the camera data `camera` of the header.
+///
+/// # Errors
+/// An unknown method, a parameter that its method does not accept, and an aperture image that cannot be read.
+pub(super) fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
+    let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
+    let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
+    let mut settings = Settings { switches: job.switches.clone(), ..Settings::resolve(&layers, parameters) };
+    let method = job.methods.chosen(&settings)?;
+    for setting in &job.parameters {
+        settings.parameters.push(method.parameters().parse(method.name(), setting)?);
+    }
+    settings.mask = settings.lens.aperture_image.value.as_deref().map(mask).transpose()?.map(Arc::new);
+    Ok(settings)
+}
+
+/// The aperture image at `path`: transmittance by pixel, 0 where the image is transparent.
+fn mask(path: &Path) -> Result<Mask, Error> {
+    let Image { planes: [red, green, blue, _] } = stack::read_picture(path)?;
+    let light = red.values().iter().zip(green.values()).zip(blue.values());
+    Ok(Mask {
+        name: path.display().to_string(),
+        width: red.width(),
+        height: red.height(),
+        values: light.map(|((red, green), blue)| (red + green + blue) / 3.0).collect(),
+    })
+}
+
+/// The job's read options, with what preset and flags set about the file.
+pub(super) fn read_options(job: &Job) -> ReadOptions {
+    let mut options = job.read_options.clone();
+    for (_, values) in user_layers(job) {
+        options.convention = values.convention.or(options.convention);
+        options.supersample = values.supersample.or(options.supersample);
+    }
+    let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
+    options.objects |= focus.is_some_and(Focus::needs_mattes);
+    options
+}
+
+/// The frame number of the job, if it is known.
+pub(super) fn frame_number(job: &Job) -> Option<FrameNumber> {
+    let given = job.frame.map(|number| FrameNumber { number, from: "`frame`" });
+    let named = || stack::frame_number(&job.sources);
+    given.or_else(|| named().map(|number| FrameNumber { number, from: "the file's name" }))
+}
+
+/// Checks what can be checked without a stack: the range of every setting, the names of methods and effects, parameters of presets.
+///
+/// # Errors
+/// The first value that is out of range, or unknown.
+pub(super) fn check(job: &Job) -> Result<(), Error> {
+    user_layers(job).try_for_each(|(_, values)| values.check())?;
+    user_layers(job)
+        .filter_map(|(_, values)| values.method.as_deref())
+        .try_for_each(|name| job.methods.by_name(name).map(drop))?;
+    job.preset.iter().try_for_each(|named| job.methods.check(&named.preset.parameters))?;
+    methods::requested(&job.switches).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::DepthConvention;
+
+    fn preset(values: Values) -> Option<NamedPreset> {
+        Some(NamedPreset { name: "p".to_owned(), preset: Preset { values, ..Preset::default() } })
+    }
+
+    #[test]
+    fn flags_outrank_the_preset_and_the_preset_the_header() {
+        let camera = Values { f_number: Some(1.0), focal_length_mm: Some(20.0), ..Values::default() };
+        let job = Job {
+            preset: preset(Values { f_number: Some(2.0), blades: Some(5), ..Values::default() }),
+            flags: Values { f_number: Some(4.0), ..Values::default() },
+            ..Job::default()
+        };
+        let settings = resolve(&job, &camera).unwrap();
+        assert_eq!((settings.lens.f_number.value, settings.lens.f_number.origin), (4.0, Origin::Flag));
+        assert_eq!(
+            (settings.lens.blades.value, settings.lens.blades.origin),
+            (5, Origin::Preset("p".to_owned()))
+        );
+        assert_eq!(
+            (settings.lens.focal_length_mm.value, settings.lens.focal_length_mm.origin),
+            (20.0, Origin::Header)
+        );
+    }
+
+    #[test]
+    fn the_depth_convention_of_a_flag_outranks_the_presets() {
+        let convention = |convention| Values { convention, ..Values::default() };
+        let mut job = Job { preset: preset(convention(Some(DepthConvention::Ray))), ..Job::default() };
+        assert_eq!(read_options(&job).convention, Some(DepthConvention::Ray));
+        job.flags = convention(Some(DepthConvention::Planar));
+        assert_eq!(read_options(&job).convention, Some(DepthConvention::Planar));
+    }
+
+    #[test]
+    fn an_unknown_method_is_refused_without_a_stack() {
+        let job = Job {
+            sources: vec![Source::File("no/such.exr".into())],
+            preset: preset(Values { method: Some("sheer".to_owned()), ..Values::default() }),
+            ..Job::default()
+        };
+        let message = check(&job).unwrap_err().to_string();
+        assert!(message.contains("'sheer'") && message.contains("did you mean 'shear'?"), "{message}");
+    }
+}

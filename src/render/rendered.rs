@@ -1,0 +1,109 @@
+//! A rendered job and its report.
+
+use crate::gpu::{Device, GpuUsage};
+use crate::image::{Image, Plane};
+use crate::lens::ThinLens;
+use crate::methods::Plan;
+use crate::output;
+use crate::output::report::{LensReport, PlanReport, Report, StackReport};
+use crate::probes::ErrorEstimate;
+use crate::sample_budget::Outcome;
+use crate::settings::Settings;
+use crate::stack::{Frame, Stack, Window};
+use crate::usage::{self, StageClock};
+
+/// A rendered job.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Rendered {
+    /// The picture, with the size of the frame's data window.
+    pub image: Image,
+    /// Data and display window in picture pixels.
+    pub frame: Frame,
+    /// The stack as read, without its peels.
+    pub stack: Stack,
+    /// Summary of the stack.
+    pub summary: StackReport,
+    /// Every value with its origin.
+    pub settings: Settings,
+    /// The lens in picture pixels.
+    pub lens: ThinLens,
+    /// What was simulated, with reasons.
+    pub plan: Plan,
+    /// Device that carried out the plan.
+    pub device: Device,
+    /// Timings of the GPU, if one was used.
+    pub gpu_usage: Option<GpuUsage>,
+    /// How the number of lens samples was found, if it was not given.
+    pub outcome: Option<Outcome>,
+    /// The sampling error, if it was requested.
+    pub probe: Option<ErrorEstimate>,
+    /// The confidence mask, if it was requested: the share of each pixel's light that comes from surfaces of the stack.
+    pub confidence: Option<Plane>,
+    /// Time by stage; the caller adds writing.
+    pub clock: StageClock,
+}
+
+impl Rendered {
+    /// The sampling error, where it was measured: on request, or to find the number of lens samples.
+    pub fn sampling_error(&self) -> Option<ErrorEstimate> {
+        self.probe.or_else(|| self.outcome.as_ref()?.estimate())
+    }
+
+    /// The report of the run so far, with the names of its `input` files and its `output` file.
+    pub fn report(&self, input: Vec<String>, output: String) -> Report {
+        Report {
+            version: env!("CARGO_PKG_VERSION"),
+            input,
+            output,
+            method: self.plan.method.name(),
+            device: output::report::Device {
+                kind: self.device.kind.name(),
+                name: self.device.name.clone(),
+                reason: self.device.reason.clone(),
+                gpu: self.gpu_usage.as_ref().and_then(|usage| serde_json::to_value(usage).ok()),
+            },
+            lens: LensReport::new(&self.settings, &self.lens),
+            picture: self.settings.picture.clone(),
+            stack: self.summary.clone(),
+            plan: PlanReport::from(&self.plan),
+            views: self.plan.views,
+            dial: self.outcome.as_ref().and_then(|outcome| serde_json::to_value(outcome).ok()),
+            seconds: self.clock.seconds(),
+            cpu_seconds: self.clock.cpu_seconds().total,
+            cpu_seconds_by_stage: self.clock.cpu_seconds(),
+            threads: rayon::current_num_threads(),
+            peak_memory_bytes: usage::peak_memory_bytes(),
+            confidence: None,
+            probe: self.sampling_error().and_then(|estimate| serde_json::to_value(estimate).ok()),
+            findings: self.stack.findings.clone(),
+            warnings: Report::warnings(&self.stack.findings),
+        }
+    }
+}
+
+/// `frame`, in samples, converted to picture pixels.
+pub(super) fn picture_frame(frame: &Frame, supersample: usize) -> Frame {
+    let step = i32::try_from(supersample).unwrap_or(i32::MAX).max(1);
+    let window = |window: Window| Window {
+        x: window.x.div_euclid(step),
+        y: window.y.div_euclid(step),
+        width: window.width / supersample.max(1),
+        height: window.height / supersample.max(1),
+    };
+    Frame { data: window(frame.data), display: window(frame.display), pixel_aspect: frame.pixel_aspect }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_supersampled_frame_shrinks_to_picture_pixels() {
+        let data = Window { x: -4, y: 2, width: 24, height: 12 };
+        let display = Window { x: 0, y: 0, width: 16, height: 16 };
+        let frame = picture_frame(&Frame { data, display, pixel_aspect: 1.0 }, 2);
+        assert_eq!(frame.data, Window { x: -2, y: 1, width: 12, height: 6 });
+        assert_eq!(frame.display, Window { x: 0, y: 0, width: 8, height: 8 });
+    }
+}

@@ -1,0 +1,103 @@
+//! The stages of a job from stack to plan: lens, scene, decision.
+
+use crate::error::Error;
+use crate::finding::Finding;
+use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
+use crate::methods::{Plan, Registry};
+use crate::scene::{self, Focused, FrameNumber, Scene, SceneStats};
+use crate::settings::{Border, DepthConvention, Settings};
+use crate::stack::Stack;
+use crate::stack::depth::DepthScale;
+
+/// The lens that `settings` set for `stack`, with the number of its frame, and the depths between which it is sharp.
+pub(super) fn lens(
+    stack: &mut Stack,
+    settings: &Settings,
+    frame: Option<FrameNumber>,
+) -> Result<(ThinLens, Sharpness), Error> {
+    let scale = depth_scale(stack, settings)?;
+    let focus = &settings.lens.focus.value;
+    let Focused { distance, reason } = scene::focus_distance(stack, &scale, focus, frame)?;
+    stack.findings.extend(reason.map(|reason| Finding::note("focus", reason)));
+    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
+    let spec = lens_spec(settings, distance);
+    let lens = ThinLens::new(&spec, picture_width)?;
+    Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))
+}
+
+/// From stack to plan; the stack's peels move into the scene.
+pub(super) fn decide(
+    stack: &mut Stack,
+    settings: &Settings,
+    lens: &ThinLens,
+    methods: &Registry,
+) -> Result<(Scene, SceneStats, Plan), Error> {
+    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
+    if scene.limited_fragments > 0 {
+        let (width, height) = scene.picture_size();
+        let limit = scene::coc_limit_px(width, height);
+        stack.findings.push(Finding::warning(
+            "coc",
+            format!(
+                "{} fragments lie so near the lens that their CoC was limited to {limit} px",
+                scene.limited_fragments
+            ),
+        ));
+    }
+    let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
+    let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
+    methods.prepare(scene, settings)
+}
+
+/// `scene` extended beyond the frame as `border` says, with a finding.
+fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Finding>) -> Scene {
+    let content = match border {
+        Border::Clamp => return scene,
+        Border::Mirror => "its reflection",
+        Border::Transparent => "nothing",
+    };
+    let reach_px = scene.reach_px(astray_px);
+    let scene = scene.padded(border, reach_px);
+    let [columns, rows] = scene.outside_px;
+    findings.push(Finding::note(
+        "border",
+        format!(
+            "{columns} columns and {rows} rows of {content} on either side of the frame, as far as the blur reaches"
+        ),
+    ));
+    if columns.min(rows) < reach_px {
+        let text = format!(
+            "the blur reaches {reach_px} px beyond the frame; farther out, the last row or column is repeated"
+        );
+        findings.push(Finding::warning("border", text));
+    }
+    scene
+}
+
+/// The conversion of the stack's depth into planar depth.
+fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
+    let [near, far] = [settings.lens.near.value, settings.lens.far.value];
+    if stack.convention == DepthConvention::Normalised && far <= near {
+        return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
+            .with("found", format!("near {near}, far {far}"))
+            .help("set the distances of depth 0 and depth 1, `near` and `far`"));
+    }
+    let focal_lengths = settings.lens.focal_length_mm.value / settings.lens.sensor_width_mm.value;
+    Ok(DepthScale {
+        convention: stack.convention,
+        near_clip: settings.lens.near_clip.value,
+        near_far: [near, far],
+        focal_px: focal_lengths * stack.frame.display.width as f32,
+    })
+}
+
+fn lens_spec(settings: &Settings, focus_distance: f32) -> LensSpec {
+    LensSpec {
+        focal_length_mm: settings.lens.focal_length_mm.value,
+        f_number: settings.lens.f_number.value,
+        focus_distance,
+        sensor_width_mm: settings.lens.sensor_width_mm.value,
+        sensor_distance: settings.lens.sensor_distance.value,
+        metres_per_unit: settings.lens.metres_per_unit.value,
+    }
+}
