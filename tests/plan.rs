@@ -335,8 +335,7 @@ fn effects_that_a_plan_switches_off_would_not_be_visible() {
 }
 
 #[test]
-fn a_scene_within_half_a_pixel_is_the_input_and_forced_blur_changes_no_more_than_the_plan_states()
- {
+fn a_scene_within_half_a_pixel_is_the_input_and_forced_blur_changes_no_more_than_the_plan_states() {
     let focused: Vec<Case> = cases().filter(|case| case.by_design(EffectKind::Blur)).collect();
     assert!(focused.len() >= 5, "only {} cases are in focus", focused.len());
     for case in focused {
