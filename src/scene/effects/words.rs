@@ -48,6 +48,9 @@ pub enum EffectKind {
     Vignetting,
 }
 
+/// Another name of [`EffectKind::TransparentBackground`].
+const TRANSPARENT_BACKGROUND: &str = "transparent-background";
+
 impl EffectKind {
     /// Every effect, in the order of plans.
     pub const ALL: [Self; 17] = [
@@ -98,13 +101,14 @@ impl EffectKind {
     /// # Errors
     /// [`crate::error::ErrorKind::Settings`] for an unknown name, with the nearest known one and all of them.
     pub fn by_name(name: &str) -> Result<Self, Error> {
-        if name == "transparent-background" {
+        if name == TRANSPARENT_BACKGROUND {
             return Ok(Self::TransparentBackground);
         }
         Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name);
             let list = format!("the effects are {}", known.join(", "));
-            let help = match nearest(name, &known) {
+            let names = [&known[..], &[TRANSPARENT_BACKGROUND]].concat();
+            let help = match nearest(name, &names) {
                 Some(near) => format!("did you mean '{near}'? {list}"),
                 None => list,
             };
@@ -180,5 +184,25 @@ impl Effect {
             self.reason = format!("requested; the plan's own choice was {also}{own}: {}", self.reason);
         }
         (self.on, self.forced) = (on, true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_is_known_by_its_names_and_a_slip_by_the_nearest() {
+        for kind in EffectKind::ALL {
+            assert_eq!(EffectKind::by_name(kind.name()).unwrap(), kind);
+        }
+        let alias = EffectKind::by_name("transparent-background").unwrap();
+        assert_eq!((alias, alias.name()), (EffectKind::TransparentBackground, "open-background"));
+        for (slip, near) in
+            [("transparent-backgrounds", "transparent-background"), ("pre-filter", "prefilter")]
+        {
+            let error = EffectKind::by_name(slip).unwrap_err().to_string();
+            assert!(error.contains(&format!("did you mean '{near}'?")), "{error}");
+        }
     }
 }

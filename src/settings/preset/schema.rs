@@ -109,6 +109,11 @@ impl<'a> Entry<'a> {
             format!("did you mean '{near}'?")
         } else if self.table.is_empty() {
             format!("the tables are [{}]", known.join("], ["))
+        } else if self.table == "method" {
+            format!(
+                "the keys of [method] are {}; parameters of a method are in [method.NAME]",
+                known.join(", ")
+            )
         } else {
             format!("the keys of [{}] are {}", self.table, known.join(", "))
         };
