@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release --example library [-- PICTURE.png]`
 //!
-//! A stack of two peels is made in memory: a blue disc in front of a chequered wall, and the part of the wall behind the disc. The lens
-//! is focused on the surface at a pixel, and the number of lens samples is the one that reaches 45 dB. Prints findings, the plan and the
-//! sampling error.
+//! A stack of two peels is made in memory: a blue disc in front of a wall with waves of light, and the part of the wall behind the
+//! disc. The lens is focused on the surface at a pixel, and the number of lens samples is the one that reaches 45 dB. Prints findings,
+//! the plan and the sampling error.
 
 #![expect(clippy::print_stdout, reason = "the figures are the result")]
 
@@ -55,7 +55,9 @@ fn peels() -> Vec<Peel> {
         x.hypot(y) < DISC_RADIUS_PX
     };
     let wall = |x: usize, y: usize| {
-        if (x / 8 + y / 8).is_multiple_of(2) { [0.8, 0.7, 0.5] } else { [0.1, 0.1, 0.1] }
+        let wave = |at: usize| 0.5 + 0.5 * (0.2 * at as f32).sin();
+        let light = 0.1 + 0.7 * wave(x) * wave(y);
+        [light, 0.9 * light, 0.6 * light]
     };
     let front = |x, y| if in_disc(x, y) { [0.05, 0.2, 0.7] } else { wall(x, y) };
     let front_depth = |x, y| if in_disc(x, y) { DISC_M } else { WALL_M };
