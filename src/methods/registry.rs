@@ -67,14 +67,22 @@ impl Registry {
         if name == "auto" {
             return self.of_quality(Quality::Final);
         }
-        self.iter().find(|method| method.name() == name).ok_or_else(|| {
-            let known: Vec<&str> = self.iter().map(|method| method.name()).collect();
-            let help = match nearest(name, &known) {
-                Some(near) => format!("did you mean '{near}'? `thinlens methods` lists them"),
-                None => format!("use auto, or one of {}", known.join(", ")),
-            };
-            Error::settings(format!("there is no method called '{name}'")).help(help)
-        })
+        self.named(name).ok_or_else(|| self.unknown(name))
+    }
+
+    /// The method called `name`, which is not `auto`.
+    fn named(&self, name: &str) -> Option<&'static dyn Method> {
+        self.iter().find(|method| method.name() == name)
+    }
+
+    /// The error for a method that does not exist, with the nearest known name.
+    fn unknown(&self, name: &str) -> Error {
+        let known: Vec<&str> = self.names_where(|_| true).collect();
+        let help = match nearest(name, &known) {
+            Some(near) => format!("did you mean '{near}'? `thinlens methods` lists the methods"),
+            None => format!("the methods are {}", known.join(", ")),
+        };
+        Error::settings(format!("there is no method called '{name}'")).help(help)
     }
 
     /// The method that `auto` selects at `quality`: the reference for reference quality, otherwise the default.
@@ -107,15 +115,9 @@ impl Registry {
     /// position in the preset.
     pub fn check(&self, values: &ParameterValues) -> Result<(), Error> {
         values.iter().try_for_each(|value| {
-            let Some(method) = self.iter().find(|method| method.name() == value.method) else {
-                let error = Error::settings(format!("there is no method called '{}'", value.method));
-                let known: Vec<&str> = self.iter().map(|method| method.name()).collect();
-                let help = match nearest(&value.method, &known) {
-                    Some(near) => format!("did you mean '{near}'?"),
-                    None => format!("the methods are {}", known.join(", ")),
-                };
-                return Err(at(error, value.place.as_ref().map(|place| &place.method)).help(help));
-            };
+            let method = self.named(&value.method).ok_or_else(|| {
+                at(self.unknown(&value.method), value.place.as_ref().map(|place| &place.method))
+            })?;
             method.parameters().read(&value.method, values).map(drop)
         })
     }
