@@ -1,11 +1,11 @@
 //! CONFIDENCE: the share of each pixel's light that comes from surfaces in the stack, as opposed to estimates.
 //!
 //! Two things are unknown: the surfaces of the disocclusion fill ([`Scene::filled`]), and what the rays that hit nothing would have hit
-//! although every pixel shows a surface. The picture leaves such rays out of its mean, so they are not visible in it.
+//! although no background is visible there. The picture leaves such rays out of its mean, so they are not visible in it.
 //!
-//! The same method blurs the same geometry by the same plan with other colours: 1 for known surfaces, 0 for estimated ones. The
-//! background is made transparent, so that rays that hit nothing count as 0 too. Where the picture's background is transparent as well,
-//! these rays are known to be transparent and count as 1. Passes that only smooth the picture are left out.
+//! The same method blurs the same geometry by the same plan with other colours: 1 for known surfaces, 0 for estimated ones and for rays
+//! that end where the stack has nothing ([`LostRays::Black`]). Rays that end in the background are known to be transparent and count as 1.
+//! Passes that only smooth the picture are left out.
 //!
 //! Cost: that of the blur, once more. Memory: that of the scene. Limits: only for methods that follow lens rays; the others spread known
 //! light over unknown areas, and cannot separate them afterwards. Samples repeated past the frame's border count as
@@ -13,7 +13,7 @@
 
 use crate::error::Error;
 use crate::image::Plane;
-use crate::methods::{self, METHODS, Plan, Progress};
+use crate::methods::{self, LostRays, METHODS, Plan, Progress};
 use crate::scene::{EffectKind, Scene};
 
 /// Checks that the method of `plan` can measure confidence.
@@ -43,20 +43,18 @@ pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> 
     }
     let known = with_known_surfaces_white(scene, plan.does(EffectKind::Fill));
     let [mut light, _, _, alpha] = methods::render(known, &without_color_passes(plan), progress)?.planes;
-    let is_transparent = plan.does(EffectKind::TransparentBackground);
     for (light, alpha) in light.values_mut().iter_mut().zip(alpha.values()) {
-        let transparent = if is_transparent { 1.0 - alpha } else { 0.0 };
         // Rounding can bring the sum of many views above 1.
-        *light = (*light + transparent).clamp(0.0, 1.0);
+        *light = (*light + 1.0 - alpha).clamp(0.0, 1.0);
     }
     Ok(light)
 }
 
-/// `plan` without the passes that depend on colour, with a transparent background, for a scene that is filled already.
+/// `plan` without the passes that depend on colour, with lost rays visible, for a scene that is filled already.
 fn without_color_passes(plan: &Plan) -> Plan {
     let left_out = [EffectKind::Highlights, EffectKind::Fill, EffectKind::Prefilter, EffectKind::Resolve];
     let reduced = left_out.into_iter().fold(plan.clone(), |plan, kind| plan.forced(kind, false));
-    reduced.forced(EffectKind::TransparentBackground, true)
+    Plan { lost_rays: LostRays::Black, ..reduced }
 }
 
 /// `scene`, filled if `fill` is set, with a premultiplied red of 1 for known surfaces and of 0 for estimated ones.

@@ -7,10 +7,11 @@ use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::lens::Optics;
-use crate::scene::{Effect, EffectKind, Extrapolation, Inputs, Scene, Workload};
+use crate::scene::{Background, Effect, EffectKind, Extrapolation, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use serde::{Serialize, Serializer};
 use std::fmt;
+use std::sync::Arc;
 
 /// Description of a method, for `thinlens methods`, the documentation and the laws.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -213,6 +214,17 @@ pub trait Sampler {
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image;
 }
 
+/// What a ray counts as that passes all layers and does not end in the background: the stack has nothing there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum LostRays {
+    /// It is left out of the mean.
+    LeftOut,
+    /// It hits an opaque black surface, so that lost rays are visible.
+    Black,
+}
+
 /// What a method has to do: a pure function of statistics and settings. A method reads nothing else beside the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -244,6 +256,8 @@ pub struct Plan {
     pub coc_range_px: [f32; 2],
     /// Parameters of highlight extrapolation.
     pub extrapolation: Extrapolation,
+    /// What rays count as that end where the stack has nothing.
+    pub lost_rays: LostRays,
     /// The decision about every effect.
     pub effects: Vec<Effect>,
     /// The method's parameters.
@@ -275,6 +289,11 @@ impl Plan {
     pub fn effect(&self, kind: EffectKind) -> &Effect {
         let found = self.effects.iter().find(|effect| effect.name == kind);
         found.expect("a plan has a decision about every effect")
+    }
+
+    /// The background of `scene`, where the plan simulates it and it is visible.
+    pub fn background(&self, scene: &Scene) -> Option<Arc<Background>> {
+        scene.background.clone().filter(|_| self.does(EffectKind::TransparentBackground))
     }
 
     /// Whether `kind` is on.

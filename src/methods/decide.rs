@@ -1,6 +1,6 @@
 //! DECIDE: makes the [`Plan`] for a method and a scene, with reasons, from the scene's effects and the method's own passes.
 
-use super::contract::{Method, Plan};
+use super::contract::{LostRays, Method, Plan};
 use super::switches;
 use super::target::{MAX_VIEWS, Target};
 use crate::error::Error;
@@ -46,6 +46,7 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         coc_range_px: stats.coc_range_px,
         extrapolation,
         parameters,
+        lost_rays: LostRays::LeftOut,
     };
     switches::apply(plan.with_lens_effects(), &settings.switches, stats)
 }
@@ -168,7 +169,7 @@ mod tests {
             fragments: 20_000,
             translucent_fragments: 0,
             focused_fragments: 500,
-            empty_samples: 0,
+            background_pixels: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
             color_range: ColorRange::Unbounded,
             light: Vec::new(),

@@ -8,11 +8,12 @@
 //! at most as wide and as high as the frame (or [`MIN_LIMIT_PX`]), which makes up to nine times the pixels; past that, its last sample is
 //! repeated.
 
-use super::{Layer, Scene};
+use super::{Background, Layer, Scene};
 use crate::image::Plane;
 use crate::settings::Border;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Smallest limit of the padding, in picture pixels: it holds for frames that are smaller than this.
 const MIN_LIMIT_PX: usize = 256;
@@ -53,10 +54,11 @@ impl Scene {
             alpha: pad(layer.alpha),
             coc_px: pad(layer.coc_px),
         };
-        let layers = self.layers.into_iter().map(layer).collect();
+        let layers: Vec<Layer> = self.layers.into_iter().map(layer).collect();
+        let background = Background::behind(&layers, self.supersample, self.coc_infinity_px).map(Arc::new);
         let mut field = self.field;
         field.axis_px += Vec2::from(outside_px.map(|pixels| pixels as f32));
-        Self { layers, field, outside_px, ..self }
+        Self { layers, field, outside_px, background, ..self }
     }
 }
 

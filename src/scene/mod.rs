@@ -3,6 +3,7 @@
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`. Visibility along lens rays can therefore be computed in this space, and no method needs depth.
 
+mod background;
 mod border;
 pub(crate) mod effects;
 mod extrapolation;
@@ -17,6 +18,7 @@ mod spread;
 pub(crate) mod surface;
 mod workload;
 
+pub use background::Background;
 pub(crate) use effects::percent;
 pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
@@ -35,6 +37,7 @@ use crate::lens::{Field, ThinLens};
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Fragments of at least this alpha hide everything behind them.
 pub const OPAQUE_ALPHA: f32 = 0.999;
@@ -87,6 +90,8 @@ pub struct Scene {
     pub color_range: ColorRange,
     /// Columns on either side, and rows above and below, that lie beyond the frame: see [`Scene::padded`].
     pub outside_px: [usize; 2],
+    /// The background behind the layers as they were read, before any were merged or estimated; `None` where no pixel shows it.
+    pub background: Option<Arc<Background>>,
 }
 
 /// Largest CoC radius kept for a picture of this size, in picture pixels. A larger disc extends over several frame widths, so that its
@@ -101,6 +106,7 @@ impl Scene {
         let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
         let [width, height] = size.map(|samples| samples / supersample);
         let field = Field::from_picture_size(width, height);
+        let background = Background::behind(&layers, supersample, coc_infinity_px).map(Arc::new);
         Self {
             layers,
             kind,
@@ -110,6 +116,7 @@ impl Scene {
             field,
             color_range: ColorRange::Unbounded,
             outside_px: [0; 2],
+            background,
         }
     }
 

@@ -6,7 +6,7 @@
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
-use super::{Layer, OPAQUE_ALPHA, Scene};
+use super::{Background, Layer, OPAQUE_ALPHA, Scene};
 use crate::lens::Field;
 use crate::stack::{ColorRange, StackKind};
 use pulp::{Arch, NullaryFnOnce};
@@ -44,9 +44,9 @@ pub struct SceneStats {
     pub translucent_fragments: usize,
     /// Number of fragments with a CoC radius below one pixel.
     pub focused_fragments: usize,
-    /// Number of samples without a fragment in any layer: the picture's transparent background.
+    /// Number of pixels that show the background, at least in part.
     #[serde(rename = "open_samples")]
-    pub empty_samples: usize,
+    pub background_pixels: usize,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub(crate) bright: [BrightStep; BRIGHT_STEPS],
     /// Range of the source's colours.
@@ -123,7 +123,7 @@ impl Scene {
             fragments: tally.fragments,
             translucent_fragments: tally.translucent,
             focused_fragments: tally.focused,
-            empty_samples: self.empty_samples(),
+            background_pixels: self.background.as_deref().map_or(0, Background::pixels),
             bright: tally.bright,
             color_range: self.color_range,
             light: tally.light,
@@ -132,16 +132,6 @@ impl Scene {
             field: self.field,
             peels,
         }
-    }
-
-    fn empty_samples(&self) -> usize {
-        let count_in_row = |y: usize| {
-            let is_empty = |x: &usize| self.layers.iter().all(|layer| layer.alpha.row(y)[*x] <= 0.0);
-            let is_covered =
-                self.layers.first().is_some_and(|layer| layer.alpha.row(y).iter().all(|&alpha| alpha > 0.0));
-            if is_covered { 0 } else { (0..self.width()).filter(is_empty).count() }
-        };
-        (0..self.height()).into_par_iter().map(count_in_row).sum()
     }
 }
 

@@ -256,7 +256,7 @@ impl GpuBackend for Accumulate {
             |band, progress| {
                 let rows = Rows::new(gpu, &volume, width, band)?;
                 let batches =
-                    Batches::new(gpu, &SHADER, width * band.rows.len(), volume.transparent_background)?;
+                    Batches::new(gpu, &SHADER, width * band.rows.len(), volume.background.is_some())?;
                 trace(gpu, (&rows, &lens), &batches, tiles(width, band.rows.len(), TILE as usize), progress)?;
                 Ok(batches)
             },

@@ -2,12 +2,13 @@
 
 use super::tiles::{Passage, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
-use crate::methods::contract::Plan;
+use crate::methods::contract::{LostRays, Plan};
 use crate::methods::shared::RaySum;
 use crate::scene::surface::{self, JOIN_PX};
-use crate::scene::{EffectKind, Layer, OPAQUE_ALPHA, Scene};
+use crate::scene::{Background, Layer, OPAQUE_ALPHA, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
+use std::sync::Arc;
 
 /// The stack as a set of boxes in `(x, y, c)`.
 #[derive(Debug)]
@@ -19,7 +20,8 @@ pub(crate) struct Volume<L> {
     pub(super) supersample: f32,
     pub(super) coc_range_px: [f32; 2],
     pub(super) jitter: f32,
-    pub(super) transparent_background: bool,
+    pub(super) background: Option<Arc<Background>>,
+    lost_rays: LostRays,
     pub(super) optics: Optics,
     pub(super) field: Field,
 }
@@ -87,19 +89,31 @@ impl<'a> Volume<&'a Layer> {
 
     /// The boxes of the first `count` layers of `scene`.
     pub(crate) fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
-        Self::from_layers(scene.layers.iter().take(count).collect(), (scene.supersample, scene.field), plan)
+        let background = plan.background(scene);
+        Self::from_layers(
+            scene.layers.iter().take(count).collect(),
+            (scene.supersample, scene.field),
+            background,
+            plan,
+        )
     }
 }
 
 impl Volume<Layer> {
     /// The boxes of `scene`, owning its layers.
     pub(super) fn owning(scene: Scene, plan: &Plan) -> Self {
-        Self::from_layers(scene.layers, (scene.supersample, scene.field), plan)
+        let background = plan.background(&scene);
+        Self::from_layers(scene.layers, (scene.supersample, scene.field), background, plan)
     }
 }
 
 impl<L: Borrow<Layer>> Volume<L> {
-    fn from_layers(layers: Vec<L>, (supersample, field): (usize, Field), plan: &Plan) -> Self {
+    fn from_layers(
+        layers: Vec<L>,
+        (supersample, field): (usize, Field),
+        background: Option<Arc<Background>>,
+        plan: &Plan,
+    ) -> Self {
         let first = layers.first().map(Borrow::borrow);
         let size = first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]);
         Self {
@@ -109,7 +123,8 @@ impl<L: Borrow<Layer>> Volume<L> {
             supersample: supersample as f32,
             coc_range_px: plan.coc_range_px,
             jitter: if supersample > 1 { 1.0 } else { plan.jitter },
-            transparent_background: plan.does(EffectKind::TransparentBackground),
+            background,
+            lost_rays: plan.lost_rays,
             optics: plan.optics.clone(),
             field,
         }
@@ -131,10 +146,12 @@ impl<L: Borrow<Layer>> Volume<L> {
         let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
         for view in views.iter().filter(|view| self.optics.within_barrel(view.lens, height) >= 0.0) {
-            sum.missed += f64::from(self.follow(&self.ray(centre, view), &mut sum));
+            let ray = self.ray(centre, view);
+            let left = self.follow(&ray, &mut sum);
+            sum.end(left, self.share_of_background(&ray, left));
             rays += 1;
         }
-        sum.mean(rays, self.transparent_background)
+        sum.mean(rays, self.lost_rays)
     }
 
     /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
@@ -148,8 +165,9 @@ impl<L: Borrow<Layer>> Volume<L> {
         let centre = centre(x, y);
         let lost = |view: &View| {
             let ray = self.ray(centre, view);
-            let missed = self.follow(&ray, &mut RaySum::default());
-            if missed > 0.0 && self.passes_last_layer(&ray) { f64::from(missed) } else { 0.0 }
+            let left = self.follow(&ray, &mut RaySum::default());
+            let lost = left - left.min(self.share_of_background(&ray, left));
+            if lost > 0.0 && self.passes_last_layer(&ray) { f64::from(lost) } else { 0.0 }
         };
         let passing = samples.iter().filter(|view| self.passes_barrel(x, y, view));
         passing.map(lost).sum::<f64>() / samples.len() as f64
@@ -159,6 +177,13 @@ impl<L: Borrow<Layer>> Volume<L> {
     fn ray(&self, centre: Vec2, view: &View) -> Ray {
         let point = centre + self.jitter * view.jitter + view.shift;
         Ray::new(point * self.supersample, view.lens * self.supersample)
+    }
+
+    /// Share of the background where `ray` ends with the transmittance `left`; 0 for a ray that is occluded.
+    fn share_of_background(&self, ray: &Ray, left: f32) -> f32 {
+        let Some(background) = self.background.as_deref().filter(|_| left > 0.0) else { return 0.0 };
+        let supersample = self.supersample as i32;
+        background.met_by(|coc_px| ray.cell(coc_px).div_euclid(IVec2::splat(supersample)))
     }
 
     /// Whether `ray` passes behind any fragment of the last layer.
@@ -362,7 +387,8 @@ mod tests {
                 supersample: 1.0,
                 coc_range_px: [-1.0, 2.0],
                 jitter: 0.0,
-                transparent_background: false,
+                background: None,
+                lost_rays: LostRays::LeftOut,
                 optics: Optics::from_aperture(Aperture::DISC),
                 field: Field::from_picture_size(3, 3),
             };

@@ -1,5 +1,7 @@
 //! Sum over the lens rays of one pixel.
 
+use crate::methods::contract::LostRays;
+
 /// A pixel is empty if at most this fraction of its rays hit anything.
 pub(in crate::methods) const MIN_HIT: f64 = 1e-9;
 
@@ -7,8 +9,11 @@ pub(in crate::methods) const MIN_HIT: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::methods) struct RaySum {
     pub(in crate::methods) color: [f64; 3],
-    pub(in crate::methods) missed: f64,
-    /// Rays left out of the mean, because the stack has no data for what they would hit.
+    /// Rays that end in the background, weighted by transmittance.
+    pub(in crate::methods) transparent: f64,
+    /// Rays that end where the stack has neither a surface nor the background, weighted by transmittance.
+    pub(in crate::methods) lost: f64,
+    /// Rays left out of the mean, because they leave the frame.
     pub(in crate::methods) discarded: f64,
 }
 
@@ -18,16 +23,26 @@ impl RaySum {
         self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += f64::from(value * transmittance));
     }
 
-    /// Mean over `rays` rays: rays that hit nothing are transparent where the background is transparent, and left out of the mean
-    /// where it is closed.
-    pub(in crate::methods) fn mean(&self, rays: usize, transparent_background: bool) -> [f32; 4] {
-        let known = rays as f64 - self.discarded;
-        let hit = known - self.missed;
-        let weight = if transparent_background { known } else { hit };
-        if hit <= MIN_HIT * rays as f64 {
+    /// Ends a ray with the transmittance `left` where the background's share is `share`: see [`crate::scene::Background`].
+    pub(in crate::methods) fn end(&mut self, left: f32, share: f32) {
+        let transparent = left.min(share);
+        self.transparent += f64::from(transparent);
+        self.lost += f64::from(left - transparent);
+    }
+
+    /// Mean over `rays` rays, of which lost ones count as `lost_rays` says.
+    pub(in crate::methods) fn mean(&self, rays: usize, lost_rays: LostRays) -> [f32; 4] {
+        let rays = rays as f64 - self.discarded;
+        let known = rays - self.lost;
+        let hit = known - self.transparent;
+        let (weight, covered) = match lost_rays {
+            LostRays::LeftOut => (known, hit),
+            LostRays::Black => (rays, rays - self.transparent),
+        };
+        if covered <= MIN_HIT * rays {
             return [0.0; 4];
         }
         let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);
-        [r, g, b, (hit / weight) as f32]
+        [r, g, b, (covered / weight) as f32]
     }
 }

@@ -73,21 +73,21 @@ pub(super) fn translucency(stats: &SceneStats) -> Effect {
 }
 
 pub(super) fn transparent_background(stats: &SceneStats) -> Effect {
-    let count = stats.empty_samples;
+    let count = stats.background_pixels;
     if count == 0 {
         return Effect::new(
             EffectKind::TransparentBackground,
             false,
-            "every pixel shows a surface: lens rays that hit nothing are left out of the mean",
-            "with it, such rays would make the picture transparent; their number is not known before rendering",
+            "no pixel shows the background: lens rays that hit nothing are left out of the mean",
+            "with it, no effect: there is no background that a ray could end in",
         );
     }
-    let share = percent(count, stats.picture_size.0 * stats.picture_size.1 * stats.supersample.pow(2));
+    let share = percent(count, stats.picture_size.0 * stats.picture_size.1);
     Effect::new(
         EffectKind::TransparentBackground,
         true,
-        format!("{count} samples are empty: the picture keeps its transparency"),
-        format!("without it, blurred edges in front of the {share:.1} % that are empty would become opaque"),
+        format!("{count} pixels show the background: the picture is transparent where lens rays end in it"),
+        format!("without it, blurred edges in front of the {share:.1} % that show it would become opaque"),
     )
 }
 

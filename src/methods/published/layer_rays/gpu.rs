@@ -234,7 +234,7 @@ impl<'g> Tables<'g> {
     fn render(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let rows = Rows::new(self, band)?;
         let (width, height) = (self.tracer.stack().picture_size().0, band.rows.len());
-        let batches = Batches::new(self.gpu, &SHADER, width * height, self.tracer.transparent_background)?;
+        let batches = Batches::new(self.gpu, &SHADER, width * height, self.tracer.background.is_some())?;
         let groups = tiles(width, height, SIDE);
         let own = rows.bindings(self);
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {

@@ -42,11 +42,11 @@ mod samples;
 
 use crate::error::Error;
 use crate::image::Image;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{Fragments, RaySampler, RaySum, Tracer};
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload};
+use crate::scene::{Background, EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use cones::Cones;
 use cull::Cull;
@@ -54,6 +54,7 @@ use glam::Vec2;
 use layers::{Ray, Segment, Spacing};
 use parameters::LayerRaysParameters;
 use samples::LensSamples;
+use std::sync::Arc;
 
 /// The method.
 #[derive(Debug)]
@@ -136,7 +137,8 @@ struct LayerTracer {
     iterations: usize,
     /// Whether rays that leave the frame are discarded.
     discard: bool,
-    transparent_background: bool,
+    background: Option<Arc<Background>>,
+    lost_rays: LostRays,
 }
 
 impl Tracer for LayerTracer {
@@ -146,6 +148,7 @@ impl Tracer for LayerTracer {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<LayerRaysParameters>();
         let supersample = scene.supersample as f32;
+        let background = plan.background(&scene);
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
@@ -159,7 +162,8 @@ impl Tracer for LayerTracer {
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
             iterations: parameters.iterations,
             discard: parameters.discard,
-            transparent_background: plan.does(EffectKind::TransparentBackground),
+            background,
+            lost_rays: plan.lost_rays,
         }
     }
 
@@ -172,14 +176,14 @@ impl Tracer for LayerTracer {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.follow(Ray { start, step: self.supersample * view.lens }, layers, &mut sum);
         }
-        let mean = sum.mean(samples.len(), self.transparent_background);
-        if mean[3] > 0.0 || (self.transparent_background && sum.discarded < samples.len() as f64) {
+        let mean = sum.mean(samples.len(), self.lost_rays);
+        if mean[3] > 0.0 || sum.transparent > 0.0 {
             return mean;
         }
         // All rays were discarded. The central ray never leaves the frame.
         let mut central = RaySum::default();
         self.follow(Ray { start: centre, step: Vec2::ZERO }, layers, &mut central);
-        central.mean(1, self.transparent_background)
+        central.mean(1, self.lost_rays)
     }
 }
 
@@ -223,6 +227,8 @@ impl LayerTracer {
                 }
             }
         }
-        sum.missed += f64::from(transmittance);
+        let pixel = |coc_px: f32| (ray.at(coc_px) / self.supersample).floor().as_ivec2();
+        let share = self.background.as_deref().map_or(0.0, |background| background.met_by(pixel));
+        sum.end(transmittance, share);
     }
 }

@@ -115,7 +115,7 @@ impl<'g> Tables<'g> {
         let stack = self.marcher.stack();
         let rows = stack.rows(self.gpu, band)?;
         let (width, height) = (stack.picture_size().0, band.rows.len());
-        let batches = Batches::new(self.gpu, &SHADER, width * height, self.marcher.transparent_background)?;
+        let batches = Batches::new(self.gpu, &SHADER, width * height, self.marcher.background.is_some())?;
         let own = [(4, &self.views.buffer), (8, &self.nbuffers), (9, &self.march)];
         let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
             let bindings: Vec<_> = sums.into_iter().chain(rows.bindings()).chain(own).collect();

@@ -27,14 +27,15 @@ mod parameters;
 use crate::error::Error;
 use crate::image::Image;
 use crate::lens::{View, views};
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
+use crate::methods::contract::{LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, RaySum, Tracer};
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
+use crate::scene::{Background, EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use glam::Vec2;
 use parameters::PeelRaysParameters;
+use std::sync::Arc;
 
 /// Linear steps per sample that a ray passes; more steps find the same samples again.
 const STEPS_PER_SAMPLE: f32 = 2.0;
@@ -100,7 +101,8 @@ struct Marcher {
     jitter: f32,
     linear_steps: usize,
     binary_steps: usize,
-    transparent_background: bool,
+    background: Option<Arc<Background>>,
+    lost_rays: LostRays,
 }
 
 /// CoC ranges of the fragments in parts of the picture.
@@ -187,6 +189,7 @@ impl Tracer for Marcher {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<PeelRaysParameters>();
         let supersample = scene.supersample as f32;
+        let background = plan.background(&scene);
         let fragments = Fragments::new(scene);
         Self {
             samples: views(rays, plan.optics.aperture),
@@ -196,7 +199,8 @@ impl Tracer for Marcher {
             jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
             linear_steps: parameters.linear_steps,
             binary_steps: parameters.binary_steps,
-            transparent_background: plan.does(EffectKind::TransparentBackground),
+            background,
+            lost_rays: plan.lost_rays,
         }
     }
 
@@ -208,7 +212,7 @@ impl Tracer for Marcher {
             let start = centre + self.jitter * self.supersample * view.jitter;
             self.march(Ray { start, step: self.supersample * view.lens }, range, &mut sum);
         }
-        sum.mean(self.samples.len(), self.transparent_background)
+        sum.mean(self.samples.len(), self.lost_rays)
     }
 }
 
@@ -247,7 +251,9 @@ impl Marcher {
                 }
             }
         }
-        sum.missed += f64::from(transmittance);
+        let pixel = |coc_px: f32| (ray.at(coc_px) / self.supersample).floor().as_ivec2();
+        let share = self.background.as_deref().map_or(0.0, |background| background.met_by(pixel));
+        sum.end(transmittance, share);
     }
 
     /// The first fragment that the ray hits in a segment.
@@ -338,7 +344,8 @@ mod tests {
             jitter: 1.0,
             linear_steps: 100,
             binary_steps: 5,
-            transparent_background: false,
+            background: None,
+            lost_rays: LostRays::LeftOut,
         }
     }
 
