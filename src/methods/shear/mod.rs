@@ -116,7 +116,7 @@ impl Method for Shear {
 
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
-        let frame = (scene.picture_size(), scene.field);
+        let frame = (scene.picture_size(), scene.field, plan.background(&scene));
         Box::new(ShearSampler::new(plan, frame, prepare::layers(scene, plan)))
     }
 

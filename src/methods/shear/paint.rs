@@ -8,15 +8,24 @@
 //!
 //! One bit per pixel marks an occluded ray; only unoccluded rays accumulate light. There is no z-buffer, no sort and no image
 //! per view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive
-//! memory. Translucent spans keep, beside the bit, the transmittance of the ray.
+//! memory. Bins that a view moves alike are painted in blocks.
+//!
+//! Translucent spans keep, beside the bit, the transmittance of the ray. Neighbouring fragments of a surface overlap in CoC depth, so that a
+//! ray may hit several of them, and it counts a surface once: a ray remembers, for each layer, the bin of its last translucent hit, and
+//! a hit of the same layer within [`SAME_HIT_PX`](crate::scene::surface::SAME_HIT_PX) is not composited again, but remembered. A fragment
+//! whose surface continues in another peel compares with the last hits of the other layers as well, but for those at its own source
+//! pixel: two fragments of one sample are two surfaces.
 //!
 //! The inner loops are compiled for several instruction sets, one of which is selected when the program runs. Additions,
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
 
-use super::canvas::{Barrel, Canvas, Shear, Shift};
+use super::bins::MAX_BINS;
+use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::spans::Span;
 use crate::image::MARGIN;
-use glam::Vec2;
+use crate::methods::contract::LostRays;
+use crate::scene::Background;
+use glam::{IVec2, Vec2};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -46,28 +55,34 @@ struct Sums {
     color: Vec<[Chunk; 3]>,
     /// Number of rays that hit something in focus, weighted by coverage.
     focused: Vec<Chunk>,
-    /// Number of rays that hit nothing, weighted by transmittance.
-    missed: Vec<Chunk>,
+    /// Number of rays that end in the background, weighted by transmittance.
+    transparent: Vec<Chunk>,
+    /// Number of rays that end where the stack has nothing, weighted by transmittance.
+    lost: Vec<Chunk>,
 }
 
 impl Sums {
     fn blank(chunks: usize) -> Self {
         let blank = vec![Chunk::default(); chunks];
-        Self { color: vec![[Chunk::default(); 3]; chunks], focused: blank.clone(), missed: blank }
+        let color = vec![[Chunk::default(); 3]; chunks];
+        Self { color, focused: blank.clone(), transparent: blank.clone(), lost: blank }
     }
 
     fn clear(&mut self) {
         self.color.fill([Chunk::default(); 3]);
         self.focused.fill(Chunk::default());
-        self.missed.fill(Chunk::default());
+        self.transparent.fill(Chunk::default());
+        self.lost.fill(Chunk::default());
     }
 
     fn chunks(&self) -> impl Iterator<Item = &Chunk> {
-        self.color.as_flattened().iter().chain(&self.focused).chain(&self.missed)
+        let color = self.color.as_flattened().iter();
+        color.chain(&self.focused).chain(&self.transparent).chain(&self.lost)
     }
 
     fn chunks_mut(&mut self) -> impl Iterator<Item = &mut Chunk> {
-        self.color.as_flattened_mut().iter_mut().chain(&mut self.focused).chain(&mut self.missed)
+        let color = self.color.as_flattened_mut().iter_mut();
+        color.chain(&mut self.focused).chain(&mut self.transparent).chain(&mut self.lost)
     }
 }
 
@@ -96,6 +111,7 @@ pub(super) struct RowSums {
     attenuated: Vec<Mask>,
     /// Undefined for rays that are not attenuated.
     transmittance: Vec<Chunk>,
+    hits: TranslucentHits,
 }
 
 impl RowSums {
@@ -120,6 +136,7 @@ impl RowSums {
             occluded: vec![0; chunks],
             attenuated: vec![0; chunks],
             transmittance: vec![Chunk::default(); chunks],
+            hits: TranslucentHits::default(),
         }
     }
 
@@ -149,20 +166,20 @@ impl RowSums {
         self.views as f32 - self.hidden[x]
     }
 
-    /// Adds the views `shears` of output row `y` with the instructions of `arch`; `bins` holds every bin that they can move
-    /// there.
+    /// Adds the views `shears` of output row `y` with the instructions of `arch`; every bin that they can move there is `in_reach`.
     pub(super) fn add(
         &mut self,
         canvas: &Canvas<'_>,
-        (y, bins): (usize, &[u16]),
+        (y, in_reach): (usize, &BinsInReach),
         shears: &[Shear],
         arch: Arch,
     ) {
+        self.hits.prepare(canvas.layers.len(), self.occluded.len());
         let mut rest = shears;
         while !rest.is_empty() {
             let room = VIEWS_PER_BATCH - self.views % VIEWS_PER_BATCH;
             let (batch, others) = rest.split_at(room.min(rest.len()));
-            arch.dispatch(AddViews { row: self, canvas, y, bins, shears: batch });
+            arch.dispatch(AddViews { row: self, canvas, y, in_reach, shears: batch });
             self.views += batch.len();
             rest = others;
             if self.views.is_multiple_of(VIEWS_PER_BATCH) {
@@ -179,18 +196,23 @@ impl RowSums {
         self.sums.clear();
     }
 
-    /// The mean of pixel `x` over all views so far. Rays that hit nothing count as transparent with `transparent_background`, and
-    /// are excluded from the mean without it.
-    pub(super) fn pixel(&self, x: usize, transparent_background: bool) -> [f32; 4] {
+    /// The mean of pixel `x` over all views so far, of which lost rays count as `lost_rays` says.
+    pub(super) fn pixel(&self, x: usize, lost_rays: LostRays) -> [f32; 4] {
         let (chunk, lane) = (x / LANES, x % LANES);
+        let total =
+            |of: fn(&Sums) -> &Vec<Chunk>| of(&self.flushed)[chunk].0[lane] + of(&self.sums)[chunk].0[lane];
         let views = self.views_at(x);
-        let hit = views - (self.flushed.missed[chunk].0[lane] + self.sums.missed[chunk].0[lane]);
-        if hit <= MIN_HIT_VIEWS {
+        let known = views - total(|sums| &sums.lost);
+        let transparent = total(|sums| &sums.transparent);
+        let (weight, covered) = match lost_rays {
+            LostRays::LeftOut => (known, known - transparent),
+            LostRays::Black => (views, views - transparent),
+        };
+        if covered <= MIN_HIT_VIEWS {
             return [0.0; 4];
         }
-        let weight = if transparent_background { views } else { hit };
         let color = |k: usize| self.flushed.color[chunk][k].0[lane] + self.sums.color[chunk][k].0[lane];
-        [color(0) / weight, color(1) / weight, color(2) / weight, hit / weight]
+        [color(0) / weight, color(1) / weight, color(2) / weight, covered / weight]
     }
 
     /// Share of the rays of pixel `x` that hit something in focus.
@@ -236,16 +258,97 @@ impl RowSums {
         self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
     }
 
-    /// Adds the transmittance that is left of each ray to the sums.
-    fn count_missed(&mut self) {
+    /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
+    fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
         for (chunk, &occluded) in
             self.occluded.iter().enumerate().filter(|(_, occluded)| **occluded != Mask::MAX)
         {
             for lane in (0..LANES).filter(|&lane| !has(occluded, lane)) {
-                self.sums.missed[chunk].0[lane] +=
+                let left =
                     if has(self.attenuated[chunk], lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
+                let transparent = background.map_or(0.0, |background| {
+                    let pixel = IVec2::new((chunk * LANES + lane) as i32, y as i32);
+                    left.min(background.met_by(|coc_px| shear.pixel_at(pixel, coc_px)))
+                });
+                self.sums.transparent[chunk].0[lane] += transparent;
+                self.sums.lost[chunk].0[lane] += left - transparent;
             }
         }
+    }
+}
+
+/// The last translucent hits of the rays of a row.
+#[derive(Debug, Default)]
+struct TranslucentHits {
+    /// `[layer][chunk][lane]`: the view's stamp, and in the lowest bits the last bin of the block in which it was hit.
+    last: Vec<[u32; LANES]>,
+    chunks: usize,
+    /// Number of the current view above the bits of a bin: an entry of an earlier view is smaller.
+    stamp: u32,
+}
+
+/// A hit of a translucent span.
+#[derive(Clone, Copy)]
+struct Hit {
+    layer: usize,
+    /// Nearest bin of an earlier hit of the same surface.
+    same_from: u32,
+    /// The last bin of the block.
+    bin: u32,
+    /// For a surface that continues in other layers: the first bin whose fragments lie at the same source pixels.
+    same_pixel_from: Option<u32>,
+}
+
+impl Hit {
+    #[inline(always)]
+    fn new(same_from: u16, step: &Step, span: &Span) -> Self {
+        Self {
+            layer: span.layer as usize,
+            same_from: same_from.into(),
+            bin: step.bins[1].into(),
+            same_pixel_from: span.changes_peel.then_some(step.moved_alike_from.into()),
+        }
+    }
+}
+
+impl TranslucentHits {
+    /// Memory for `chunks` chunks of rays in `layers` layers.
+    fn prepare(&mut self, layers: usize, chunks: usize) {
+        if self.last.len() != layers * chunks {
+            *self = Self { last: vec![[0; LANES]; layers * chunks], chunks, stamp: 0 };
+        }
+    }
+
+    /// Forgets all hits.
+    #[inline(always)]
+    fn start_view(&mut self) {
+        let step = MAX_BINS as u32;
+        if self.stamp > u32::MAX - 2 * step {
+            self.last.fill([0; LANES]);
+            self.stamp = 0;
+        }
+        self.stamp += step;
+    }
+
+    /// The rays of `chunk`, of those in `lanes`, for which `hit` is in a surface that they hit before; remembers it.
+    #[inline(always)]
+    fn hit_before(&mut self, chunk: usize, lanes: Mask, hit: &Hit) -> Mask {
+        let mut before: Mask = 0;
+        let same_from = self.stamp | hit.same_from;
+        if let Some(same_pixel_from) = hit.same_pixel_from {
+            let same_pixel_from = self.stamp | same_pixel_from;
+            for other in self.last.iter().skip(chunk).step_by(self.chunks) {
+                for (lane, &last) in other.iter().enumerate() {
+                    before |= Mask::from((last >= same_from) & (last < same_pixel_from)) << lane;
+                }
+            }
+        }
+        let now = self.stamp | hit.bin;
+        for (lane, last) in self.last[hit.layer * self.chunks + chunk].iter_mut().enumerate() {
+            before |= Mask::from(*last >= same_from) << lane;
+            *last = if has(lanes, lane) { now } else { *last };
+        }
+        before
     }
 }
 
@@ -260,7 +363,7 @@ struct AddViews<'a> {
     row: &'a mut RowSums,
     canvas: &'a Canvas<'a>,
     y: usize,
-    bins: &'a [u16],
+    in_reach: &'a BinsInReach,
     shears: &'a [Shear],
 }
 
@@ -272,11 +375,12 @@ impl WithSimd for AddViews<'_> {
         for shear in self.shears {
             let active_chunks = match self.canvas.barrel {
                 None => self.row.start_view(),
-                Some(barrel) => self.row.start_view_through(&barrel, shear.lens, self.y),
+                Some(barrel) => self.row.start_view_through(&barrel, shear.lens(), self.y),
             };
+            self.row.hits.start_view();
             let mut painter = Painter { simd, active_chunks, row: self.row };
-            painter.paint_view(self.canvas, self.y, &shear.shifts, self.bins);
-            self.row.count_missed();
+            painter.paint_view(self.canvas, self.y, &shear.steps, self.in_reach);
+            self.row.end_rays(self.canvas.background, shear, self.y);
         }
     }
 }
@@ -297,7 +401,9 @@ struct SourceRow<'a> {
     /// Coverage, with margins; `None` for opaque fragments.
     alpha: Option<&'a [f32]>,
     column: SourceColumn,
-    focused: bool,
+    /// How much of the span counts as in focus.
+    focus: f32,
+    hit: Hit,
 }
 
 /// The source column of an output column.
@@ -311,13 +417,13 @@ enum SourceColumn {
 
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &[Shift], bins: &[u16]) {
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, steps: &[Step], in_reach: &BinsInReach) {
         let last_row = canvas.spans.rows.len() as i32 - 1;
-        for &bin in bins {
-            let shift = shear[bin as usize];
-            let row = (y as i32 + shift.rows).clamp(0, last_row) as usize;
-            for span in canvas.spans.rows[row].of_bin(bin as usize) {
-                self.paint_span(canvas, span, row, shift);
+        for step in steps.iter().filter(|step| in_reach.has(step.block())) {
+            let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
+            let (level, block) = step.block();
+            for span in canvas.spans.rows[row].of_block(level, block) {
+                self.paint_span(canvas, span, row, step);
             }
             if self.active_chunks == 0 {
                 return;
@@ -327,7 +433,8 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
-    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, shift: Shift) {
+    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, step: &Step) {
+        let shift = step.shift;
         let (start, end) = (span.start as i32 - shift.columns, span.end as i32 - shift.columns);
         let width = self.row.width as i32;
         let layer = &canvas.layers[span.layer as usize];
@@ -336,7 +443,8 @@ impl<S: Simd> Painter<'_, S> {
             color: [red.row_with_margins(row), green.row_with_margins(row), blue.row_with_margins(row)],
             alpha: (!span.opaque).then(|| layer.alpha.row_with_margins(row)),
             column,
-            focused: shift.focused,
+            focus: step.focus,
+            hit: Hit::new(canvas.bins.same_hit_from(step.bins[0] as usize), step, span),
         };
         let Range { start: first, end: past } = self.row.columns;
         self.paint_columns(start.max(first)..end.min(past), source(SourceColumn::Shifted(shift.columns)));
@@ -364,7 +472,10 @@ impl<S: Simd> Painter<'_, S> {
             if chunk == last {
                 inside &= Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
             }
-            let free = inside & !self.row.occluded[chunk];
+            let mut free = inside & !self.row.occluded[chunk];
+            if free != 0 && source.alpha.is_some() {
+                free &= !self.row.hits.hit_before(chunk, free, &source.hit);
+            }
             if free == 0 {
                 continue;
             }
@@ -393,11 +504,11 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
         }
-        if source.focused {
-            let one = simd.splat_f32s(1.0);
+        if source.focus > 0.0 {
+            let focus = simd.splat_f32s(source.focus);
             for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0.iter_mut().enumerate()
             {
-                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
+                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), focus, zero));
             }
         }
         self.row.occluded[chunk] |= free;
@@ -421,9 +532,10 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
             let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, chunk, i));
-            if source.focused {
+            if source.focus > 0.0 {
+                let focused = simd.mul_f32s(alpha, simd.splat_f32s(source.focus));
                 let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0[i];
-                *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, alpha), zero));
+                *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, focused), zero));
             }
             let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
             *transmittance = simd.select_f32s(inside, after, before);
@@ -503,7 +615,15 @@ mod tests {
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(
-            &Canvas { layers: &layers, spans: &spans, bins: &bins, barrel: None, aberration_px: 0.0 },
+            &Canvas {
+                layers: &layers,
+                spans: &spans,
+                bins: &bins,
+                barrel: None,
+                aberration_px: 0.0,
+                background: None,
+                lost_rays: LostRays::LeftOut,
+            },
             &shears,
         )
     }
@@ -515,7 +635,7 @@ mod tests {
             batches.iter().for_each(|shears| sums.add(canvas, (y, &bins), shears, arch));
             (0..WIDTH)
                 .map(|x| {
-                    let [r, g, b, a] = sums.pixel(x, false);
+                    let [r, g, b, a] = sums.pixel(x, canvas.lost_rays);
                     [r, g, b, a, sums.focused_share(x)]
                 })
                 .collect::<Vec<_>>()

@@ -5,6 +5,14 @@
 use crate::image::{Image, Plane};
 use rayon::prelude::*;
 
+/// How much of what a ray hits at CoC radius `coc_px` counts as in focus: from 1 up to half a pixel down to 0 at one and a half.
+pub(super) fn focus(coc_px: f32) -> f32 {
+    const FROM_PX: f32 = 0.5;
+    const TO_PX: f32 = 1.5;
+    let t = ((coc_px.abs() - FROM_PX) / (TO_PX - FROM_PX)).clamp(0.0, 1.0);
+    1.0 - t * t * (3.0 - 2.0 * t)
+}
+
 /// Softens `image` where `focused_share` is not 0; `weight` is the weight of each of the four neighbours for a share of 1.
 pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
     let (width, height) = (image.width(), image.height());

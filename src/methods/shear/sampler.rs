@@ -1,8 +1,8 @@
 //! Rendering of a scene: layers are prepared once for each number of views, then single pixels or the picture are painted.
 
-use super::bins::{Bins, bin_width_px};
+use super::bins::{Bins, plateau_px};
 use super::bokeh::Bokeh;
-use super::canvas::{Barrel, Canvas, Shear};
+use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::reach::Reach;
@@ -10,21 +10,22 @@ use super::saved::SavedColors;
 use super::spans::{self, Spans};
 use super::{prefilter, resolve};
 use crate::image::{Image, Plane};
-use crate::lens::{Field, View};
-use crate::methods::contract::{Plan, Progress, Sampler};
+use crate::lens::{Field, Rays, View};
+use crate::methods::contract::{LostRays, Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
-use crate::scene::{EffectKind, Layer};
+use crate::scene::{Background, EffectKind, Layer};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Width over which a view fades in at the barrel, as a share of the gap between views.
 const BARREL_SOFTNESS: f32 = 0.5;
 
 /// The bins in which `views` views are painted.
 pub(super) fn bins(plan: &Plan, views: usize) -> Bins {
-    Bins::new(plan.coc_range_px, bin_width_px(views))
+    Bins::new(plan.coc_range_px, plateau_px(views))
 }
 
 /// Width over which each of `views` views fades in at the barrel, in aperture radii.
@@ -35,11 +36,13 @@ pub(super) fn barrel_softness(views: usize) -> f32 {
 /// The views of a set of colours, and the channels that they render: see [`crate::lens::Rays`].
 pub(super) type ShearSet = (Vec<Shear>, &'static [usize]);
 
-/// How far each of `count` views of each set of colours moves `bins`.
-pub(super) fn shears(plan: &Plan, bins: &Bins, count: usize) -> Vec<ShearSet> {
+/// How far each of `count` views of each set of colours moves `bins`, for rows in turns: row `y` has entry `y mod n` of the `n` entries.
+pub(super) fn shears(plan: &Plan, bins: &Bins, count: usize) -> Vec<Vec<ShearSet>> {
     let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, bins);
-    let rays = plan.optics.rays(count);
-    rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
+    let shears = |rays: &Rays| {
+        rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
+    };
+    plan.optics.rays_in_turns(count).iter().map(shears).collect()
 }
 
 /// The layers and highlights of a scene, with the intermediate results for the last requested number of views.
@@ -52,6 +55,8 @@ pub(super) struct ShearSampler<'p> {
     field: Field,
     /// The highlights removed from the layers, which are drawn as discs.
     highlights: Vec<Highlight>,
+    /// The background, if the plan simulates it and any pixel shows it.
+    background: Option<Arc<Background>>,
     layers: PaintLayers,
 }
 
@@ -69,8 +74,8 @@ struct Prepared {
     views: usize,
     bins: Bins,
     spans: Spans,
-    /// The views of each set of colours.
-    shears: Vec<ShearSet>,
+    /// The views of each set of colours, for rows in turns.
+    shears: Vec<Vec<ShearSet>>,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
 }
@@ -90,7 +95,7 @@ impl Prepared {
         }
         let Self { views: before, mut layers, bins, spans, .. } = self;
         saved.restore(&mut layers);
-        if bin_width_px(before) == bin_width_px(views) {
+        if plateau_px(before) == plateau_px(views) {
             Self::with_spans(layers, (bins, spans), plan, views)
         } else {
             Self::new(layers, plan, views)
@@ -105,31 +110,31 @@ impl Prepared {
         Self { views: count, bins, spans, shears, layers }
     }
 
-    fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
+    /// The views of each set of colours for row `y`.
+    fn shears_of_row(&self, y: usize) -> &[ShearSet] {
+        &self.shears[y % self.shears.len()]
+    }
+
+    fn canvas<'a>(&'a self, plan: &'a Plan, field: Field, background: Option<&'a Background>) -> Canvas<'a> {
         let Self { layers, spans, bins, .. } = self;
         let optics = &plan.optics;
         let softness = barrel_softness(self.views);
         let barrel = (optics.cats_eye > 0.0).then_some(Barrel { optics, field, softness });
-        Canvas { layers, spans, bins, barrel, aberration_px: optics.longest_shift_px() }
+        let aberration_px = optics.longest_shift_px();
+        Canvas { layers, spans, bins, barrel, aberration_px, background, lost_rays: plan.lost_rays }
     }
 
     /// Paints all views. Returns the picture and, for each pixel, the share of rays that hit something in focus.
-    fn paint(
-        &self,
-        canvas: &Canvas<'_>,
-        size: (usize, usize),
-        transparent_background: bool,
-        progress: &Progress<'_>,
-    ) -> (Image, Plane) {
+    fn paint(&self, canvas: &Canvas<'_>, size: (usize, usize), progress: &Progress<'_>) -> (Image, Plane) {
         let arch = Arch::new();
         let new_row = || RowSums::new(size.0);
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
-                let bins = canvas.bins_in_reach(y);
-                for (shears, channels) in &self.shears {
+                let in_reach = canvas.bins_in_reach(y);
+                for (shears, channels) in self.shears_of_row(y) {
                     sums.clear();
-                    add_row(sums, canvas, (y, &bins), shears, arch);
-                    write_row(sums, channels, transparent_background, planes);
+                    add_row(sums, canvas, (y, &in_reach), shears, arch);
+                    write_row(sums, channels, canvas.lost_rays, planes);
                 }
             });
         (Image { planes: [red, green, blue, alpha] }, focused_share)
@@ -140,7 +145,6 @@ impl Prepared {
         &self,
         canvas: &Canvas<'_>,
         (reach, width): (&Reach, usize),
-        transparent_background: bool,
         pixels: impl Iterator<Item = usize>,
     ) -> Painted {
         let arch = Arch::new();
@@ -153,13 +157,13 @@ impl Prepared {
         rows.into_par_iter()
             .flat_map_iter(|(y, columns)| {
                 let mut sums = RowSums::only(width, &columns);
-                let bins = reach.bins(canvas, y, &columns);
+                let in_reach = reach.bins(canvas, y, &columns);
                 let mut painted = vec![([0.0; 4], 0.0); columns.len()];
-                for (shears, channels) in &self.shears {
+                for (shears, channels) in self.shears_of_row(y) {
                     sums.clear();
-                    sums.add(canvas, (y, &bins), shears, arch);
+                    sums.add(canvas, (y, &in_reach), shears, arch);
                     for (&x, (color, focused_share)) in columns.iter().zip(&mut painted) {
-                        let pixel = sums.pixel(x, transparent_background);
+                        let pixel = sums.pixel(x, canvas.lost_rays);
                         channels.iter().for_each(|&channel| color[channel] = pixel[channel]);
                         if channels.contains(&ALPHA) {
                             *focused_share = sums.focused_share(x);
@@ -183,12 +187,12 @@ impl Prepared {
 const ALPHA: usize = 3;
 
 /// Writes `channels` of a row to its planes. Alpha and the share of rays that hit something in focus are those of green's views.
-fn write_row(sums: &RowSums, channels: &[usize], transparent_background: bool, planes: &mut [&mut [f32]; 5]) {
+fn write_row(sums: &RowSums, channels: &[usize], lost_rays: LostRays, planes: &mut [&mut [f32]; 5]) {
     let [red, green, blue, alpha, focused_share] = planes.each_mut().map(|plane| plane.iter_mut());
     let [has_red, has_green, has_blue] = [0, 1, 2].map(|channel| channels.contains(&channel));
     let pixels = red.zip(green).zip(blue).zip(alpha).zip(focused_share).enumerate();
     for (x, ((((red, green), blue), alpha), focused_share)) in pixels {
-        let [r, g, b, a] = sums.pixel(x, transparent_background);
+        let [r, g, b, a] = sums.pixel(x, lost_rays);
         if has_red {
             *red = r;
         }
@@ -201,18 +205,18 @@ fn write_row(sums: &RowSums, channels: &[usize], transparent_background: bool, p
     }
 }
 
-/// Adds the views `shears` to a row. Where no view moves any of `bins`, all views are equal, and only one is painted.
+/// Adds the views `shears` to a row. Where no view moves any of the bins `in_reach`, all views are equal, and only one is painted.
 fn add_row(
     sums: &mut RowSums,
     canvas: &Canvas<'_>,
-    (y, bins): (usize, &[u16]),
+    (y, in_reach): (usize, &BinsInReach),
     shears: &[Shear],
     arch: Arch,
 ) {
-    if shears.iter().all(|shear| shear.is_identity(bins)) {
-        sums.add(&Canvas { barrel: None, ..*canvas }, (y, bins), &shears[..1], arch);
+    if shears.iter().all(|shear| shear.is_identity(in_reach)) {
+        sums.add(&Canvas { barrel: None, ..*canvas }, (y, in_reach), &shears[..1], arch);
     } else {
-        sums.add(canvas, (y, bins), shears, arch);
+        sums.add(canvas, (y, in_reach), shears, arch);
     }
 }
 
@@ -230,17 +234,15 @@ impl Sampler for ShearSampler<'_> {
             PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, self.plan, views), saved),
         };
         let (width, height) = self.size;
-        let transparent = self.plan.does(EffectKind::TransparentBackground);
         let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
         let reach = Reach::from_spans(&prepared.spans, &prepared.bins, self.size);
-        let canvas = prepared.canvas(self.plan, self.field);
-        let own = prepared.paint_pixels(&canvas, (&reach, width), transparent, pixels.iter().copied());
+        let canvas = prepared.canvas(self.plan, self.field, self.background.as_deref());
+        let own = prepared.paint_pixels(&canvas, (&reach, width), pixels.iter().copied());
         let is_resolved = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
         let resolved = pixels.iter().copied().filter(|&pixel| is_resolved(pixel));
         let around = prepared.paint_pixels(
             &canvas,
             (&reach, width),
-            transparent,
             resolved.flat_map(|pixel| neighbours(pixel, width, height)),
         );
         let discs = self.discs(&prepared);
@@ -264,14 +266,13 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, field, highlights, layers } = *self;
+        let Self { plan, size, field, highlights, background, layers } = *self;
         let prepared = match layers {
             PaintLayers::Unprepared(layers) => Prepared::new(layers, plan, views),
             PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, plan, views),
         };
-        let transparent = plan.does(EffectKind::TransparentBackground);
-        let canvas = prepared.canvas(plan, field);
-        let (mut image, focused_share) = prepared.paint(&canvas, size, transparent, progress);
+        let canvas = prepared.canvas(plan, field, background.as_deref());
+        let (mut image, focused_share) = prepared.paint(&canvas, size, progress);
         prepared.draw_discs(&mut image, &highlights, plan, field);
         if plan.does(EffectKind::Resolve) {
             resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
@@ -284,10 +285,10 @@ impl<'p> ShearSampler<'p> {
     /// A sampler of `layers`, from which `highlights` were removed.
     pub(super) fn new(
         plan: &'p Plan,
-        (size, field): ((usize, usize), Field),
+        (size, field, background): ((usize, usize), Field, Option<Arc<Background>>),
         (layers, highlights): (Vec<Layer>, Vec<Highlight>),
     ) -> Self {
-        Self { plan, size, field, highlights, layers: PaintLayers::Unprepared(layers) }
+        Self { plan, size, field, highlights, background, layers: PaintLayers::Unprepared(layers) }
     }
 
     /// The discs of the highlights on a transparent picture; `None` without highlights.

@@ -1,12 +1,21 @@
 //! Rows as spans: for each row and each bin, the ranges of columns whose fragments move together.
+//!
+//! A view often moves several neighbouring bins alike, near focus most of them. Spans are therefore also kept for blocks of 2, 4 and 8
+//! bins, aligned to multiples of their size; a block's spans are the unions of its bins' spans. With one shift all fragments of a block lie
+//! at the same output pixels, where the layers are in order, so that painting a block gives the picture of its bins.
 
 use super::bins::Bins;
-use super::keys::{BIN_SHIFT, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, NO_KEY, OPAQUE};
+use super::keys::{
+    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT, NO_KEY, OPAQUE,
+};
 use crate::scene::Layer;
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
-/// Neighbouring fragments of one row, one layer and one bin.
+/// Number of levels of blocks: a block of level `l` has `2^l` bins.
+pub(super) const LEVELS: usize = 4;
+
+/// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
     /// First column.
@@ -14,23 +23,110 @@ pub(super) struct Span {
     /// Column past the last.
     pub(super) end: u32,
     /// Index of the layer.
-    pub(super) layer: u8,
+    pub(super) layer: u16,
     /// Whether its fragments are opaque.
     pub(super) opaque: bool,
+    /// Whether its fragments are translucent and continue in another layer: see [`CHANGES_PEEL`].
+    pub(super) changes_peel: bool,
 }
 
-/// The spans of one row, sorted by bin and, within a bin, by layer and column.
+impl Span {
+    /// Whether `next`, which begins no earlier, continues this span.
+    fn is_continued_by(&self, next: &Self) -> bool {
+        let kind = |span: &Self| (span.layer, span.opaque, span.changes_peel);
+        kind(self) == kind(next) && next.start <= self.end
+    }
+}
+
+/// The spans of one row in the bins, or in the blocks of one level, sorted by bin and, within a bin, by layer and column.
 #[derive(Debug, Clone, Default)]
-pub(super) struct RowSpans {
+struct SortedSpans {
     /// `starts[b] .. starts[b + 1]` are the spans of bin `b`.
     starts: Vec<u32>,
     spans: Vec<Span>,
 }
 
+impl SortedSpans {
+    fn of(&self, bin: usize) -> &[Span] {
+        &self.spans[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+
+    fn bins(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The spans in blocks of two of these bins.
+    fn in_pairs(&self) -> Self {
+        let blocks = self.bins().div_ceil(2);
+        let mut pairs =
+            Self { starts: Vec::with_capacity(blocks + 1), spans: Vec::with_capacity(self.spans.len()) };
+        pairs.starts.push(0);
+        for block in 0..blocks {
+            let first = self.of(2 * block);
+            let second = if 2 * block + 1 < self.bins() { self.of(2 * block + 1) } else { &[] };
+            pairs.push_union(first, second);
+            pairs.starts.push(pairs.spans.len() as u32);
+        }
+        pairs
+    }
+
+    /// Appends the union of the spans of two bins.
+    fn push_union(&mut self, mut first: &[Span], mut second: &[Span]) {
+        let block = self.spans.len();
+        loop {
+            let next = match (first, second) {
+                ([], []) => return,
+                ([next, rest @ ..], other)
+                    if other.first().is_none_or(|other| order(next) <= order(other)) =>
+                {
+                    first = rest;
+                    next
+                }
+                (_, [next, rest @ ..]) => {
+                    second = rest;
+                    next
+                }
+                // The second bin is empty, so the first arm holds.
+                ([..], []) => return,
+            };
+            match self.spans[block..].last_mut() {
+                Some(last) if last.is_continued_by(next) => last.end = last.end.max(next.end),
+                _ => self.spans.push(*next),
+            }
+        }
+    }
+}
+
+/// The order of spans within a bin.
+fn order(span: &Span) -> (u16, u32) {
+    (span.layer, span.start)
+}
+
+/// The spans of one row, at every level of blocks.
+#[derive(Debug, Clone)]
+pub(super) struct RowSpans {
+    levels: [SortedSpans; LEVELS],
+}
+
 impl RowSpans {
+    fn new(bins: SortedSpans) -> Self {
+        let mut levels: [SortedSpans; LEVELS] = std::array::from_fn(|_| SortedSpans::default());
+        levels[0] = bins;
+        for level in 1..LEVELS {
+            levels[level] = levels[level - 1].in_pairs();
+        }
+        Self { levels }
+    }
+
     /// The spans of bin `bin`.
     pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
-        &self.spans[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+        self.levels[0].of(bin)
+    }
+
+    /// The spans of block `block` of level `level`.
+    #[inline(always)]
+    pub(super) fn of_block(&self, level: usize, block: usize) -> &[Span] {
+        self.levels[level].of(block)
     }
 }
 
@@ -63,9 +159,9 @@ pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
             spans.clear();
             for layer in 0..layers.len() {
                 keys.fill((layer, y), row);
-                scan(&row.keys, layer as u8, spans);
+                scan(&row.keys, layer as u16, spans);
             }
-            sorted_by_bin(spans, bins.count())
+            RowSpans::new(sorted_by_bin(spans, bins.count()))
         })
         .collect();
     let spans_above = (0..bins.count())
@@ -84,8 +180,8 @@ pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
 }
 
 /// Appends the spans of one row of keys to `found`, each with its bin.
-fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Span)>) {
-    let mut open = OpenSpans::default();
+fn scan(keys: &[Key], layer: u16, found: &mut Vec<(u16, Span)>) {
+    let mut open = OpenSpans { first: 0, starts: [0; MAX_BINS_OF_FRAGMENT], count: 0, flags: OPAQUE };
     let mut last = NO_KEY;
     for (x, &key) in keys.iter().enumerate() {
         if key != last {
@@ -97,43 +193,49 @@ fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Span)>) {
 }
 
 /// The spans that are open at a column: those of the fragment's bin and of the bins it joins.
-#[derive(Default)]
 struct OpenSpans {
     /// The open bins are `first .. first + count`.
     first: u16,
     /// For each open bin, the first column of its span.
-    starts: [u32; 3],
+    starts: [u32; MAX_BINS_OF_FRAGMENT],
     count: u16,
-    opaque: bool,
+    /// [`OPAQUE`] and [`CHANGES_PEEL`] of the open spans' fragments.
+    flags: Key,
 }
 
 impl OpenSpans {
     /// Closes the spans that `key` does not continue and opens those that it begins at column `x`.
-    fn change(&mut self, key: Key, x: u32, layer: u8, found: &mut Vec<(u16, Span)>) {
-        let opaque = key & OPAQUE != 0;
-        let (first, count) =
-            if key == NO_KEY { (0, 0) } else { (key >> BIN_SHIFT, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK)) };
-        let continues = |bin: u16| opaque == self.opaque && bin >= first && bin < first + count;
+    fn change(&mut self, key: Key, x: u32, layer: u16, found: &mut Vec<(u16, Span)>) {
+        let flags = key & (OPAQUE | CHANGES_PEEL);
+        let (first, count) = if key == NO_KEY {
+            (0, 0)
+        } else {
+            ((key >> BIN_SHIFT) as u16, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK) as u16)
+        };
+        let continues = |bin: u16| flags == self.flags && bin >= first && bin < first + count;
         for k in 0..self.count {
             let bin = self.first + k;
             if !continues(bin) {
-                let span = Span { start: self.starts[k as usize], end: x, layer, opaque: self.opaque };
-                found.push((bin, span));
+                let (opaque, changes_peel) = (self.flags & OPAQUE != 0, self.flags & CHANGES_PEEL != 0);
+                found.push((
+                    bin,
+                    Span { start: self.starts[k as usize], end: x, layer, opaque, changes_peel },
+                ));
             }
         }
-        let mut starts = [x; 3];
-        for k in 0..count {
-            let bin = first + k;
-            if opaque == self.opaque && bin >= self.first && bin < self.first + self.count {
-                starts[k as usize] = self.starts[(bin - self.first) as usize];
+        let mut starts = [x; MAX_BINS_OF_FRAGMENT];
+        if flags == self.flags {
+            let (from, to) = (first.max(self.first), (first + count).min(self.first + self.count));
+            for bin in from..to {
+                starts[(bin - first) as usize] = self.starts[(bin - self.first) as usize];
             }
         }
-        *self = Self { first, starts, count, opaque };
+        (self.first, self.starts, self.count, self.flags) = (first, starts, count, flags);
     }
 }
 
 /// The spans `found`, sorted by bin with a stable counting sort.
-fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> RowSpans {
+fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> SortedSpans {
     let mut starts = vec![0u32; bins + 1];
     for (bin, _) in found {
         starts[*bin as usize + 1] += 1;
@@ -142,13 +244,14 @@ fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> RowSpans {
         starts[bin + 1] += starts[bin];
     }
     let mut next = starts.clone();
-    let mut spans = vec![Span { start: 0, end: 0, layer: 0, opaque: false }; found.len()];
+    let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false };
+    let mut spans = vec![none; found.len()];
     for (bin, span) in found {
         let index = &mut next[*bin as usize];
         spans[*index as usize] = *span;
         *index += 1;
     }
-    RowSpans { starts, spans }
+    SortedSpans { starts, spans }
 }
 
 #[cfg(test)]
@@ -162,7 +265,7 @@ mod tests {
     }
 
     fn span(start: u32, end: u32, opaque: bool) -> Span {
-        Span { start, end, layer: 0, opaque }
+        Span { start, end, layer: 0, opaque, changes_peel: false }
     }
 
     #[test]
