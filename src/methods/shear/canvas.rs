@@ -1,14 +1,12 @@
 //! The input of painting, and how far each view moves it.
 
 use super::bins::Bins;
+use super::resolve;
 use super::spans::Spans;
 use crate::lens::{Field, Optics, View};
 use crate::scene::Layer;
 use glam::Vec2;
 use std::ops::Range;
-
-/// A fragment with a smaller CoC radius counts as in focus, in picture pixels.
-const FOCUSED_BELOW_PX: f32 = 1.01;
 
 /// What the painter reads.
 #[derive(Debug, Clone, Copy)]
@@ -87,7 +85,7 @@ impl Shear {
         let shift = |&coc: &f32| Shift {
             rows: rounded(coc * view.lens.y + offset.y),
             columns: rounded(coc * view.lens.x + offset.x),
-            focused: coc.abs() < FOCUSED_BELOW_PX,
+            focused: resolve::focus(coc) > 0.0,
         };
         Self { lens: view.lens, shifts: bins.centers_px().iter().map(shift).collect() }
     }

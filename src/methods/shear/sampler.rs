@@ -6,14 +6,15 @@ use super::canvas::{Barrel, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::reach::Reach;
+use super::resolve::Resolve;
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
-use super::{prefilter, resolve};
-use crate::image::{Image, Plane};
+use super::{prefilter, prepare};
+use crate::image::{Image, Plane, neighbours};
 use crate::lens::{Field, View};
-use crate::methods::contract::{Plan, Progress, Sampler};
+use crate::methods::contract::{PixelFilter, Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
-use crate::scene::{EffectKind, Layer};
+use crate::scene::{EffectKind, Layer, Scene};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -52,6 +53,8 @@ pub(super) struct ShearSampler<'p> {
     field: Field,
     /// The highlights removed from the layers, which are drawn as discs.
     highlights: Vec<Highlight>,
+    /// The filter that ends the picture.
+    resolve: Option<Resolve>,
     layers: PaintLayers,
 }
 
@@ -229,34 +232,25 @@ impl Sampler for ShearSampler<'_> {
             }
             PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, self.plan, views), saved),
         };
-        let (width, height) = self.size;
+        let width = self.size.0;
         let transparent = self.plan.does(EffectKind::TransparentBackground);
-        let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
         let reach = Reach::from_spans(&prepared.spans, &prepared.bins, self.size);
         let canvas = prepared.canvas(self.plan, self.field);
         let own = prepared.paint_pixels(&canvas, (&reach, width), transparent, pixels.iter().copied());
-        let is_resolved = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
-        let resolved = pixels.iter().copied().filter(|&pixel| is_resolved(pixel));
+        let filter = |pixel: usize| self.resolve.as_ref().filter(|_| own[&pixel].1 > 0.0);
+        let resolved = pixels.iter().copied().filter(|&pixel| filter(pixel).is_some());
         let around = prepared.paint_pixels(
             &canvas,
             (&reach, width),
             transparent,
-            resolved.flat_map(|pixel| neighbours(pixel, width, height)),
+            resolved.flat_map(|pixel| neighbours(pixel, self.size)),
         );
-        let discs = self.discs(&prepared);
-        let with_discs = |painted: &Painted, pixel: usize| {
-            let ([r, g, b, a], _) = painted[&pixel];
-            let disc = |k: usize| discs.as_ref().map_or(0.0, |discs| discs.planes[k].values()[pixel]);
-            [r + disc(0), g + disc(1), b + disc(2), a]
-        };
         let value = |&pixel: &usize| {
-            let value = with_discs(&own, pixel);
-            if !is_resolved(pixel) {
-                return value;
-            }
-            let (around, share) =
-                (neighbours(pixel, width, height).map(|pixel| with_discs(&around, pixel)), own[&pixel].1);
-            std::array::from_fn(|k| resolve::softened(value[k], around.map(|near| near[k]), weight * share))
+            let (value, share) = own[&pixel];
+            filter(pixel).map_or(value, |resolve| {
+                let around = neighbours(pixel, self.size).map(|near| around[&near].0);
+                resolve.filtered(pixel, share, value, around)
+            })
         };
         let values = pixels.iter().map(value).collect();
         self.layers = PaintLayers::Prepared(prepared, saved);
@@ -264,7 +258,7 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, field, highlights, layers } = *self;
+        let Self { plan, size, field, highlights, resolve, layers } = *self;
         let prepared = match layers {
             PaintLayers::Unprepared(layers) => Prepared::new(layers, plan, views),
             PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, plan, views),
@@ -273,42 +267,30 @@ impl Sampler for ShearSampler<'_> {
         let canvas = prepared.canvas(plan, field);
         let (mut image, focused_share) = prepared.paint(&canvas, size, transparent, progress);
         prepared.draw_discs(&mut image, &highlights, plan, field);
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
+        if let Some(resolve) = resolve {
+            resolve.soften(&mut image, &focused_share);
         }
         image
     }
 }
 
 impl<'p> ShearSampler<'p> {
-    /// A sampler of `layers`, from which `highlights` were removed.
-    pub(super) fn new(
-        plan: &'p Plan,
-        (size, field): ((usize, usize), Field),
-        (layers, highlights): (Vec<Layer>, Vec<Highlight>),
-    ) -> Self {
-        Self { plan, size, field, highlights, layers: PaintLayers::Unprepared(layers) }
-    }
-
-    /// The discs of the highlights on a transparent picture; `None` without highlights.
-    fn discs(&self, prepared: &Prepared) -> Option<Image> {
-        if self.highlights.is_empty() {
-            return None;
-        }
-        let mut discs = Image::from_fn(self.size.0, self.size.1, |_, _| [0.0; 4]);
-        prepared.draw_discs(&mut discs, &self.highlights, self.plan, self.field);
-        Some(discs)
+    /// A sampler of `scene` by `plan`.
+    pub(super) fn new(scene: Scene, plan: &'p Plan) -> Self {
+        let (size, field, resolve) = (scene.picture_size(), scene.field, Resolve::new(plan, &scene));
+        let (layers, highlights) = prepare::layers(scene, plan);
+        Self { plan, size, field, highlights, resolve, layers: PaintLayers::Unprepared(layers) }
     }
 }
 
-/// The pixels left, right, above and below; past the border the border's own pixel.
-fn neighbours(pixel: usize, width: usize, height: usize) -> [usize; 4] {
-    let (x, y) = (pixel % width, pixel / width);
-    let at = |x: usize, y: usize| y * width + x;
-    [
-        at(x.saturating_sub(1), y),
-        at((x + 1).min(width - 1), y),
-        at(x, y.saturating_sub(1)),
-        at(x, (y + 1).min(height - 1)),
-    ]
+/// The discs of the highlights of `scene` by `plan` on a transparent picture; `None` without highlights.
+pub(super) fn discs(scene: Scene, plan: &Plan) -> Option<Image> {
+    let ((width, height), field) = (scene.picture_size(), scene.field);
+    let (layers, highlights) = prepare::layers(scene, plan);
+    if highlights.is_empty() {
+        return None;
+    }
+    let mut discs = Image::transparent(width, height);
+    Prepared::new(layers, plan, plan.lens_samples()).draw_discs(&mut discs, &highlights, plan, field);
+    Some(discs)
 }
