@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Image;
 use crate::methods::{self, Plan, Progress, Sampler, Target};
-use crate::probes::{self, ErrorEstimate, MANY_RAYS, ProbeSites, Probes, SEED};
+use crate::probes::{Basis, ErrorEstimate, MANY_RAYS, ProbeSites, Probes, SEED};
 use crate::scene::{Scene, SceneStats};
 use crate::usage::Stopwatch;
 use serde::Serialize;
@@ -153,8 +153,8 @@ fn seek<'p>(
 
 /// The truth at some pixels of `scene`, and the step at which the search for `psnr_db` begins.
 fn probes(scene: &Scene, plan: &Plan, psnr_db: f64, gain_db: [f64; 2]) -> (Probes, u32) {
-    let scene = &*probes::with_fill(scene, plan);
-    let sites = ProbeSites::new(scene, plan, PROBES, SEED);
+    let basis = Basis::new(scene, plan);
+    let sites = ProbeSites::new(&basis, PROBES, SEED);
     let first = first_step(psnr_db, sites.spread(), gain_db);
     // Two halves of twice as many rays as samples, so that the noise of the truth adds little to the measured error.
     let rays_per_half = (2 * views_at(first)).clamp(MIN_RAYS, MANY_RAYS);

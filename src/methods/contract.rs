@@ -10,6 +10,7 @@ use crate::lens::Optics;
 use crate::scene::{Background, Effect, EffectKind, Extrapolation, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use serde::{Serialize, Serializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
@@ -202,15 +203,43 @@ pub trait LensSampling {
     fn gain_db(&self) -> [f64; 2] {
         [15.0, 1.8]
     }
+
+    /// The part of `scene` that the lens samples of `plan` render: all of it, except for lights that the method adds to its picture
+    /// exactly ([`LensSampling::exact_lights`]).
+    fn sampled<'s>(&self, scene: &'s Scene, _plan: &Plan) -> Cow<'s, Scene> {
+        Cow::Borrowed(scene)
+    }
+
+    /// The lights that are not in [`LensSampling::sampled`], as the picture of `scene` by `plan` has them before
+    /// [`LensSampling::filter`]; `None` where there are none.
+    fn exact_lights(&self, _scene: &Scene, _plan: &Plan) -> Option<Image> {
+        None
+    }
+
+    /// The filter that ends the picture of `scene` by `plan`, if there is one.
+    fn filter(&self, _scene: &Scene, _plan: &Plan) -> Option<Box<dyn PixelFilter>> {
+        None
+    }
+}
+
+/// A filter over each pixel of a picture and its four neighbours. It is part of the method and no error of its lens samples, so that the
+/// truth that they are measured against is filtered too.
+pub trait PixelFilter: fmt::Debug + Send + Sync {
+    /// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: 0 … 1.
+    fn focus(&self, coc_px: f32) -> f32;
+
+    /// The value of `pixel`, `y · width + x`, from its `own` value and those `around` it ([`crate::image::neighbours`]); `share` is the
+    /// mean over its rays of how far what they hit is in focus. Equal to `own` where `share` is 0.
+    fn filtered(&self, pixel: usize, share: f32, own: [f32; 4], around: [[f32; 4]; 4]) -> [f32; 4];
 }
 
 /// A lens-sampling method with a scene.
 pub trait Sampler {
-    /// Values at `pixels`, each `y · width + x`, of the picture with `views` lens samples, to within rounding. Intermediate
-    /// results are cached for the next call with the same `views`.
+    /// Values at `pixels`, each `y · width + x`, of the picture of [`LensSampling::sampled`] with `views` lens samples, to within
+    /// rounding. Intermediate results are cached for the next call with the same `views`.
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
 
-    /// Renders the picture with `views` lens samples.
+    /// Renders the picture with `views` lens samples, with its lights.
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image;
 }
 

@@ -10,9 +10,10 @@
 //!
 //! Cost: the rays, once for each number of layers. Memory: negligible. Limits: errors that occur in few places are partly missed.
 
-use super::{PixelTracer, ProbeSites, SEED, StratumErrors, mean_error};
+use super::truth::PixelTracer;
+use super::{Basis, ProbeSites, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
-use crate::methods::{Plan, Volume};
+use crate::methods::Plan;
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;
@@ -63,10 +64,9 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
     if layers < 2 || !plan.does(EffectKind::Blur) {
         return None;
     }
-    let ProbeSites { tracer, strata, mut rng, .. } = ProbeSites::new(scene, plan, PIXELS, SEED);
-    let fewer: Vec<PixelTracer<'_>> = (1..layers)
-        .map(|count| PixelTracer { scene, plan, volume: Volume::from_first_layers(count, scene, plan) })
-        .collect();
+    let basis = Basis::of_stack(scene, plan);
+    let ProbeSites { tracer, strata, mut rng, .. } = ProbeSites::new(&basis, PIXELS, SEED);
+    let fewer: Vec<PixelTracer<'_>> = (1..layers).map(|count| basis.tracer_of_first_layers(count)).collect();
     let strata: Vec<(f64, Vec<PixelStats>)> = strata
         .into_iter()
         .map(|(size, pixels)| {

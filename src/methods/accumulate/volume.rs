@@ -26,9 +26,41 @@ pub(crate) struct Volume<L> {
     pub(super) field: Field,
 }
 
+/// The index of the alpha channel.
+const ALPHA: usize = 3;
+
 /// The centre of picture pixel `x, y`.
 fn centre(x: usize, y: usize) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
+}
+
+/// What the hits of rays are added to.
+trait Hits {
+    /// Adds the fragment `x, y` of `layer`, which a ray of `transmittance` hits.
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32);
+}
+
+impl Hits for RaySum {
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
+        self.add(layer.color_at(x, y), transmittance);
+    }
+}
+
+/// The colours that rays hit, and how far these are in focus.
+struct FocusedHits<'a> {
+    colors: RaySum,
+    /// Sum over the rays of how far what they hit is in focus.
+    focused: f64,
+    /// How far a fragment of a CoC radius in picture pixels counts as in focus.
+    focus: &'a dyn Fn(f32) -> f32,
+}
+
+impl Hits for FocusedHits<'_> {
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
+        self.colors.hit(layer, x, y, transmittance);
+        let covered = transmittance * layer.alpha.get(x, y);
+        self.focused += f64::from(covered * (self.focus)(layer.coc_px.get(x, y)));
+    }
 }
 
 /// Interval of CoC depth of the fragment `x, y` of `layer`; it extends less than half of [`JOIN_PX`] to either side of its own
@@ -140,18 +172,49 @@ impl<L: Borrow<Layer>> Volume<L> {
         pixel
     }
 
+    /// [`Volume::pixel`], and the mean over the rays of how far what they hit is in focus: by `focus` of its CoC radius in picture pixels.
+    pub(crate) fn pixel_and_focus(
+        &self,
+        x: usize,
+        y: usize,
+        rays: &Rays,
+        focus: &dyn Fn(f32) -> f32,
+    ) -> ([f32; 4], f32) {
+        let (mut pixel, mut focused_share) = ([0.0; 4], 0.0);
+        for (views, channels) in rays.sets() {
+            let centre = centre(x, y);
+            let mut hits = FocusedHits { colors: RaySum::default(), focused: 0.0, focus };
+            let mut rays = 0;
+            for ray in self.rays_of(centre, views) {
+                let left = self.follow(&ray, &mut hits);
+                hits.colors.end(left, self.share_of_background(&ray, left));
+                rays += 1;
+            }
+            let mean = hits.colors.mean(rays, self.lost_rays);
+            channels.iter().for_each(|&channel| pixel[channel] = mean[channel]);
+            if channels.contains(&ALPHA) {
+                focused_share = (hits.focused / rays.max(1) as f64) as f32;
+            }
+        }
+        (pixel, focused_share)
+    }
+
     /// Mean colour over the rays of picture pixel `x, y` for those of `views` that the lens barrel does not occlude.
     fn mean_color(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
-        let centre = centre(x, y);
-        let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
-        for view in views.iter().filter(|view| self.optics.within_barrel(view.lens, height) >= 0.0) {
-            let ray = self.ray(centre, view);
+        for ray in self.rays_of(centre(x, y), views) {
             let left = self.follow(&ray, &mut sum);
             sum.end(left, self.share_of_background(&ray, left));
             rays += 1;
         }
         sum.mean(rays, self.lost_rays)
+    }
+
+    /// The rays through the pixel with its centre at `centre` of those of `views` that the lens barrel does not occlude.
+    fn rays_of(&self, centre: Vec2, views: &[View]) -> impl Iterator<Item = Ray> {
+        let height = self.field.height(centre);
+        let passes = move |view: &&View| self.optics.within_barrel(view.lens, height) >= 0.0;
+        views.iter().filter(passes).map(move |view| self.ray(centre, view))
     }
 
     /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
@@ -208,8 +271,8 @@ impl<L: Borrow<Layer>> Volume<L> {
         (cell.x.clamp(0, width - 1) as usize, cell.y.clamp(0, height - 1) as usize)
     }
 
-    /// Traces `ray` through the stack, adds the fragments that it hits to `sum`, and returns the transmittance that is left.
-    fn follow(&self, ray: &Ray, sum: &mut RaySum) -> f32 {
+    /// Traces `ray` through the stack, adds the fragments that it hits to `hits`, and returns the transmittance that is left.
+    fn follow(&self, ray: &Ray, hits: &mut impl Hits) -> f32 {
         let [nearest, farthest] = self.coc_range_px;
         let mut enter = nearest;
         let mut tile = ray.cell(enter).div_euclid(IVec2::splat(TILE));
@@ -217,7 +280,7 @@ impl<L: Borrow<Layer>> Volume<L> {
         loop {
             let (exit, side) = ray.leaves(tile * TILE, TILE);
             if let Some(passage) = self.tiles.passage(&self.layers, tile, [enter, exit.min(farthest)]) {
-                transmittance = self.cross_tile(ray, tile, passage, transmittance, sum);
+                transmittance = self.cross_tile(ray, tile, passage, transmittance, hits);
             }
             if transmittance <= 0.0 || exit >= farthest {
                 return transmittance;
@@ -234,14 +297,14 @@ impl<L: Borrow<Layer>> Volume<L> {
         tile: IVec2,
         Passage { coc_interval: [mut enter, end], nearest_first }: Passage,
         mut transmittance: f32,
-        sum: &mut RaySum,
+        hits: &mut impl Hits,
     ) -> f32 {
         let first = tile * TILE;
         let mut cell = ray.cell(enter).clamp(first, first + (TILE - 1));
         loop {
             let (exit, side) = ray.leaves(cell, 1);
             let passage = Passage { coc_interval: [enter, exit.min(end)], nearest_first };
-            transmittance = self.hit_sample(cell, passage, transmittance, sum);
+            transmittance = self.hit_sample(cell, passage, transmittance, hits);
             if transmittance <= 0.0 || exit >= end {
                 return transmittance;
             }
@@ -252,7 +315,7 @@ impl<L: Borrow<Layer>> Volume<L> {
 
     /// Adds the fragments of one sample that overlap the ray's interval there, nearest first, and returns the transmittance after
     /// them.
-    fn hit_sample(&self, cell: IVec2, passage: Passage, mut transmittance: f32, sum: &mut RaySum) -> f32 {
+    fn hit_sample(&self, cell: IVec2, passage: Passage, mut transmittance: f32, hits: &mut impl Hits) -> f32 {
         let Passage { coc_interval, nearest_first } = passage;
         let (x, y) = self.clamped(cell);
         for layer in &self.layers {
@@ -266,7 +329,7 @@ impl<L: Borrow<Layer>> Volume<L> {
                 DepthOrder::InFront | DepthOrder::Behind => continue,
                 DepthOrder::Overlapping => (),
             }
-            sum.add(layer.color_at(x, y), transmittance);
+            hits.hit(layer, x, y, transmittance);
             transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
             if transmittance <= 0.0 {
                 break;

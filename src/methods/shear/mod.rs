@@ -46,13 +46,17 @@ use crate::error::Error;
 use crate::image::Image;
 #[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
+use crate::methods::contract::{
+    LensSampling, Method, MethodInfo, PixelFilter, Plan, Progress, Role, Sampler,
+};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::scene::{Effect, EffectKind, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use parameters::ShearParameters;
+use resolve::Resolve;
 use sampler::ShearSampler;
+use std::borrow::Cow;
 
 /// The default method.
 #[derive(Debug)]
@@ -116,12 +120,28 @@ impl Method for Shear {
 
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
-        let frame = (scene.picture_size(), scene.field, plan.background(&scene));
-        Box::new(ShearSampler::new(plan, frame, prepare::layers(scene, plan)))
+        Box::new(ShearSampler::new(scene, plan))
     }
 
     /// Larger than the gain of rays, because of the prefilter.
     fn gain_db(&self) -> [f64; 2] {
         [21.5, 1.25]
+    }
+
+    fn sampled<'s>(&self, scene: &'s Scene, plan: &Plan) -> Cow<'s, Scene> {
+        if !plan.does(EffectKind::Highlights) {
+            return Cow::Borrowed(scene);
+        }
+        let mut scene = scene.clone();
+        highlights::extract(&mut scene.layers, plan, scene.supersample);
+        Cow::Owned(scene)
+    }
+
+    fn exact_lights(&self, scene: &Scene, plan: &Plan) -> Option<Image> {
+        plan.does(EffectKind::Highlights).then(|| sampler::discs(scene.clone(), plan))?
+    }
+
+    fn filter(&self, scene: &Scene, plan: &Plan) -> Option<Box<dyn PixelFilter>> {
+        Some(Box::new(Resolve::new(plan, scene)?))
     }
 }

@@ -6,14 +6,15 @@ use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::reach::Reach;
+use super::resolve::Resolve;
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
-use super::{prefilter, resolve};
-use crate::image::{Image, Plane};
+use super::{prefilter, prepare};
+use crate::image::{Image, Plane, neighbours};
 use crate::lens::{Field, Rays, View};
-use crate::methods::contract::{LostRays, Plan, Progress, Sampler};
+use crate::methods::contract::{LostRays, PixelFilter, Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
-use crate::scene::{Background, EffectKind, Layer};
+use crate::scene::{Background, EffectKind, Layer, Scene};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -57,6 +58,8 @@ pub(super) struct ShearSampler<'p> {
     highlights: Vec<Highlight>,
     /// The background, if the plan simulates it and any pixel shows it.
     background: Option<Arc<Background>>,
+    /// The filter that ends the picture.
+    resolve: Option<Resolve>,
     layers: PaintLayers,
 }
 
@@ -233,32 +236,23 @@ impl Sampler for ShearSampler<'_> {
             }
             PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, self.plan, views), saved),
         };
-        let (width, height) = self.size;
-        let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
+        let width = self.size.0;
         let reach = Reach::from_spans(&prepared.spans, &prepared.bins, self.size);
         let canvas = prepared.canvas(self.plan, self.field, self.background.as_deref());
         let own = prepared.paint_pixels(&canvas, (&reach, width), pixels.iter().copied());
-        let is_resolved = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
-        let resolved = pixels.iter().copied().filter(|&pixel| is_resolved(pixel));
+        let filter = |pixel: usize| self.resolve.as_ref().filter(|_| own[&pixel].1 > 0.0);
+        let resolved = pixels.iter().copied().filter(|&pixel| filter(pixel).is_some());
         let around = prepared.paint_pixels(
             &canvas,
             (&reach, width),
-            resolved.flat_map(|pixel| neighbours(pixel, width, height)),
+            resolved.flat_map(|pixel| neighbours(pixel, self.size)),
         );
-        let discs = self.discs(&prepared);
-        let with_discs = |painted: &Painted, pixel: usize| {
-            let ([r, g, b, a], _) = painted[&pixel];
-            let disc = |k: usize| discs.as_ref().map_or(0.0, |discs| discs.planes[k].values()[pixel]);
-            [r + disc(0), g + disc(1), b + disc(2), a]
-        };
         let value = |&pixel: &usize| {
-            let value = with_discs(&own, pixel);
-            if !is_resolved(pixel) {
-                return value;
-            }
-            let (around, share) =
-                (neighbours(pixel, width, height).map(|pixel| with_discs(&around, pixel)), own[&pixel].1);
-            std::array::from_fn(|k| resolve::softened(value[k], around.map(|near| near[k]), weight * share))
+            let (value, share) = own[&pixel];
+            filter(pixel).map_or(value, |resolve| {
+                let around = neighbours(pixel, self.size).map(|near| around[&near].0);
+                resolve.filtered(pixel, share, value, around)
+            })
         };
         let values = pixels.iter().map(value).collect();
         self.layers = PaintLayers::Prepared(prepared, saved);
@@ -266,7 +260,7 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, field, highlights, background, layers } = *self;
+        let Self { plan, size, field, highlights, background, resolve, layers } = *self;
         let prepared = match layers {
             PaintLayers::Unprepared(layers) => Prepared::new(layers, plan, views),
             PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, plan, views),
@@ -274,42 +268,31 @@ impl Sampler for ShearSampler<'_> {
         let canvas = prepared.canvas(plan, field, background.as_deref());
         let (mut image, focused_share) = prepared.paint(&canvas, size, progress);
         prepared.draw_discs(&mut image, &highlights, plan, field);
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
+        if let Some(resolve) = resolve {
+            resolve.soften(&mut image, &focused_share);
         }
         image
     }
 }
 
 impl<'p> ShearSampler<'p> {
-    /// A sampler of `layers`, from which `highlights` were removed.
-    pub(super) fn new(
-        plan: &'p Plan,
-        (size, field, background): ((usize, usize), Field, Option<Arc<Background>>),
-        (layers, highlights): (Vec<Layer>, Vec<Highlight>),
-    ) -> Self {
-        Self { plan, size, field, highlights, background, layers: PaintLayers::Unprepared(layers) }
-    }
-
-    /// The discs of the highlights on a transparent picture; `None` without highlights.
-    fn discs(&self, prepared: &Prepared) -> Option<Image> {
-        if self.highlights.is_empty() {
-            return None;
-        }
-        let mut discs = Image::from_fn(self.size.0, self.size.1, |_, _| [0.0; 4]);
-        prepared.draw_discs(&mut discs, &self.highlights, self.plan, self.field);
-        Some(discs)
+    /// A sampler of `scene` by `plan`.
+    pub(super) fn new(scene: Scene, plan: &'p Plan) -> Self {
+        let (size, field, background) = (scene.picture_size(), scene.field, plan.background(&scene));
+        let resolve = Resolve::new(plan, &scene);
+        let (layers, highlights) = prepare::layers(scene, plan);
+        Self { plan, size, field, highlights, background, resolve, layers: PaintLayers::Unprepared(layers) }
     }
 }
 
-/// The pixels left, right, above and below; past the border the border's own pixel.
-fn neighbours(pixel: usize, width: usize, height: usize) -> [usize; 4] {
-    let (x, y) = (pixel % width, pixel / width);
-    let at = |x: usize, y: usize| y * width + x;
-    [
-        at(x.saturating_sub(1), y),
-        at((x + 1).min(width - 1), y),
-        at(x, y.saturating_sub(1)),
-        at(x, (y + 1).min(height - 1)),
-    ]
+/// The discs of the highlights of `scene` by `plan` on a transparent picture; `None` without highlights.
+pub(super) fn discs(scene: Scene, plan: &Plan) -> Option<Image> {
+    let ((width, height), field) = (scene.picture_size(), scene.field);
+    let (layers, highlights) = prepare::layers(scene, plan);
+    if highlights.is_empty() {
+        return None;
+    }
+    let mut discs = Image::transparent(width, height);
+    Prepared::new(layers, plan, plan.lens_samples()).draw_discs(&mut discs, &highlights, plan, field);
+    Some(discs)
 }
