@@ -280,7 +280,7 @@ mod tests {
     use super::*;
     use crate::lens::{LensSpec, ThinLens};
     use crate::settings::{DepthConvention, ParameterValues, SensorDistance, Settings};
-    use crate::stack::{Precision, StackKind};
+    use crate::stack::Precision;
 
     /// An entry of `shear` that took `cpu_seconds`, with this sampling error.
     pub(super) fn entry(cpu_seconds: f64, psnr_db: f64) -> Entry {

@@ -141,7 +141,7 @@ mod tests {
         for value in
             [StackKind::PointSampled, StackKind::Coverage, StackKind::Supersampled, StackKind::BeautyDepth]
         {
-            assert_eq!(json(value), value.name());
+            assert_eq!(serde_json::to_value(value).unwrap(), value.name());
         }
     }
 }

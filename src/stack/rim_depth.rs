@@ -2,10 +2,10 @@
 //!
 //! A renderer that filters colour and alpha does not filter depth: at a surface's rim, where the pixel's centre misses it, there is
 //! colour without depth. Sky that shares a pixel with a surface looks the same. Each fragment is decided by what is beside it: it is
-//! sky where the sky goes on, in its peel or a nearer one, or where it is one of a wide area; else it has the depth of the nearest
-//! surface of its peel.
+//! sky where the sky goes on, in its peel or a nearer one, or where it is one of a wide area far from surfaces; else it has the depth
+//! of the nearest surface of its peel, or, where there is none, of the fragment before it in its pixel.
 //!
-//! Cost: one read of alpha and depth, and some forty samples for each such fragment.
+//! Cost: one read of alpha and depth, and some sixty samples for each such fragment.
 
 use super::Peel;
 use super::depth::foreground;
@@ -30,7 +30,7 @@ pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> Optio
             sky = vec![false; peels[i].alpha.values().len()];
         }
         peels[..=i].iter().for_each(|peel| mark_opaque_sky(peel, &foreground, &mut sky));
-        let depths = surface_depths(&peels[i], &depthless, &foreground, &mut sky);
+        let depths = surface_depths(&peels[..=i], &depthless, &foreground, &mut sky);
         for (&(x, y), depth) in depthless.iter().zip(depths) {
             match depth {
                 Some(depth) => {
@@ -47,8 +47,8 @@ pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> Optio
         ""
     };
     let text = format!(
-        "{completed} fragments of fractional alpha without depth have that of the surface beside them{advice}; {kept} \
-         beside sky, or without a surface near, stay background"
+        "{completed} fragments of fractional alpha without depth have that of a surface beside or before them{advice}; \
+         {kept} beside sky, or without a surface near, stay background"
     );
     (completed > 0).then(
         || {
@@ -77,18 +77,24 @@ fn mark_opaque_sky(peel: &Peel, foreground: &Range<f32>, sky: &mut [bool]) {
     }
 }
 
-/// The depth of the surface that each of the `depthless` fragments belongs to; `None` for sky, which is added to `sky`.
+/// The depth of the surface that each of the `depthless` fragments of the last of `peels` belongs to; `None` for sky, which is added
+/// to `sky`, and for fragments without a surface beside them or before them.
 fn surface_depths(
-    peel: &Peel,
+    peels: &[Peel],
     depthless: &[(usize, usize)],
     foreground: &Range<f32>,
     sky: &mut [bool],
 ) -> Vec<Option<f32>> {
+    let Some((peel, before)) = peels.split_last() else { return Vec::new() };
     let width = peel.alpha.width();
     let mut depths: Vec<Option<f32>> =
         depthless.par_iter().map(|&(x, y)| nearest_depth(peel, foreground, x, y)).collect();
-    for (&(x, y), depth) in depthless.iter().zip(&depths) {
-        sky[y * width + x] |= depth.is_none();
+    for (&(x, y), depth) in depthless.iter().zip(&mut depths) {
+        if depth.is_none() && is_wide(peel, foreground, x, y) {
+            sky[y * width + x] = true;
+        } else if depth.is_none() {
+            *depth = last_depth(before, foreground, x, y);
+        }
     }
     for _ in 0..RIM_SAMPLES {
         let joins: Vec<usize> = (0..depthless.len())
@@ -103,22 +109,98 @@ fn surface_depths(
     depths
 }
 
+/// The places within `reach` of one, in the picture.
+fn around(peel: &Peel, x: usize, y: usize, reach: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let within = |at: usize, size: usize| at.saturating_sub(reach)..(at + reach + 1).min(size);
+    let (columns, rows) = (within(x, peel.alpha.width()), within(y, peel.alpha.height()));
+    rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+}
+
+/// Whether all eight samples around a place have a fragment of background depth.
+fn is_wide(peel: &Peel, foreground: &Range<f32>, x: usize, y: usize) -> bool {
+    around(peel, x, y, 1)
+        .all(|(x, y)| peel.alpha.get(x, y) > 0.0 && !foreground.contains(&peel.depth.get(x, y)))
+}
+
+/// Depth of the last fragment with depth that a pixel has in `peels`.
+fn last_depth(peels: &[Peel], foreground: &Range<f32>, x: usize, y: usize) -> Option<f32> {
+    let fragments = peels.iter().rev().filter(|peel| peel.alpha.get(x, y) > 0.0);
+    fragments.map(|peel| peel.depth.get(x, y)).find(|depth| foreground.contains(depth))
+}
+
 /// Whether one of the eight samples around a place is `sky`.
 fn touches(sky: &[bool], peel: &Peel, (x, y): (usize, usize)) -> bool {
-    let (width, height) = (peel.alpha.width(), peel.alpha.height());
-    let columns = x.saturating_sub(1)..(x + 2).min(width);
-    (y.saturating_sub(1)..(y + 2).min(height)).any(|y| sky[y * width..][columns.clone()].contains(&true))
+    around(peel, x, y, 1).any(|(x, y)| sky[y * peel.alpha.width() + x])
 }
 
 /// Depth of the fragment with depth that is nearest to a place in the picture, within the width of a rim.
 fn nearest_depth(peel: &Peel, foreground: &Range<f32>, x: usize, y: usize) -> Option<f32> {
-    let (width, height) = (peel.alpha.width(), peel.alpha.height());
-    let columns = x.saturating_sub(RIM_SAMPLES)..(x + RIM_SAMPLES + 1).min(width);
-    let rows = y.saturating_sub(RIM_SAMPLES)..(y + RIM_SAMPLES + 1).min(height);
-    let places = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
     let distance = |(column, row): (usize, usize)| column.abs_diff(x).pow(2) + row.abs_diff(y).pow(2);
-    let with_depth = places.filter(|&(column, row)| {
+    let with_depth = around(peel, x, y, RIM_SAMPLES).filter(|&(column, row)| {
         peel.alpha.get(column, row) > 0.0 && foreground.contains(&peel.depth.get(column, row))
     });
     with_depth.min_by_key(|&place| distance(place)).map(|(column, row)| peel.depth.get(column, row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    /// A row of fragments, `(alpha, depth)` each.
+    fn peel(fragments: &[(f32, f32)]) -> Peel {
+        let plane = |value: &dyn Fn((f32, f32)) -> f32| {
+            Plane::from_fn(fragments.len(), 1, |x, _| value(fragments[x]))
+        };
+        let alpha = plane(&|(alpha, _)| alpha);
+        Peel { color: std::array::from_fn(|_| alpha.clone()), depth: plane(&|(_, depth)| depth), alpha }
+    }
+
+    const SKY: f32 = 1e10;
+    const EMPTY: (f32, f32) = (0.0, SKY);
+
+    /// The depths of the last of `peels`, completed.
+    fn completed(mut peels: Vec<Peel>) -> Vec<f32> {
+        complete(&mut peels, DepthConvention::Planar);
+        peels.last().unwrap().depth.row(0).to_vec()
+    }
+
+    #[test]
+    fn the_rim_of_a_surface_has_its_depth() {
+        let rim = peel(&[(0.5, SKY), (1.0, 4.0), (0.7, SKY), (0.2, SKY), EMPTY, EMPTY]);
+        assert_eq!(completed(vec![rim]), [4.0, 4.0, 4.0, 4.0, SKY, SKY]);
+    }
+
+    #[test]
+    fn sky_beside_a_surface_stays_sky() {
+        let own = peel(&[(1.0, 4.0), (0.5, SKY), (1.0, SKY), (1.0, SKY)]);
+        assert_eq!(completed(vec![own]), [4.0, SKY, SKY, SKY], "it goes on in its own peel");
+        let front = peel(&[(1.0, 2.0), (0.5, 2.0), (1.0, SKY)]);
+        let behind = peel(&[(1.0, 4.0), (0.5, SKY), EMPTY]);
+        assert_eq!(completed(vec![front, behind]), [4.0, SKY, SKY], "it goes on in the nearer peel");
+    }
+
+    #[test]
+    fn a_wide_area_without_depth_stays_background_up_to_the_surface_beside_it() {
+        let smoke = peel(&[&[(1.0, 4.0)][..], &[(0.3, SKY); 9]].concat());
+        assert_eq!(completed(vec![smoke])[1..], [SKY; 9]);
+    }
+
+    #[test]
+    fn a_speck_without_a_surface_beside_it_has_the_depth_of_what_is_before_it() {
+        let front = peel(&[(1.0, 2.0), (1.0, 2.5), (1.0, 3.0)]);
+        let speck = peel(&[EMPTY, (0.3, SKY), EMPTY]);
+        assert_eq!(completed(vec![front, speck.clone()]), [SKY, 2.5, SKY]);
+        assert_eq!(completed(vec![speck]), [SKY; 3], "nothing is before it: it is kept, as background");
+    }
+
+    #[test]
+    fn colour_and_alpha_are_not_touched_and_the_change_is_said() {
+        let mut peels = [peel(&[(1.0, 4.0), (0.5, SKY), EMPTY])];
+        let before = peels.clone();
+        let finding = complete(&mut peels, DepthConvention::Planar).unwrap();
+        assert!(finding.text.starts_with("1 fragments of fractional alpha"), "{}", finding.text);
+        assert_eq!((&peels[0].alpha, &peels[0].color), (&before[0].alpha, &before[0].color));
+        assert_eq!(complete(&mut peels, DepthConvention::Planar), None, "nothing is left to complete");
+    }
 }
