@@ -11,7 +11,7 @@ use thinlens::lens::{Aperture, LensSpec, ThinLens};
 use thinlens::methods::{self, Law, METHODS, Method, Plan};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, SensorDistance, Settings, Values};
-use thinlens::stack::StackKind;
+use thinlens::stack::{Antialiasing, StackKind};
 
 type Pixel = [f32; 4];
 
@@ -495,7 +495,11 @@ fn a_layer_of_half_coverage_halves_the_light_behind_it() {
     for method in METHODS {
         let translucent = layer(32, 16, |_, _| ([0.1, 0.1, 0.1, 0.5], -6.0));
         let wall = layer(32, 16, |_, _| (grey(0.8), 5.0));
-        let image = blur(method, &Scene { kind: StackKind::Coverage, ..scene(vec![translucent, wall]) }, 64);
+        let image = blur(
+            method,
+            &Scene { antialiasing: Antialiasing::AVERAGES, ..scene(vec![translucent, wall]) },
+            64,
+        );
         let mut trial = Trial::new(method, Law::Veil);
         let off = difference(&image, &Image::from_fn(32, 16, |_, _| grey(0.1 + 0.5 * 0.8)));
         trial.add(off, [0.0, 1e-5], "grey translucent layer, grey wall");
@@ -689,7 +693,7 @@ fn supersampled_layers_blur_as_the_coverage_that_their_samples_represent() {
     let edge = |x: usize, y: usize| x + y / 2 < 48;
     let front = layer(96, 64, |x, y| if edge(x, y) { (grey(0.9), -5.0) } else { (grey(0.2), 6.0) });
     let back = layer(96, 64, |x, y| if edge(x, y) { (grey(0.2), 6.0) } else { ([0.0; 4], 0.0) });
-    let scene = Scene { kind: StackKind::Supersampled, supersample: 2, ..scene(vec![front, back]) };
+    let scene = Scene { antialiasing: Antialiasing::AVERAGES, supersample: 2, ..scene(vec![front, back]) };
     let reference = blur(methods::Registry::default().by_name("accumulate").unwrap(), &scene, 1024);
     for method in METHODS {
         let image = blur(method, &scene, 1024);

@@ -340,7 +340,8 @@ mod the_report {
                 width: 40,
                 height: 30,
                 peels: 4,
-                kind: StackKind::PointSampled,
+                kind: "point".to_owned(),
+                antialiased: 0.0,
                 supersample: 1,
                 convention: DepthConvention::Planar,
                 precision: Precision::Half,
@@ -389,7 +390,7 @@ mod the_report {
             serde_json::json!({"kind": "cpu", "name": "a processor", "reason": "requested"})
         );
         assert!(json["probe"].is_null());
-        assert_eq!(json["stack"]["kind"], "point-sampled");
+        assert_eq!(json["stack"]["kind"], "point");
     }
 
     #[test]

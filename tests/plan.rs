@@ -23,13 +23,8 @@ use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, Settings, Switches, Values};
 use thinlens::stack::{ColorRange, StackKind};
 
-const KINDS: [StackKind; 5] = [
-    StackKind::PointSampled,
-    StackKind::Coverage,
-    StackKind::BeautyDepth,
-    StackKind::Supersampled,
-    StackKind::RendererAntialiased,
-];
+const KINDS: [StackKind; 4] =
+    [StackKind::PointSampled, StackKind::Coverage, StackKind::BeautyDepth, StackKind::Supersampled];
 
 /// Number of stacks of each kind.
 const CASES: u64 = 10;
@@ -219,7 +214,7 @@ impl Case {
             EffectKind::Blur => !self.is_blurred(),
             EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
             EffectKind::TransparentBackground => !self.complete && !self.has_empty_samples(),
-            EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && min_size_px < 1.5,
+            EffectKind::Resolve => self.scene.antialiasing.mean() > 0.0 && min_size_px < 1.5,
             EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
             EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
             EffectKind::Merge | EffectKind::Translucency => true,
@@ -238,10 +233,11 @@ impl Case {
 
     /// A description of the case for messages.
     fn name(&self) -> String {
-        let Scene { layers, kind, color_range, .. } = &self.scene;
+        let Scene { layers, antialiasing, color_range, .. } = &self.scene;
         format!(
-            "seed {}: {kind:?}, colours {color_range:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
+            "seed {}: {}, colours {color_range:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
             self.seed,
+            antialiasing.in_words(),
             layers.len(),
             layers[0].width(),
             layers[0].height(),
@@ -265,7 +261,7 @@ fn layers_of(
     (count, kind, supersample): (usize, StackKind, usize),
 ) -> (Vec<Layer>, bool) {
     let (columns, rows) = (width * supersample, height * supersample);
-    let soft = matches!(kind, StackKind::Coverage | StackKind::RendererAntialiased | StackKind::BeautyDepth);
+    let soft = matches!(kind, StackKind::Coverage | StackKind::BeautyDepth);
     let blank = || Layer {
         color: std::array::from_fn(|_| Plane::zeros(columns, rows)),
         alpha: Plane::zeros(columns, rows),

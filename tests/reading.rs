@@ -78,7 +78,7 @@ fn depth_v_and_depth_z_read_the_same() {
         );
         let stack = stack_of(vec![Part::flat((2, 2), &channels)]);
         assert_eq!(first_pixels(&stack), [[0.5, 0.25, 0.125, 1.0, 7.0]], "{ending}");
-        assert_eq!(stack.kind, StackKind::BeautyDepth);
+        assert_eq!(stack.kind, Some(StackKind::BeautyDepth));
     }
 }
 
@@ -353,7 +353,7 @@ fn a_supersampled_stack_is_detected_from_its_header_and_carries_no_channels() {
             .attribute("thinlens.supersample", AttributeValue::I32(s))
     };
     let stack = stack_of(vec![part(2)]);
-    assert_eq!((stack.kind, stack.supersample), (StackKind::Supersampled, 2));
+    assert_eq!((stack.kind, stack.supersample), (Some(StackKind::Supersampled), 2));
     assert!(stack.carried.channels.is_empty());
     assert!(stack.carried.attributes.is_empty(), "the output is not supersampled");
     assert_eq!(warnings(&stack).len(), 1);

@@ -280,7 +280,7 @@ mod tests {
     use super::*;
     use crate::lens::{LensSpec, ThinLens};
     use crate::settings::{DepthConvention, ParameterValues, SensorDistance, Settings};
-    use crate::stack::{Precision, StackKind};
+    use crate::stack::Precision;
 
     /// An entry of `shear` that took `cpu_seconds`, with this sampling error.
     pub(super) fn entry(cpu_seconds: f64, psnr_db: f64) -> Entry {
@@ -328,7 +328,8 @@ mod tests {
                 width: 100,
                 height: 80,
                 peels: 2,
-                kind: StackKind::PointSampled,
+                kind: "point".to_owned(),
+                antialiased: 0.0,
                 supersample: 1,
                 convention: DepthConvention::Planar,
                 precision: Precision::Half,
@@ -384,6 +385,6 @@ mod tests {
         let read: Machine = serde_json::from_value(json["machine"].clone()).unwrap();
         assert_eq!(read, results.machine);
         let (kind, stop) = (&json["stack"]["kind"], json["lens"]["f_number"]["value"].as_f64());
-        assert_eq!((kind, stop.map(|stop| stop as f32)), (&"point-sampled".into(), Some(2.8)));
+        assert_eq!((kind, stop.map(|stop| stop as f32)), (&"point".into(), Some(2.8)));
     }
 }

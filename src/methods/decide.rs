@@ -7,7 +7,6 @@ use crate::error::Error;
 use crate::lens::Optics;
 use crate::scene::{Effect, EffectKind, Extrapolation, Inputs, Scene, SceneStats, effects};
 use crate::settings::{Effort, Origin, Parameters, Quality, Settings};
-use crate::stack::StackKind;
 
 /// Makes the plan of `method` for a scene with the statistics `stats`. The method that `settings` name is not used.
 ///
@@ -22,7 +21,7 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         "auto" => "auto: no known method is as accurate in as little time".to_owned(),
         _ => format!("requested by {}", settings.method.origin),
     };
-    let jitter = if stats.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
+    let jitter = 1.0 - 0.5 * stats.antialiased as f32;
     let optics = Optics::new(settings, &stats.field)?;
     let extrapolation = Extrapolation::new(&settings.picture)?;
     let known_views = if target.is_none() { views } else { None };
@@ -36,9 +35,10 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         target,
         views_reason,
         jitter,
-        fragment_px: match stats.kind {
-            StackKind::PointSampled | StackKind::Supersampled => 1.0 / stats.supersample as f32,
-            StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
+        fragment_px: if stats.supersample > 1 {
+            1.0 / stats.supersample as f32
+        } else {
+            1.0 - stats.antialiased as f32
         },
         optics: optics.clone(),
         effects: in_order(method, effects::decide(&inputs), own),
@@ -163,7 +163,7 @@ mod tests {
         SceneStats {
             picture_size: (100, 100),
             layers: 4,
-            kind: StackKind::PointSampled,
+            antialiased: 0.0,
             supersample: 1,
             coc_range_px: [-8.0, 3.0],
             fragments: 20_000,
@@ -208,17 +208,12 @@ mod tests {
 
     #[test]
     fn only_point_samples_are_jittered_over_the_whole_pixel_and_resolved() {
-        for (kind, jitter, fragment_px) in [
-            (StackKind::PointSampled, 1.0, 1.0),
-            (StackKind::Coverage, 0.5, 0.0),
-            (StackKind::BeautyDepth, 0.5, 0.0),
-            (StackKind::RendererAntialiased, 0.5, 0.0),
-        ] {
-            let plan = plan(&SceneStats { kind, ..stats() });
-            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{kind:?}");
-            assert_eq!(plan.does(EffectKind::Resolve), kind == StackKind::PointSampled, "{kind:?}");
+        for (antialiased, jitter, fragment_px) in [(0.0, 1.0, 1.0), (1.0, 0.5, 0.0)] {
+            let plan = plan(&SceneStats { antialiased, ..stats() });
+            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{antialiased}");
+            assert_eq!(plan.does(EffectKind::Resolve), antialiased == 0.0, "{antialiased}");
         }
-        let supersampled = plan(&SceneStats { kind: StackKind::Supersampled, supersample: 4, ..stats() });
+        let supersampled = plan(&SceneStats { antialiased: 1.0, supersample: 4, ..stats() });
         assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
         assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
     }

@@ -34,6 +34,7 @@ pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
+pub use crate::stack::Antialiasing;
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -75,8 +76,8 @@ impl Layer {
 pub struct Scene {
     /// The layers, nearest first, all of one size.
     pub layers: Vec<Layer>,
-    /// What the fragments stand for.
-    pub kind: StackKind,
+    /// Which colours are point samples, and which are averages over the pixel: by pixel of the picture.
+    pub antialiasing: Antialiasing,
     /// Samples per picture pixel along each axis.
     pub supersample: usize,
     /// CoC radius at infinity in picture pixels. With it a CoC radius gives the depth in units of the focus distance,
@@ -101,7 +102,7 @@ pub fn coc_limit_px(width: usize, height: usize) -> f32 {
 }
 
 impl Scene {
-    /// The scene of `layers`, nearest first, with the lens's axis at the picture's centre.
+    /// The scene of `layers`, nearest first, which are of this `kind` everywhere, with the lens's axis at the picture's centre.
     pub fn new(layers: Vec<Layer>, kind: StackKind, supersample: usize, coc_infinity_px: f32) -> Self {
         let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
         let [width, height] = size.map(|samples| samples / supersample);
@@ -109,7 +110,7 @@ impl Scene {
         let background = Background::behind(&layers, supersample, coc_infinity_px).map(Arc::new);
         Self {
             layers,
-            kind,
+            antialiasing: kind.into(),
             supersample,
             coc_infinity_px,
             limited_fragments: 0,
@@ -122,7 +123,7 @@ impl Scene {
 
     /// Takes the peels out of `stack` and turns their depth into the CoC radius of `lens`, in place.
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
-        let (kind, supersample) = (stack.kind, stack.supersample);
+        let supersample = stack.supersample;
         let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
         let mut limited_fragments = 0;
         let mut layers = Vec::with_capacity(stack.peels.len());
@@ -136,7 +137,8 @@ impl Scene {
             limited_fragments,
             field,
             color_range,
-            ..Self::new(layers, kind, supersample, lens.coc_infinity_px)
+            antialiasing: stack.antialiasing.clone(),
+            ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px)
         }
     }
 

@@ -1,0 +1,275 @@
+//! Evidence for point samples and for averages over the pixel: the silhouettes around each pixel.
+//!
+//! A silhouette is where a peel's coverage or its depth changes from one sample to the next. Point samples meet there without a rim:
+//! one is opaque, the next is empty or of another depth. Averages have a rim, one to three fragments of fractional alpha between two
+//! different sides. Wide areas of fractional alpha (glass, smoke) are evidence for neither, nor are single fragments of it within
+//! one surface.
+//!
+//! Both are summed around each pixel with a kernel that ends at [`RADIUS_PX`], so that no sample counts farther away. Where there is
+//! little of both, the share of the whole picture takes over, which saturates: a few samples more do not change it at all.
+//!
+//! Cost: a few comparisons per fragment, and sums that do not depend on the kernel's size; nothing for peels without fractional alpha.
+
+use super::antialiasing::Antialiasing;
+use super::depth::FarDepth;
+use super::{Peel, StackKind};
+use crate::image::Plane;
+use crate::settings::DepthConvention;
+use rayon::prelude::*;
+
+/// Alpha within this distance of 0 or 1 is not fractional: half floats and lossy codecs round.
+pub(super) const ALPHA_ROUNDING: f32 = 1e-3;
+/// Alpha is fully fractional from this distance of 0 and 1 on.
+const ALPHA_FRACTIONAL: f32 = 0.03;
+/// Most samples across the rim of an averaged silhouette: a pixel's, and a filter's that is wider than the pixel.
+pub(super) const RIM_SAMPLES: usize = 3;
+/// Relative change of depth between two surfaces: none up to the first, full from the second on.
+const DEPTH_JUMP: [f32; 2] = [0.02, 0.06];
+/// A change of depth is a slope up to this many times that of the samples beside it.
+const SLOPE_CHANGE: f32 = 1.5;
+/// A hard silhouette counts this much of one with a rim: of averages, those along pixels' borders are hard too, but point samples have
+/// no rims.
+const HARD_WEIGHT: f32 = 0.5;
+/// Half of the kernel's width in pixels; from here on a sample does not count.
+const RADIUS_PX: usize = 8;
+/// Evidence around a pixel at which it counts as much as the whole picture's share, in samples at the pixel itself.
+const ENOUGH: f32 = 3.0;
+/// Evidence in the picture, as a share of its pixels, at which it counts as much as the assumption of point samples.
+const ENOUGH_SHARE: f64 = 0.003;
+/// Share of silhouettes with a rim up to which colours are point samples, and from which on they are averages.
+const SATURATION: [f32; 2] = [0.25, 0.75];
+/// Steps of a sample's evidence. Sums of whole numbers do not depend on samples that left them.
+const STEPS: f32 = 4096.0;
+
+/// Evidence of one pixel, 0 … 1 each.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Evidence {
+    /// Of averages.
+    rim: f32,
+    /// Of point samples.
+    hard: f32,
+}
+
+/// Which colours of `peels`, all of one size and with depths in `convention`, are averages over the pixel.
+pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antialiasing {
+    let Some(first) = peels.first() else { return StackKind::PointSampled.into() };
+    if peels.iter().all(|peel| peel.alpha.values().par_iter().all(|&alpha| fractional(alpha) == 0.0)) {
+        return Antialiasing::POINT_SAMPLES;
+    }
+    let (width, height) = (first.alpha.width(), first.alpha.height());
+    let lookups: Vec<Lookup<'_>> = peels.iter().map(|peel| Lookup::new(peel, convention)).collect();
+    let [rim, hard] = evidence(&lookups, width, height);
+    let total = |sums: &[u32]| sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(STEPS);
+    let (all_rim, all_hard) = (total(&rim), f64::from(HARD_WEIGHT) * total(&hard));
+    let prior = all_rim / (all_rim + all_hard + ENOUGH_SHARE * (width * height) as f64);
+    let prior = saturated(prior as f32);
+    let [rim, hard] = [rim, hard].map(|sums| spread(&sums, width, height));
+    let of_kernel = 1.0 / (STEPS * (RADIUS_PX * RADIUS_PX) as f32);
+    let share = |i: usize| {
+        let (rim, hard) = (rim[i] as f32 * of_kernel, HARD_WEIGHT * hard[i] as f32 * of_kernel);
+        saturated((rim + ENOUGH * prior) / (rim + hard + ENOUGH))
+    };
+    Antialiasing::by_pixel(Plane::from_fn(width, height, |x, y| share(y * width + x)))
+}
+
+/// How fractional an alpha is, 0 … 1.
+#[inline]
+fn fractional(alpha: f32) -> f32 {
+    let inside = alpha.min(1.0 - alpha);
+    ((inside - ALPHA_ROUNDING) / (ALPHA_FRACTIONAL - ALPHA_ROUNDING)).clamp(0.0, 1.0)
+}
+
+/// 0 up to the first of [`SATURATION`], 1 from the second on, and smooth between.
+fn saturated(share: f32) -> f32 {
+    smooth_step(SATURATION, share)
+}
+
+fn smooth_step([from, to]: [f32; 2], value: f32) -> f32 {
+    let t = ((value - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// The evidence of every pixel in [`STEPS`], row by row: rims, and hard silhouettes where no rim is beside them in any peel.
+fn evidence(peels: &[Lookup<'_>], width: usize, height: usize) -> [Vec<u32>; 2] {
+    let mut found = vec![Evidence::default(); width * height];
+    found.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        for peel in peels {
+            for (x, found) in row.iter_mut().enumerate() {
+                found.rim = found.rim.max(peel.rim(x, y));
+                found.hard = found.hard.max(peel.hard(x, y));
+            }
+        }
+    });
+    let steps = |value: f32| (value * STEPS).round() as u32;
+    let rim = found.iter().map(|found| steps(found.rim)).collect();
+    let hard = (0..found.len()).map(|i| {
+        let (x, y) = (i % width, i / width);
+        let left = if x > 0 { found[i - 1].rim } else { 0.0 };
+        let above = if y > 0 { found[i - width].rim } else { 0.0 };
+        steps(found[i].hard * (1.0 - found[i].rim.max(left).max(above)))
+    });
+    [rim, hard.collect()]
+}
+
+/// Sums with a triangle in each direction, of which the middle counts [`RADIUS_PX`].
+fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
+    let mut sums = values.to_vec();
+    sums.par_chunks_mut(width.max(1)).for_each(triangle);
+    let mut columns: Vec<u32> = transposed(&sums, width, height);
+    columns.par_chunks_mut(height.max(1)).for_each(triangle);
+    transposed(&columns, height, width)
+}
+
+/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it.
+fn triangle(line: &mut [u32]) {
+    trailing_box(line);
+    line.reverse();
+    trailing_box(line);
+    line.reverse();
+}
+
+/// Each value becomes the sum of the last [`RADIUS_PX`] up to it.
+fn trailing_box(line: &mut [u32]) {
+    let mut window = [0; RADIUS_PX];
+    let mut sum = 0;
+    for (i, value) in line.iter_mut().enumerate() {
+        let leaving = &mut window[i % RADIUS_PX];
+        sum = sum + *value - *leaving;
+        *leaving = *value;
+        *value = sum;
+    }
+}
+
+fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
+    let mut turned = vec![0; values.len()];
+    turned.par_chunks_mut(height.max(1)).enumerate().for_each(|(x, column)| {
+        column.iter_mut().enumerate().for_each(|(y, value)| *value = values[y * width + x]);
+    });
+    turned
+}
+
+/// One sample of a peel.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    /// How fractional its alpha is.
+    fractional: f32,
+    /// Whether it covers more than half of its pixel.
+    covers: bool,
+    /// Depth that grows with the distance; `+∞` for background.
+    depth: f32,
+}
+
+impl Sample {
+    /// How different the surfaces of two samples are, which are there or not, 0 … 1.
+    fn differs(self, other: Self) -> f32 {
+        match (self.covers, other.covers) {
+            (true, true) => smooth_step(DEPTH_JUMP, relative_step(self.depth, other.depth)),
+            (false, false) => 0.0,
+            _ => 1.0,
+        }
+    }
+
+    /// How different the surface of this fragment of a rim is from that of a sample beside the rim, 0 … 1.
+    fn differs_from_side(self, side: Self) -> f32 {
+        if side.covers { smooth_step(DEPTH_JUMP, relative_step(self.depth, side.depth)) } else { 1.0 }
+    }
+}
+
+/// Difference of two depths as a share of the larger one.
+#[inline]
+fn relative_step(a: f32, b: f32) -> f32 {
+    let (near, far) = if a < b { (a, b) } else { (b, a) };
+    if near == far { 0.0 } else { 1.0 - near / far }
+}
+
+/// The samples of one peel, repeated past its border.
+struct Lookup<'a> {
+    peel: &'a Peel,
+    far: FarDepth,
+}
+
+impl<'a> Lookup<'a> {
+    fn new(peel: &'a Peel, convention: DepthConvention) -> Self {
+        Self { peel, far: FarDepth::new(convention) }
+    }
+
+    fn sample(&self, x: isize, y: isize) -> Sample {
+        let Peel { alpha, depth, .. } = self.peel;
+        let within = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
+        let (x, y) = (within(x, alpha.width()), within(y, alpha.height()));
+        let alpha = alpha.get(x, y);
+        Sample { fractional: fractional(alpha), covers: alpha > 0.5, depth: self.far.of(depth.get(x, y)) }
+    }
+
+    /// How much of a rim there is at a pixel, 0 … 1.
+    fn rim(&self, x: usize, y: usize) -> f32 {
+        if fractional(self.peel.alpha.get(x, y)) == 0.0 {
+            return 0.0;
+        }
+        let (x, y) = (x as isize, y as isize);
+        let reach = RIM_SAMPLES as isize;
+        let line = |dx: isize, dy: isize| -> [Sample; 2 * RIM_SAMPLES + 1] {
+            std::array::from_fn(|i| {
+                let step = i as isize - reach;
+                self.sample(x + step * dx, y + step * dy)
+            })
+        };
+        rim_across(&line(1, 0)).max(rim_across(&line(0, 1)))
+    }
+
+    /// How hard the silhouette is between a pixel and the one on its left, or the one above, 0 … 1.
+    fn hard(&self, x: usize, y: usize) -> f32 {
+        let across = |dx: usize, dy: usize| {
+            if x < dx || y < dy {
+                return 0.0;
+            }
+            let (before, here) = ((x - dx, y - dy), (x, y));
+            if self.is_even(before, here) {
+                return 0.0;
+            }
+            let (dx, dy) = (dx as isize, dy as isize);
+            let at = |steps: isize| self.sample(x as isize + steps * dx, y as isize + steps * dy);
+            hard_between([at(-2), at(-1), at(0), at(1)])
+        };
+        across(1, 0).max(across(0, 1))
+    }
+
+    /// Whether two pixels plainly have no silhouette between them: both empty, or both there without a change of depth.
+    #[inline]
+    fn is_even(&self, before: (usize, usize), here: (usize, usize)) -> bool {
+        let Peel { alpha, depth, .. } = self.peel;
+        let (alpha_before, alpha_here) = (alpha.get(before.0, before.1), alpha.get(here.0, here.1));
+        let [from, to] = [depth.get(before.0, before.1), depth.get(here.0, here.1)].map(|z| self.far.of(z));
+        let both = (alpha_before > 0.5) & (alpha_here > 0.5);
+        let neither = (alpha_before <= ALPHA_ROUNDING) & (alpha_here <= ALPHA_ROUNDING);
+        neither || (both && relative_step(from, to) <= DEPTH_JUMP[0])
+    }
+}
+
+/// How much of a rim there is at the middle of `line`: the fractional fragments around it are few, and lie between different sides or
+/// before both.
+fn rim_across(line: &[Sample; 2 * RIM_SAMPLES + 1]) -> f32 {
+    let middle = RIM_SAMPLES;
+    let runs =
+        (1..=RIM_SAMPLES).flat_map(|length| (middle + 1 - length..=middle).map(move |from| (from, length)));
+    let rim = |(from, length): (usize, usize)| {
+        let run = &line[from..from + length];
+        let (left, right) = (line[from - 1], line[from + length]);
+        let least = run.iter().map(|sample| sample.fractional).fold(1.0, f32::min);
+        let ends = (1.0 - left.fractional) * (1.0 - right.fractional);
+        let [own_left, own_right] = [left, right].map(|side| line[middle].differs_from_side(side));
+        least * ends * left.differs(right).max(own_left.min(own_right))
+    };
+    runs.map(rim).fold(0.0, f32::max)
+}
+
+/// How hard the silhouette is between the two middle ones of four samples in a row, 0 … 1.
+fn hard_between([before, from, to, after]: [Sample; 4]) -> f32 {
+    let ends = (1.0 - from.fractional) * (1.0 - to.fractional);
+    if !(from.covers && to.covers) {
+        return ends * from.differs(to);
+    }
+    let beside = [(before, from), (to, after)].into_iter().filter(|(a, b)| a.covers && b.covers);
+    let slope = beside.map(|(a, b)| relative_step(a.depth, b.depth)).reduce(f32::min).unwrap_or(0.0);
+    ends * smooth_step(DEPTH_JUMP, relative_step(from.depth, to.depth) - SLOPE_CHANGE * slope)
+}
