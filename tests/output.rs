@@ -333,7 +333,7 @@ mod the_report {
             },
             lens: report::LensReport::new(
                 &settings,
-                &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0 },
+                &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0, opening_px: 12.5 },
             ),
             picture: settings.picture.clone(),
             stack: report::StackReport {

@@ -50,7 +50,13 @@ pub struct ThinLens {
     pub coc_infinity_px: f32,
     /// Planar distance in focus, in depth units.
     pub focus_distance: f32,
+    /// How open the lens is: the CoC radius at infinity, or where focus lies beyond a hundred focal lengths that of a point at a hundred,
+    /// in picture pixels, positive.
+    pub opening_px: f32,
 }
+
+/// Distance at which [`ThinLens::opening_px`] is taken where focus lies farther, in focal lengths.
+const OPENING_FOCAL_LENGTHS: f32 = 100.0;
 
 impl LensSpec {
     /// The spec as a layer of settings.
@@ -96,7 +102,8 @@ impl ThinLens {
         // Focused at infinity, c_inf is 0 and the law is c = −k / z; a large finite focus distance gives the same radii.
         let focus_distance = focus.min(1e12);
         let coc_infinity_px = aperture_radius * image_distance / focus_distance * pixels_per_unit;
-        Ok(Self { coc_infinity_px, focus_distance })
+        let near_focus = (focus_distance / (OPENING_FOCAL_LENGTHS * focal_length)).max(1.0);
+        Ok(Self { coc_infinity_px, focus_distance, opening_px: coc_infinity_px * near_focus })
     }
 
     /// Signed radius of the circle of confusion at planar depth `z`, in picture pixels.

@@ -270,12 +270,12 @@ pub struct Plan {
     pub target: Option<Target>,
     /// Reason for the number of views or the target.
     pub views_reason: String,
-    /// Extent of the views' positions in the pixel, as a fraction of its width: 1 for point samples, less for colours that are
-    /// already averages over the pixel.
-    pub jitter: f32,
-    /// Width of the square that a fragment represents, in picture pixels; 0 where its colour is an average over the pixel, so
-    /// that edges are already antialiased.
-    pub fragment_px: f32,
+    /// Extent of the views' positions in a pixel whose colours are averages over it, as a fraction of its width: less than the 1 of point
+    /// samples, because averages are filtered already. See [`Plan::jitter`].
+    pub averages_jitter: f32,
+    /// Width of the square that such an average represents, in picture pixels: 0, because its edges are antialiased already, or the width
+    /// of a sample of a supersampled stack. A point sample represents a pixel.
+    pub averages_px: f32,
     /// Lens properties that rays use beside focus: aperture shape, barrel, aberrations.
     pub optics: Optics,
     /// The same as requested, including effects too small to be visible.
@@ -323,6 +323,12 @@ impl Plan {
     /// The background of `scene`, where the plan simulates it and it is visible.
     pub fn background(&self, scene: &Scene) -> Option<Arc<Background>> {
         scene.background.clone().filter(|_| self.does(EffectKind::TransparentBackground))
+    }
+
+    /// Extent of the views' positions in a pixel, as a fraction of its width, where the share `antialiased` of its colours are averages
+    /// ([`crate::scene::Antialiasing`]).
+    pub fn jitter(&self, antialiased: f32) -> f32 {
+        1.0 - antialiased * (1.0 - self.averages_jitter)
     }
 
     /// Whether `kind` is on.

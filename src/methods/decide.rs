@@ -21,7 +21,8 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         "auto" => "auto: no known method is as accurate in as little time".to_owned(),
         _ => format!("requested by {}", settings.method.origin),
     };
-    let jitter = 1.0 - 0.5 * stats.antialiased as f32;
+    let averages_jitter = averages_jitter(stats);
+    let jitter = 1.0 - stats.antialiased as f32 * (1.0 - averages_jitter);
     let optics = Optics::new(settings, &stats.field)?;
     let extrapolation = Extrapolation::new(&settings.picture)?;
     let known_views = if target.is_none() { views } else { None };
@@ -34,12 +35,8 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         views,
         target,
         views_reason,
-        jitter,
-        fragment_px: if stats.supersample > 1 {
-            1.0 / stats.supersample as f32
-        } else {
-            1.0 - stats.antialiased as f32
-        },
+        averages_jitter,
+        averages_px: if stats.supersample > 1 { 1.0 / stats.supersample as f32 } else { 0.0 },
         optics: optics.clone(),
         effects: in_order(method, effects::decide(&inputs), own),
         optics_requested: optics,
@@ -49,6 +46,18 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         lost_rays: LostRays::LeftOut,
     };
     switches::apply(plan.with_lens_effects(), &settings.switches, stats)
+}
+
+/// Extent of the views' positions in a pixel whose colours are averages over it. A full pixel would average twice, and none would show the
+/// samples as squares: half of it, and more where the average is coarse or only that of colour.
+fn averages_jitter(stats: &SceneStats) -> f32 {
+    match (stats.supersample, stats.layers) {
+        // The mean of S × S point samples is itself aliased, as far as a sample is wide.
+        (2.., _) => 0.5 + 0.5 / stats.supersample as f32,
+        // Colour is averaged, and depth is a point sample.
+        (_, 1) => 0.75,
+        _ => 0.5,
+    }
 }
 
 /// The decisions of the scene and the method's `own`, in the order of [`EffectKind::ALL`]; passes that the method lacks are off.
@@ -208,13 +217,14 @@ mod tests {
 
     #[test]
     fn only_point_samples_are_jittered_over_the_whole_pixel_and_resolved() {
-        for (antialiased, jitter, fragment_px) in [(0.0, 1.0, 1.0), (1.0, 0.5, 0.0)] {
+        for (antialiased, jitter) in [(0.0, 1.0), (0.5, 0.75), (1.0, 0.5)] {
             let plan = plan(&SceneStats { antialiased, ..stats() });
-            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{antialiased}");
-            assert_eq!(plan.does(EffectKind::Resolve), antialiased == 0.0, "{antialiased}");
+            assert_eq!((plan.jitter(antialiased as f32), plan.averages_px), (jitter, 0.0), "{antialiased}");
+            assert_eq!(plan.does(EffectKind::Resolve), antialiased < 1.0, "{antialiased}");
         }
         let supersampled = plan(&SceneStats { antialiased: 1.0, supersample: 4, ..stats() });
-        assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
+        assert_eq!(supersampled.jitter(1.0), 0.625, "half a pixel, and half a sample");
+        assert_eq!(supersampled.averages_px, 0.25, "a sample is a quarter of a pixel wide");
         assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
     }
 

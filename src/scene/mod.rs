@@ -83,6 +83,8 @@ pub struct Scene {
     /// CoC radius at infinity in picture pixels. With it a CoC radius gives the depth in units of the focus distance,
     /// `1 / (1 − c / c_inf)`; the papers' equations need no other depth.
     pub coc_infinity_px: f32,
+    /// How open the lens is, in picture pixels: see [`ThinLens::opening_px`].
+    pub opening_px: f32,
     /// Number of fragments so near the lens that their CoC was limited to [`coc_limit_px`].
     pub limited_fragments: usize,
     /// Position of the picture in the lens's field.
@@ -113,6 +115,7 @@ impl Scene {
             antialiasing: kind.into(),
             supersample,
             coc_infinity_px,
+            opening_px: coc_infinity_px,
             limited_fragments: 0,
             field,
             color_range: ColorRange::Unbounded,
@@ -137,6 +140,7 @@ impl Scene {
             limited_fragments,
             field,
             color_range,
+            opening_px: lens.opening_px,
             antialiasing: stack.antialiasing.clone(),
             ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px)
         }

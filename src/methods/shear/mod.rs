@@ -38,6 +38,7 @@ mod prefilter;
 mod prepare;
 mod reach;
 mod resolve;
+mod row_views;
 mod sampler;
 mod saved;
 mod spans;
@@ -133,7 +134,7 @@ impl LensSampling for Shear {
             return Cow::Borrowed(scene);
         }
         let mut scene = scene.clone();
-        highlights::extract(&mut scene.layers, plan, scene.supersample);
+        highlights::extract(&mut scene, plan);
         Cow::Owned(scene)
     }
 

@@ -1,10 +1,11 @@
 //! Anti-aliasing of point-sampled fragments in focus, where no blur softens the edges.
 //!
-//! A five-tap cross filter, weighted by the share of the pixel's rays that hit something in focus.
+//! A five-tap cross filter, weighted by the share of the pixel's rays that hit something in focus, and by how far the colours around the
+//! pixel are point samples ([`Antialiasing`]). It fades as the lens closes, because a pinhole picture is the input bit for bit.
 
 use crate::image::{Image, Plane};
 use crate::methods::contract::{PixelFilter, Plan};
-use crate::scene::{EffectKind, Scene};
+use crate::scene::{Antialiasing, EffectKind, Scene};
 use rayon::prelude::*;
 
 /// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: from 1 up to half a pixel down to 0 from one and
@@ -12,26 +13,39 @@ use rayon::prelude::*;
 pub(super) fn focus(coc_px: f32) -> f32 {
     const FROM_PX: f32 = 0.5;
     const TO_PX: f32 = 1.5;
-    let t = ((coc_px.abs() - FROM_PX) / (TO_PX - FROM_PX)).clamp(0.0, 1.0);
-    1.0 - t * t * (3.0 - 2.0 * t)
+    1.0 - smooth_step((coc_px.abs() - FROM_PX) / (TO_PX - FROM_PX))
 }
+
+/// A smooth step from 0 at 0 to 1 at 1.
+pub(super) fn smooth_step(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Opening of the lens from which on the filter has its full weight, see [`crate::lens::ThinLens::opening_px`], in picture pixels.
+const FULL_OPENING_PX: f32 = 0.5;
 
 /// The filter of one picture.
 #[derive(Debug, Clone)]
 pub(super) struct Resolve {
-    /// Weight of each of the four neighbours where all rays hit something in focus.
+    /// Weight of each of the four neighbours where all rays hit something in focus and colours are point samples.
     weight: f32,
+    antialiasing: Antialiasing,
+    /// Width of the picture.
+    width: usize,
 }
 
 impl Resolve {
     /// The filter that ends the picture of `scene` by `plan`; `None` where the plan has none.
-    pub(super) fn new(plan: &Plan, _scene: &Scene) -> Option<Self> {
-        plan.strength(EffectKind::Resolve).map(|weight| Self { weight })
+    pub(super) fn new(plan: &Plan, scene: &Scene) -> Option<Self> {
+        let weight = plan.strength(EffectKind::Resolve)? * smooth_step(scene.opening_px / FULL_OPENING_PX);
+        let (antialiasing, width) = (scene.antialiasing.clone(), scene.picture_size().0);
+        (weight > 0.0).then_some(Self { weight, antialiasing, width })
     }
 
     /// Weight of each of the four neighbours of `pixel`, `y · width + x`, of whose rays the share `share` hits something in focus.
-    pub(super) fn weight(&self, _pixel: usize, share: f32) -> f32 {
-        self.weight * share
+    pub(super) fn weight(&self, pixel: usize, share: f32) -> f32 {
+        self.weight * share * (1.0 - self.antialiasing.at(pixel % self.width, pixel / self.width))
     }
 
     /// Filters `image`, whose pixels have the shares `focused_share` of rays that hit something in focus.

@@ -1,20 +1,20 @@
 //! Rendering of a scene: layers are prepared once for each number of views, then single pixels or the picture are painted.
 
 use super::bins::{Bins, plateau_px};
-use super::bokeh::Bokeh;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::reach::Reach;
 use super::resolve::Resolve;
+use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
 use super::{prefilter, prepare};
 use crate::image::{Image, Plane, neighbours};
-use crate::lens::{Field, Rays, View};
+use crate::lens::Field;
 use crate::methods::contract::{LostRays, PixelFilter, Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
-use crate::scene::{Background, EffectKind, Layer, Scene};
+use crate::scene::{Antialiasing, Background, EffectKind, Layer, Scene};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -34,32 +34,42 @@ pub(super) fn barrel_softness(views: usize) -> f32 {
     BARREL_SOFTNESS * (PI / views as f32).sqrt()
 }
 
-/// The views of a set of colours, and the channels that they render: see [`crate::lens::Rays`].
-pub(super) type ShearSet = (Vec<Shear>, &'static [usize]);
+/// What a picture is made of beside its layers.
+#[derive(Debug, Clone)]
+pub(super) struct Frame<'p> {
+    pub(super) plan: &'p Plan,
+    /// Width and height of the picture.
+    pub(super) size: (usize, usize),
+    /// The picture's place in the lens's field.
+    pub(super) field: Field,
+    /// The background, if the plan simulates it and any pixel shows it.
+    pub(super) background: Option<Arc<Background>>,
+    /// Where colours are averages over the pixel.
+    pub(super) antialiasing: Antialiasing,
+    /// The filter that ends the picture.
+    pub(super) resolve: Option<Resolve>,
+}
 
-/// How far each of `count` views of each set of colours moves `bins`, for rows in turns: row `y` has entry `y mod n` of the `n` entries.
-pub(super) fn shears(plan: &Plan, bins: &Bins, count: usize) -> Vec<Vec<ShearSet>> {
-    let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, bins);
-    let shears = |rays: &Rays| {
-        rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
-    };
-    plan.optics.rays_in_turns(count).iter().map(shears).collect()
+impl<'p> Frame<'p> {
+    /// The frame of the picture of `scene` by `plan`.
+    pub(super) fn new(scene: &Scene, plan: &'p Plan) -> Self {
+        Self {
+            plan,
+            size: scene.picture_size(),
+            field: scene.field,
+            background: plan.background(scene),
+            antialiasing: scene.antialiasing.clone(),
+            resolve: Resolve::new(plan, scene),
+        }
+    }
 }
 
 /// The layers and highlights of a scene, with the intermediate results for the last requested number of views.
 #[derive(Debug)]
 pub(super) struct ShearSampler<'p> {
-    plan: &'p Plan,
-    /// Width and height of the picture.
-    size: (usize, usize),
-    /// The picture's place in the lens's field.
-    field: Field,
+    frame: Frame<'p>,
     /// The highlights removed from the layers, which are drawn as discs.
     highlights: Vec<Highlight>,
-    /// The background, if the plan simulates it and any pixel shows it.
-    background: Option<Arc<Background>>,
-    /// The filter that ends the picture.
-    resolve: Option<Resolve>,
     layers: PaintLayers,
 }
 
@@ -77,54 +87,54 @@ struct Prepared {
     views: usize,
     bins: Bins,
     spans: Spans,
-    /// The views of each set of colours, for rows in turns.
-    shears: Vec<Vec<ShearSet>>,
+    row_views: RowViews,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
 }
 
 impl Prepared {
     /// Prepares `layers` for `views` views.
-    fn new(layers: Vec<Layer>, plan: &Plan, views: usize) -> Self {
-        let bins = bins(plan, views);
+    fn new(layers: Vec<Layer>, frame: &Frame<'_>, views: usize) -> Self {
+        let bins = bins(frame.plan, views);
         let spans = spans::find(&layers, &bins);
-        Self::with_spans(layers, (bins, spans), plan, views)
+        Self::with_spans(layers, (bins, spans), frame, views)
     }
 
     /// Prepares the layers for another number of views, from their original colours `saved`.
-    fn for_views(self, saved: &SavedColors, plan: &Plan, views: usize) -> Self {
+    fn for_views(self, saved: &SavedColors, frame: &Frame<'_>, views: usize) -> Self {
         if self.views == views {
             return self;
         }
         let Self { views: before, mut layers, bins, spans, .. } = self;
         saved.restore(&mut layers);
         if plateau_px(before) == plateau_px(views) {
-            Self::with_spans(layers, (bins, spans), plan, views)
+            Self::with_spans(layers, (bins, spans), frame, views)
         } else {
-            Self::new(layers, plan, views)
+            Self::new(layers, frame, views)
         }
     }
 
-    fn with_spans(mut layers: Vec<Layer>, (bins, spans): (Bins, Spans), plan: &Plan, count: usize) -> Self {
+    fn with_spans(
+        mut layers: Vec<Layer>,
+        (bins, spans): (Bins, Spans),
+        frame: &Frame<'_>,
+        views: usize,
+    ) -> Self {
+        let plan = frame.plan;
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, count, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
+            prefilter::smooth(&mut layers, views, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
         }
-        let shears = shears(plan, &bins, count);
-        Self { views: count, bins, spans, shears, layers }
+        let row_views = RowViews::new(plan, &frame.antialiasing, &bins, views);
+        Self { views, bins, spans, row_views, layers }
     }
 
-    /// The views of each set of colours for row `y`.
-    fn shears_of_row(&self, y: usize) -> &[ShearSet] {
-        &self.shears[y % self.shears.len()]
-    }
-
-    fn canvas<'a>(&'a self, plan: &'a Plan, field: Field, background: Option<&'a Background>) -> Canvas<'a> {
+    fn canvas<'a>(&'a self, frame: &'a Frame<'_>) -> Canvas<'a> {
         let Self { layers, spans, bins, .. } = self;
-        let optics = &plan.optics;
-        let softness = barrel_softness(self.views);
+        let (optics, lost_rays) = (&frame.plan.optics, frame.plan.lost_rays);
+        let (softness, field) = (barrel_softness(self.views), frame.field);
         let barrel = (optics.cats_eye > 0.0).then_some(Barrel { optics, field, softness });
-        let aberration_px = optics.longest_shift_px();
-        Canvas { layers, spans, bins, barrel, aberration_px, background, lost_rays: plan.lost_rays }
+        let (aberration_px, background) = (optics.longest_shift_px(), frame.background.as_deref());
+        Canvas { layers, spans, bins, barrel, aberration_px, background, lost_rays }
     }
 
     /// Paints all views. Returns the picture and, for each pixel, the share of rays that hit something in focus.
@@ -134,10 +144,12 @@ impl Prepared {
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
                 let in_reach = canvas.bins_in_reach(y);
-                for (shears, channels) in self.shears_of_row(y) {
-                    sums.clear();
-                    add_row(sums, canvas, (y, &in_reach), shears, arch);
-                    write_row(sums, channels, canvas.lost_rays, planes);
+                for Painting { sets, weights } in self.row_views.of_row(y) {
+                    for (shears, channels) in sets {
+                        sums.clear();
+                        add_row(sums, canvas, (y, &in_reach), shears, arch);
+                        write_row(sums, (channels, weights), canvas.lost_rays, planes);
+                    }
                 }
             });
         (Image { planes: [red, green, blue, alpha] }, focused_share)
@@ -161,15 +173,15 @@ impl Prepared {
             .flat_map_iter(|(y, columns)| {
                 let mut sums = RowSums::only(width, &columns);
                 let in_reach = reach.bins(canvas, y, &columns);
-                let mut painted = vec![([0.0; 4], 0.0); columns.len()];
-                for (shears, channels) in self.shears_of_row(y) {
-                    sums.clear();
-                    sums.add(canvas, (y, &in_reach), shears, arch);
-                    for (&x, (color, focused_share)) in columns.iter().zip(&mut painted) {
-                        let pixel = sums.pixel(x, canvas.lost_rays);
-                        channels.iter().for_each(|&channel| color[channel] = pixel[channel]);
-                        if channels.contains(&ALPHA) {
-                            *focused_share = sums.focused_share(x);
+                let mut painted = vec![[0.0; 5]; columns.len()];
+                for Painting { sets, weights } in self.row_views.of_row(y) {
+                    for (shears, channels) in sets {
+                        sums.clear();
+                        sums.add(canvas, (y, &in_reach), shears, arch);
+                        for (&x, values) in columns.iter().zip(&mut painted) {
+                            let weight = weights.map_or(1.0, |weights| weights[x]);
+                            let found = values_of(&sums, x, canvas.lost_rays);
+                            written(channels).for_each(|k| values[k] = blended(values[k], found[k], weight));
                         }
                     }
                 }
@@ -179,32 +191,46 @@ impl Prepared {
     }
 
     /// Adds the discs of `highlights` to `image`.
-    fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], plan: &Plan, field: Field) {
+    fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
         let Self { bins, spans, layers, .. } = self;
         let occluders = Occluders { width: image.width(), spans, bins, layers };
-        highlights::draw(image, highlights, &Bokeh::new(&plan.optics, field, plan.fragment_px), &occluders);
+        highlights::draw(image, highlights, (frame.plan, frame.field), &occluders);
     }
 }
 
 /// The index of the alpha channel.
 const ALPHA: usize = 3;
 
-/// Writes `channels` of a row to its planes. Alpha and the share of rays that hit something in focus are those of green's views.
-fn write_row(sums: &RowSums, channels: &[usize], lost_rays: LostRays, planes: &mut [&mut [f32]; 5]) {
-    let [red, green, blue, alpha, focused_share] = planes.each_mut().map(|plane| plane.iter_mut());
-    let [has_red, has_green, has_blue] = [0, 1, 2].map(|channel| channels.contains(&channel));
-    let pixels = red.zip(green).zip(blue).zip(alpha).zip(focused_share).enumerate();
-    for (x, ((((red, green), blue), alpha), focused_share)) in pixels {
-        let [r, g, b, a] = sums.pixel(x, lost_rays);
-        if has_red {
-            *red = r;
-        }
-        if has_green {
-            (*green, *alpha, *focused_share) = (g, a, sums.focused_share(x));
-        }
-        if has_blue {
-            *blue = b;
-        }
+/// The index of the share of rays that hit something in focus, which is that of alpha's views.
+const FOCUSED: usize = 4;
+
+/// Red, green, blue and alpha of pixel `x`, and the share of its rays that hit something in focus.
+fn values_of(sums: &RowSums, x: usize, lost_rays: LostRays) -> [f32; 5] {
+    let [r, g, b, a] = sums.pixel(x, lost_rays);
+    [r, g, b, a, sums.focused_share(x)]
+}
+
+/// The values of a pixel that views of these `channels` write.
+fn written(channels: &[usize]) -> impl Iterator<Item = usize> {
+    channels.iter().copied().chain(channels.contains(&ALPHA).then_some(FOCUSED))
+}
+
+/// `before`, with `value` in its place by `weight`.
+fn blended(before: f32, value: f32, weight: f32) -> f32 {
+    if weight >= 1.0 { value } else { before + weight * (value - before) }
+}
+
+/// Writes what views of these `channels` painted of a row to its planes, blended by `weights` with what is there.
+fn write_row(
+    sums: &RowSums,
+    (channels, weights): (&[usize], Option<&[f32]>),
+    lost_rays: LostRays,
+    planes: &mut [&mut [f32]; 5],
+) {
+    for x in 0..planes[0].len() {
+        let weight = weights.map_or(1.0, |weights| weights[x]);
+        let found = values_of(sums, x, lost_rays);
+        written(channels).for_each(|k| planes[k][x] = blended(planes[k][x], found[k], weight));
     }
 }
 
@@ -223,35 +249,37 @@ fn add_row(
     }
 }
 
-/// For each pixel its colour and the share of its rays that hit something in focus.
-type Painted = HashMap<usize, ([f32; 4], f32)>;
+/// For each pixel the values of [`values_of`].
+type Painted = HashMap<usize, [f32; 5]>;
 
 impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
+        let frame = &self.frame;
         let (prepared, saved) = match std::mem::replace(&mut self.layers, PaintLayers::Unprepared(Vec::new()))
         {
             PaintLayers::Unprepared(layers) => {
                 let saved = SavedColors::from_layers(&layers);
-                (Prepared::new(layers, self.plan, views), saved)
+                (Prepared::new(layers, frame, views), saved)
             }
-            PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, self.plan, views), saved),
+            PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, frame, views), saved),
         };
-        let width = self.size.0;
-        let reach = Reach::from_spans(&prepared.spans, &prepared.bins, self.size);
-        let canvas = prepared.canvas(self.plan, self.field, self.background.as_deref());
+        let width = frame.size.0;
+        let reach = Reach::from_spans(&prepared.spans, &prepared.bins, frame.size);
+        let canvas = prepared.canvas(frame);
         let own = prepared.paint_pixels(&canvas, (&reach, width), pixels.iter().copied());
-        let filter = |pixel: usize| self.resolve.as_ref().filter(|_| own[&pixel].1 > 0.0);
+        let filter = |pixel: usize| frame.resolve.as_ref().filter(|_| own[&pixel][FOCUSED] > 0.0);
         let resolved = pixels.iter().copied().filter(|&pixel| filter(pixel).is_some());
         let around = prepared.paint_pixels(
             &canvas,
             (&reach, width),
-            resolved.flat_map(|pixel| neighbours(pixel, self.size)),
+            resolved.flat_map(|pixel| neighbours(pixel, frame.size)),
         );
+        let color = |[r, g, b, a, _]: [f32; 5]| [r, g, b, a];
         let value = |&pixel: &usize| {
-            let (value, share) = own[&pixel];
-            filter(pixel).map_or(value, |resolve| {
-                let around = neighbours(pixel, self.size).map(|near| around[&near].0);
-                resolve.filtered(pixel, share, value, around)
+            let values = own[&pixel];
+            filter(pixel).map_or(color(values), |resolve| {
+                let around = neighbours(pixel, frame.size).map(|near| color(around[&near]));
+                resolve.filtered(pixel, values[FOCUSED], color(values), around)
             })
         };
         let values = pixels.iter().map(value).collect();
@@ -260,15 +288,14 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, field, highlights, background, resolve, layers } = *self;
+        let Self { frame, highlights, layers } = *self;
         let prepared = match layers {
-            PaintLayers::Unprepared(layers) => Prepared::new(layers, plan, views),
-            PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, plan, views),
+            PaintLayers::Unprepared(layers) => Prepared::new(layers, &frame, views),
+            PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, &frame, views),
         };
-        let canvas = prepared.canvas(plan, field, background.as_deref());
-        let (mut image, focused_share) = prepared.paint(&canvas, size, progress);
-        prepared.draw_discs(&mut image, &highlights, plan, field);
-        if let Some(resolve) = resolve {
+        let (mut image, focused_share) = prepared.paint(&prepared.canvas(&frame), frame.size, progress);
+        prepared.draw_discs(&mut image, &highlights, &frame);
+        if let Some(resolve) = &frame.resolve {
             resolve.soften(&mut image, &focused_share);
         }
         image
@@ -278,21 +305,20 @@ impl Sampler for ShearSampler<'_> {
 impl<'p> ShearSampler<'p> {
     /// A sampler of `scene` by `plan`.
     pub(super) fn new(scene: Scene, plan: &'p Plan) -> Self {
-        let (size, field, background) = (scene.picture_size(), scene.field, plan.background(&scene));
-        let resolve = Resolve::new(plan, &scene);
+        let frame = Frame::new(&scene, plan);
         let (layers, highlights) = prepare::layers(scene, plan);
-        Self { plan, size, field, highlights, background, resolve, layers: PaintLayers::Unprepared(layers) }
+        Self { frame, highlights, layers: PaintLayers::Unprepared(layers) }
     }
 }
 
 /// The discs of the highlights of `scene` by `plan` on a transparent picture; `None` without highlights.
 pub(super) fn discs(scene: Scene, plan: &Plan) -> Option<Image> {
-    let ((width, height), field) = (scene.picture_size(), scene.field);
+    let frame = Frame::new(&scene, plan);
     let (layers, highlights) = prepare::layers(scene, plan);
     if highlights.is_empty() {
         return None;
     }
-    let mut discs = Image::transparent(width, height);
-    Prepared::new(layers, plan, plan.lens_samples()).draw_discs(&mut discs, &highlights, plan, field);
+    let mut discs = Image::transparent(frame.size.0, frame.size.1);
+    Prepared::new(layers, &frame, plan.lens_samples()).draw_discs(&mut discs, &highlights, &frame);
     Some(discs)
 }
