@@ -206,12 +206,12 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_within_half_a_pixel_of_focus_is_not_blurred() {
+    fn a_scene_within_a_hundredth_of_a_pixel_of_focus_is_not_blurred() {
         let blurs = |range| plan(&SceneStats { coc_range_px: range, ..stats() }).does(EffectKind::Blur);
         assert_eq!(
-            [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
+            [blurs([-0.01, 0.01]), blurs([-0.02, 0.0]), blurs([0.0, 0.011])],
             [false, true, true],
-            "half a pixel"
+            "a hundredth of a pixel"
         );
     }
 

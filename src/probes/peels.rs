@@ -211,6 +211,6 @@ mod tests {
     fn a_single_layer_or_a_picture_without_blur_is_not_measured() {
         assert_eq!(peels_seen(&[NEAR_HALF]), None);
         assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), BEHIND_THE_WALL]).map(|seen| seen.needed), Some(1));
-        assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), |_| Some((0.5, 0.2))]), None);
+        assert_eq!(peels_seen(&[|_| Some((0.5, 0.001)), |_| Some((0.5, 0.002))]), None);
     }
 }

@@ -91,24 +91,36 @@ fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f
 mod tests {
     use super::*;
 
-    const RESOLVE: Resolve = Resolve { weight: 0.08 };
+    const RESOLVE: Resolve = Resolve { weight: 0.08, antialiasing: Antialiasing::POINT_SAMPLES, width: 6 };
 
     #[test]
     fn a_point_keeps_its_sum() {
-        let point = |x, y| if (x, y) == (4, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
-        let mut image = Image::from_fn(9, 9, point);
-        RESOLVE.soften(&mut image, &Plane::filled(9, 9, 1.0));
+        let point = |x, y| if (x, y) == (3, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
+        let mut image = Image::from_fn(6, 9, point);
+        RESOLVE.soften(&mut image, &Plane::filled(6, 9, 1.0));
         let sum: f32 = image.planes[0].values().iter().sum();
         assert!((sum - 1.0).abs() < 1e-6, "sum {sum}");
-        assert!((image.planes[0].get(4, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
+        assert!((image.planes[0].get(3, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
     }
 
     #[test]
     fn pixels_out_of_focus_do_not_change() {
-        let mut image = Image::from_fn(5, 5, |x, y| [(x * y) as f32; 4]);
+        let mut image = Image::from_fn(6, 5, |x, y| [(x * y) as f32; 4]);
         let before = image.clone();
-        RESOLVE.soften(&mut image, &Plane::zeros(5, 5));
+        RESOLVE.soften(&mut image, &Plane::zeros(6, 5));
         assert_eq!(image, before, "untouched");
+    }
+
+    #[test]
+    fn averages_are_not_filtered_again() {
+        let share = Plane::from_fn(6, 4, |x, _| if x < 3 { 1.0 } else { 0.0 });
+        let by_place = Resolve { antialiasing: Antialiasing::by_pixel(share), ..RESOLVE };
+        assert_eq!([by_place.weight(6 + 2, 1.0), by_place.weight(6 + 3, 1.0)], [0.0, 0.08]);
+    }
+
+    #[test]
+    fn focus_fades_over_a_pixel_of_coc() {
+        assert_eq!([0.0, -0.5, 1.0, -1.5, 9.0].map(focus), [1.0, 1.0, 0.5, 0.0, 0.0]);
     }
 
     #[test]

@@ -275,19 +275,20 @@ mod tests {
     }
 
     #[test]
-    fn spans_of_a_slanted_surface_overlap_from_bin_to_bin() {
-        let bins = Bins::new([0.0, 0.4], 0.5);
-        let spans = find(&[layer(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
-        assert_eq!(
-            spans.rows[0].of_bin(0),
-            [span(0, 3, true)],
-            "the nearer part and one fragment of the farther"
-        );
-        assert_eq!(
-            spans.rows[0].of_bin(1),
-            [span(1, 4, true)],
-            "the farther part and one fragment of the nearer"
-        );
+    fn neighbours_of_one_surface_share_a_bin() {
+        // A slope of up to 1.8 px a sample, and relief.
+        for coc in [vec![0.0, 0.1, 0.3, 0.4], vec![-3.0, -1.2, 0.6, 2.4, 4.2], vec![0.0, 0.9, -0.8, 0.2]] {
+            let layer = layer(&vec![1.0; coc.len()], &coc);
+            let bins = Bins::new([-3.0, 4.2], 0.5);
+            let spans = find(&[layer], &bins);
+            for x in 0..coc.len() as u32 - 1 {
+                let holds = |bin: &usize| {
+                    let spans = spans.rows[0].of_bin(*bin);
+                    spans.iter().any(|span| span.start <= x && span.end >= x + 2)
+                };
+                assert!((0..bins.count()).any(|bin| holds(&bin)), "{coc:?}: columns {x} and {}", x + 1);
+            }
+        }
     }
 
     #[test]
@@ -295,17 +296,56 @@ mod tests {
         let bins = Bins::new([0.0, 5.0], 0.5);
         let spans = find(&[layer(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
         assert_eq!(spans.rows[0].of_bin(0), [span(0, 2, true)], "in front");
-        assert_eq!(spans.rows[0].of_bin(10), [span(2, 4, true)], "behind");
+        assert_eq!(spans.rows[0].of_bin(bins.count() - 1), [span(2, 4, true)], "behind");
+        let all: usize = (0..bins.count()).map(|bin| spans.rows[0].of_bin(bin).len()).sum();
+        assert_eq!(all, 2, "nothing between");
     }
 
     #[test]
-    fn a_translucent_fragment_stays_in_its_bin() {
-        let bins = Bins::new([0.0, 0.4], 0.5);
-        let spans = find(&[layer(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
-        let translucent =
-            |bin| spans.rows[0].of_bin(bin).iter().filter(|span| !span.opaque).copied().collect::<Vec<_>>();
-        assert_eq!(translucent(0), [span(1, 2, false)], "once in its own bin");
-        assert_eq!(translucent(1), [], "not in its neighbour's");
+    fn a_surface_that_goes_on_in_another_peel_joins_it_there() {
+        let front = layer(&[0.5, 0.5, 1.0, 1.0], &[1.0, 1.2, -8.0, -8.0]);
+        let back = layer(&[0.0, 0.0, 0.5, 0.5], &[0.0, 0.0, 1.4, 1.6]);
+        let bins = Bins::new([-8.0, 1.6], 0.5);
+        let spans = find(&[front, back], &bins);
+        let changing: Vec<(u32, u32, u16)> = (0..bins.count())
+            .flat_map(|bin| spans.rows[0].of_bin(bin).to_vec())
+            .filter(|span| span.changes_peel)
+            .map(|span| (span.start, span.end, span.layer))
+            .collect();
+        assert!(changing.contains(&(1, 2, 0)) && changing.contains(&(2, 3, 1)), "{changing:?}");
+        assert!(changing.iter().all(|&(start, end, _)| end == start + 1), "only at the change: {changing:?}");
+    }
+
+    #[test]
+    fn a_blocks_spans_cover_what_its_bins_cover() {
+        let bins = Bins::new([-4.0, 4.0], 0.5);
+        let coc: Vec<f32> = (0..40).map(|x| ((x * 37) % 23) as f32 * 0.3 - 3.5).collect();
+        let alpha: Vec<f32> = (0..40).map(|x| [1.0, 1.0, 0.4, 0.0][(x / 3) % 4]).collect();
+        let spans = find(&[layer(&alpha, &coc), layer(&[1.0; 40], &[2.0; 40])], &bins);
+        let row = &spans.rows[0];
+        let columns = |spans: &[Span]| {
+            let mut columns: Vec<(u16, u32)> =
+                spans.iter().flat_map(|span| (span.start..span.end).map(|x| (span.layer, x))).collect();
+            columns.sort_unstable();
+            columns.dedup();
+            columns
+        };
+        for level in 0..LEVELS {
+            for block in 0..bins.count() >> level {
+                let of_bins: Vec<Span> = (block << level..(block + 1) << level)
+                    .filter(|&bin| bin < bins.count())
+                    .flat_map(|bin| row.of_bin(bin).to_vec())
+                    .collect();
+                assert_eq!(
+                    columns(row.of_block(level, block)),
+                    columns(&of_bins),
+                    "level {level}, block {block}"
+                );
+                let in_order =
+                    row.of_block(level, block).windows(2).all(|pair| order(&pair[0]) < order(&pair[1]));
+                assert!(in_order, "level {level}, block {block}");
+            }
+        }
     }
 
     #[test]
