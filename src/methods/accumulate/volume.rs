@@ -21,7 +21,7 @@ pub(crate) struct Volume<L> {
     pub(super) coc_range_px: [f32; 2],
     pub(super) jitter: f32,
     pub(super) background: Option<Arc<Background>>,
-    lost_rays: LostRays,
+    pub(super) lost_rays: LostRays,
     pub(super) optics: Optics,
     pub(super) field: Field,
 }
