@@ -6,8 +6,8 @@
 //! cracks. A ray `(p + j + c·u, c)` traverses the samples below it in order of rising `c`. In each sample it hits the fragments
 //! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha.
 //!
-//! Past the frame's border the border samples are repeated. A ray that hits nothing is left out of the mean where the stack's
-//! background is closed, and is transparent where the background is transparent.
+//! Past the frame's border the border samples are repeated. A ray that has passed all fragments is transparent by the background's
+//! share of the pixel where it ends ([`crate::scene::Background`]); the rest of it is left out of the mean.
 //!
 //! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile
 //! has no fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.

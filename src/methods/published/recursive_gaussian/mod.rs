@@ -46,7 +46,7 @@ use matting::{CompositeOrder, DepthPeel, Matte, composite_layer};
 use parameters::RecursiveGaussianParameters;
 
 /// Deviations that follow from layers that overlap by design, and from a Gaussian in place of a disc.
-const DEVIATIONS: [Deviation; 9] = [
+const DEVIATIONS: [Deviation; 11] = [
     Deviation {
         law: Law::Spread,
         within: [0.36, 3.13],
@@ -81,6 +81,16 @@ const DEVIATIONS: [Deviation; 9] = [
         law: Law::NoCracksAcrossCorners,
         within: [0.01, 0.032],
         reason: "as for gentler slants: the steeper, the narrower the layers",
+    },
+    Deviation {
+        law: Law::Locality,
+        within: [0.0, 0.0012],
+        reason: "the blur is a Gaussian, which reaches past the disc",
+    },
+    Deviation {
+        law: Law::Edge,
+        within: [0.14, 0.23],
+        reason: "a fragment is blurred by the Gaussians of two layers, not by its disc",
     },
     Deviation {
         law: Law::Convergence,
