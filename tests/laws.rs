@@ -5,6 +5,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a law whose scene cannot be made has failed")]
 
+#[path = "laws/background.rs"]
+mod background;
+
 use std::sync::Arc;
 use thinlens::image::{Image, Plane};
 use thinlens::lens::{Aperture, LensSpec, ThinLens};

@@ -7,8 +7,8 @@
 //! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha, and a translucent surface
 //! does so once, however many of its fragments the ray passes ([`surfaces`]).
 //!
-//! Past the frame's border the border samples are repeated. A ray that has passed all fragments ends in the background where that is
-//! visible, and is left out of the mean where the stack has nothing: see [`crate::scene::Background`].
+//! Past the frame's border the border samples are repeated. A ray that has passed all fragments is transparent by the background's
+//! share of the pixel where it ends ([`crate::scene::Background`]); the rest of it is left out of the mean.
 //!
 //! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile
 //! has no fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.
