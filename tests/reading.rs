@@ -281,10 +281,10 @@ fn a_cropped_deeper_peel_is_placed_in_the_first_ones_window() {
 // Several files.
 
 #[test]
-fn files_ordered_far_to_near_are_kept_in_order_with_a_warning() {
+fn files_ordered_far_to_near_are_sorted_with_a_warning() {
     let peel = |z: usize| source(exr_bytes(vec![Part::flat((2, 2), &format!("R=1 G=1 B=1 A=1 Z={z}"))]));
     let stack = read(&[peel(9), peel(2)], &ReadOptions::default()).expect("it is read");
-    assert_eq!(first_pixels(&stack).map_depth(), [9.0, 2.0]);
+    assert_eq!(first_pixels(&stack).map_depth(), [2.0, 9.0]);
     assert!(warnings(&stack)[0].contains("nearest first"));
     assert!(warnings(&read(&[peel(2), peel(9)], &ReadOptions::default()).expect("it is read")).is_empty());
 }

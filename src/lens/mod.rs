@@ -98,7 +98,7 @@ impl ThinLens {
         // Products of the ends of the settings' ranges fit into 64 bits.
         let focal_length = f64::from(spec.focal_length_mm) * 1e-3 / f64::from(spec.metres_per_unit);
         let focus = f64::from(spec.focus_distance);
-        if focus <= focal_length {
+        if spec.focus_distance <= focal_length as f32 {
             return Err(Error::settings(
                 "the lens cannot focus this near: the focus distance must exceed the focal length",
             )

@@ -26,7 +26,7 @@ pub(super) const RIM_SAMPLES: usize = 3;
 /// Relative change of depth between two surfaces: none up to the first, full from the second on.
 const DEPTH_JUMP: [f32; 2] = [0.02, 0.06];
 /// A change of depth is a slope up to this many times that of the samples beside it.
-const SLOPE_CHANGE: f32 = 1.5;
+const SLOPE_CHANGE: f32 = 2.0;
 /// A hard silhouette counts this much of one with a rim: of averages, those along pixels' borders are hard too, but point samples have
 /// no rims.
 const HARD_WEIGHT: f32 = 0.5;
@@ -120,24 +120,23 @@ fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
     transposed(&columns, height, width)
 }
 
-/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it.
+/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it; nothing lies beyond the ends.
 fn triangle(line: &mut [u32]) {
-    trailing_box(line);
-    line.reverse();
-    trailing_box(line);
-    line.reverse();
+    let past_end = RADIUS_PX - 1;
+    let first = trailing_sums(line.iter().copied().chain([0; RADIUS_PX - 1]));
+    let second = trailing_sums(first.iter().copied());
+    line.iter_mut().zip(&second[past_end..]).for_each(|(value, sum)| *value = *sum);
 }
 
-/// Each value becomes the sum of the last [`RADIUS_PX`] up to it.
-fn trailing_box(line: &mut [u32]) {
-    let mut window = [0; RADIUS_PX];
-    let mut sum = 0;
-    for (i, value) in line.iter_mut().enumerate() {
-        let leaving = &mut window[i % RADIUS_PX];
-        sum = sum + *value - *leaving;
-        *leaving = *value;
-        *value = sum;
-    }
+/// For each of `values` the sum of the last [`RADIUS_PX`] up to it.
+fn trailing_sums(values: impl Iterator<Item = u32>) -> Vec<u32> {
+    let (mut window, mut sum) = ([0; RADIUS_PX], 0);
+    let sums = values.enumerate().map(|(i, value)| {
+        let leaving = std::mem::replace(&mut window[i % RADIUS_PX], value);
+        sum = sum + value - leaving;
+        sum
+    });
+    sums.collect()
 }
 
 fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
@@ -227,9 +226,11 @@ impl<'a> Lookup<'a> {
             if self.is_even(before, here) {
                 return 0.0;
             }
-            let (dx, dy) = (dx as isize, dy as isize);
-            let at = |steps: isize| self.sample(x as isize + steps * dx, y as isize + steps * dy);
-            hard_between([at(-2), at(-1), at(0), at(1)])
+            let is_within = |x: usize, y: usize| x < self.peel.alpha.width() && y < self.peel.alpha.height();
+            let first = (x >= 2 * dx && y >= 2 * dy).then(|| (x - 2 * dx, y - 2 * dy));
+            let last = Some((x + dx, y + dy)).filter(|&(x, y)| is_within(x, y));
+            let at = |(x, y): (usize, usize)| self.sample(x as isize, y as isize);
+            hard_between([at(before), at(here)], [first, last].map(|place| place.map(at)))
         };
         across(1, 0).max(across(0, 1))
     }
@@ -263,14 +264,15 @@ fn rim_across(line: &[Sample; 2 * RIM_SAMPLES + 1]) -> f32 {
     runs.map(rim).fold(0.0, f32::max)
 }
 
-/// How hard the silhouette is between the two middle ones of four samples in a row, 0 … 1.
-fn hard_between([before, from, to, after]: [Sample; 4]) -> f32 {
+/// How hard the silhouette is between two samples, 0 … 1; `before` and `after` are those beside them in their line, in the picture.
+fn hard_between([from, to]: [Sample; 2], [before, after]: [Option<Sample>; 2]) -> f32 {
     let ends = (1.0 - from.fractional) * (1.0 - to.fractional);
     if !(from.covers && to.covers) {
         return ends * from.differs(to);
     }
-    let beside = [(before, from), (to, after)].into_iter().filter(|(a, b)| a.covers && b.covers);
-    let slope = beside.map(|(a, b)| relative_step(a.depth, b.depth)).reduce(f32::min).unwrap_or(0.0);
+    let beside = [(before, from), (after, to)].into_iter();
+    let covered = beside.filter_map(|(beside, here)| Some((beside.filter(|sample| sample.covers)?, here)));
+    let slope = covered.map(|(a, b)| relative_step(a.depth, b.depth)).reduce(f32::min).unwrap_or(0.0);
     ends * smooth_step(DEPTH_JUMP, relative_step(from.depth, to.depth) - SLOPE_CHANGE * slope)
 }
 
@@ -340,7 +342,7 @@ mod tests {
         let found = found(&before_wall(|x, y| left(x, y).max(right(x, y))));
         for y in 24..40 {
             assert!(found.at(40, y) > 0.9, "left disc's edge in row {y}: {}", found.at(40, y));
-            assert!(found.at(56, y) < 0.1, "right disc's edge in row {y}: {}", found.at(56, y));
+            assert!(found.at(56, y) < 0.2, "right disc's edge in row {y}: {}", found.at(56, y));
         }
     }
 
@@ -407,11 +409,12 @@ mod tests {
             };
             found(&before_wall(rim)).mean()
         };
-        let means: Vec<f64> = (0..=1000).map(|i| faded(i as f32 / 1000.0)).collect();
+        // Alpha is fractional from a few hundredths on.
+        let means: Vec<f64> = (0..=1000).map(|i| faded(i as f32 / 10_000.0)).collect();
         let steps = means.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        assert!((means[0], means[1000] > 0.98) == (0.0, true), "{} to {}", means[0], means[1000]);
+        assert!(means[0] == 0.0 && means[1000] > 0.9, "{} to {}", means[0], means[1000]);
         let largest = steps.fold(0.0, f64::max);
-        assert!(largest < 0.1, "{largest}");
+        assert!(largest < 0.05, "{largest}");
     }
 
     #[test]
