@@ -85,7 +85,7 @@ pub struct Scene {
     pub coc_infinity_px: f32,
     /// How open the lens is, in picture pixels: see [`ThinLens::opening_px`].
     pub opening_px: f32,
-    /// Number of fragments so near the lens that their CoC was limited to [`coc_limit_px`].
+    /// Number of fragments whose CoC was limited to [`coc_limit_px`]: so near the lens, or behind focus of a lens that blurs so much.
     pub limited_fragments: usize,
     /// Position of the picture in the lens's field.
     pub field: Field,
@@ -142,7 +142,7 @@ impl Scene {
             color_range,
             opening_px: lens.opening_px,
             antialiasing: stack.antialiasing.clone(),
-            ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px)
+            ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px.min(limit))
         }
     }
 
@@ -255,8 +255,7 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
             let mut limited = 0;
             for (depth, &alpha) in depth.iter_mut().zip(alpha) {
                 let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
-                // Only the near side is unbounded: behind focus |c| is below c_inf, which the lens has checked.
-                limited += usize::from(coc < -limit);
+                limited += usize::from(coc.abs() > limit);
                 *depth = coc.clamp(-limit, limit);
             }
             limited

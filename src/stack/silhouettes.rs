@@ -26,7 +26,7 @@ pub(super) const RIM_SAMPLES: usize = 3;
 /// Relative change of depth between two surfaces: none up to the first, full from the second on.
 const DEPTH_JUMP: [f32; 2] = [0.02, 0.06];
 /// A change of depth is a slope up to this many times that of the samples beside it.
-const SLOPE_CHANGE: f32 = 1.5;
+const SLOPE_CHANGE: f32 = 2.0;
 /// A hard silhouette counts this much of one with a rim: of averages, those along pixels' borders are hard too, but point samples have
 /// no rims.
 const HARD_WEIGHT: f32 = 0.5;
@@ -120,24 +120,23 @@ fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
     transposed(&columns, height, width)
 }
 
-/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it.
+/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it; nothing lies beyond the ends.
 fn triangle(line: &mut [u32]) {
-    trailing_box(line);
-    line.reverse();
-    trailing_box(line);
-    line.reverse();
+    let past_end = RADIUS_PX - 1;
+    let first = trailing_sums(line.iter().copied().chain([0; RADIUS_PX - 1]));
+    let second = trailing_sums(first.iter().copied());
+    line.iter_mut().zip(&second[past_end..]).for_each(|(value, sum)| *value = *sum);
 }
 
-/// Each value becomes the sum of the last [`RADIUS_PX`] up to it.
-fn trailing_box(line: &mut [u32]) {
-    let mut window = [0; RADIUS_PX];
-    let mut sum = 0;
-    for (i, value) in line.iter_mut().enumerate() {
-        let leaving = &mut window[i % RADIUS_PX];
-        sum = sum + *value - *leaving;
-        *leaving = *value;
-        *value = sum;
-    }
+/// For each of `values` the sum of the last [`RADIUS_PX`] up to it.
+fn trailing_sums(values: impl Iterator<Item = u32>) -> Vec<u32> {
+    let (mut window, mut sum) = ([0; RADIUS_PX], 0);
+    let sums = values.enumerate().map(|(i, value)| {
+        let leaving = std::mem::replace(&mut window[i % RADIUS_PX], value);
+        sum = sum + value - leaving;
+        sum
+    });
+    sums.collect()
 }
 
 fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
@@ -227,9 +226,11 @@ impl<'a> Lookup<'a> {
             if self.is_even(before, here) {
                 return 0.0;
             }
-            let (dx, dy) = (dx as isize, dy as isize);
-            let at = |steps: isize| self.sample(x as isize + steps * dx, y as isize + steps * dy);
-            hard_between([at(-2), at(-1), at(0), at(1)])
+            let is_within = |x: usize, y: usize| x < self.peel.alpha.width() && y < self.peel.alpha.height();
+            let first = (x >= 2 * dx && y >= 2 * dy).then(|| (x - 2 * dx, y - 2 * dy));
+            let last = Some((x + dx, y + dy)).filter(|&(x, y)| is_within(x, y));
+            let at = |(x, y): (usize, usize)| self.sample(x as isize, y as isize);
+            hard_between([at(before), at(here)], [first, last].map(|place| place.map(at)))
         };
         across(1, 0).max(across(0, 1))
     }
@@ -263,13 +264,168 @@ fn rim_across(line: &[Sample; 2 * RIM_SAMPLES + 1]) -> f32 {
     runs.map(rim).fold(0.0, f32::max)
 }
 
-/// How hard the silhouette is between the two middle ones of four samples in a row, 0 … 1.
-fn hard_between([before, from, to, after]: [Sample; 4]) -> f32 {
+/// How hard the silhouette is between two samples, 0 … 1; `before` and `after` are those beside them in their line, in the picture.
+fn hard_between([from, to]: [Sample; 2], [before, after]: [Option<Sample>; 2]) -> f32 {
     let ends = (1.0 - from.fractional) * (1.0 - to.fractional);
     if !(from.covers && to.covers) {
         return ends * from.differs(to);
     }
-    let beside = [(before, from), (to, after)].into_iter().filter(|(a, b)| a.covers && b.covers);
-    let slope = beside.map(|(a, b)| relative_step(a.depth, b.depth)).reduce(f32::min).unwrap_or(0.0);
+    let beside = [(before, from), (after, to)].into_iter();
+    let covered = beside.filter_map(|(beside, here)| Some((beside.filter(|sample| sample.covers)?, here)));
+    let slope = covered.map(|(a, b)| relative_step(a.depth, b.depth)).reduce(f32::min).unwrap_or(0.0);
     ends * smooth_step(DEPTH_JUMP, relative_step(from.depth, to.depth) - SLOPE_CHANGE * slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [usize; 2] = [96, 64];
+    const EMPTY: (f32, f32) = (0.0, f32::INFINITY);
+
+    /// A peel of fragments `(alpha, depth)`.
+    fn peel(fragment: impl Fn(usize, usize) -> (f32, f32)) -> Peel {
+        let plane = |value: &dyn Fn((f32, f32)) -> f32| {
+            Plane::from_fn(SIZE[0], SIZE[1], |x, y| value(fragment(x, y)))
+        };
+        let alpha = plane(&|(alpha, _)| alpha);
+        Peel { color: std::array::from_fn(|_| alpha.clone()), depth: plane(&|(_, depth)| depth), alpha }
+    }
+
+    /// Share of pixel `x, y` that a disc of radius 18 around `centre` covers, from 8 × 8 samples, or from its middle alone.
+    fn disc(centre: [f32; 2], averaged: bool) -> impl Fn(usize, usize) -> f32 {
+        let samples: u8 = if averaged { 8 } else { 1 };
+        move |x, y| {
+            let at = |place: usize, i: u8| place as f32 + (f32::from(i) + 0.5) / f32::from(samples);
+            let inside = |i: u8, j: u8| (at(x, i) - centre[0]).hypot(at(y, j) - centre[1]) < 18.0;
+            let count =
+                (0..samples).flat_map(|i| (0..samples).map(move |j| (i, j))).filter(|&(i, j)| inside(i, j));
+            count.count() as f32 / f32::from(samples).powi(2)
+        }
+    }
+
+    /// A surface that covers `share` of each pixel at depth 3, before a wall at depth 12.
+    fn before_wall(share: impl Fn(usize, usize) -> f32) -> [Peel; 2] {
+        let front = peel(|x, y| match share(x, y) {
+            share if share > 0.0 => (share, 3.0),
+            _ => (1.0, 12.0),
+        });
+        let back = peel(|x, y| if share(x, y) > 0.0 { (1.0, 12.0) } else { EMPTY });
+        [front, back]
+    }
+
+    fn found(peels: &[Peel]) -> Antialiasing {
+        antialiasing(peels, DepthConvention::Planar)
+    }
+
+    fn pixels() -> impl Iterator<Item = (usize, usize)> {
+        (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)))
+    }
+
+    #[test]
+    fn hard_silhouettes_are_of_point_samples_and_those_with_a_rim_of_averages() {
+        let point = before_wall(disc([50.0, 30.0], false));
+        assert_eq!(found(&point), Antialiasing::POINT_SAMPLES);
+        let averaged = found(&before_wall(disc([50.0, 30.0], true)));
+        assert!(averaged.mean() > 0.98, "{}", averaged.in_words());
+        let sky = |z: f32| if z == 12.0 { f32::INFINITY } else { z };
+        let before_sky = before_wall(disc([50.0, 30.0], true)).map(|peel| {
+            let depth = Plane::from_fn(SIZE[0], SIZE[1], |x, y| sky(peel.depth.get(x, y)));
+            Peel { depth, ..peel }
+        });
+        assert!(found(&before_sky).mean() > 0.98, "{}", found(&before_sky).in_words());
+    }
+
+    #[test]
+    fn each_half_of_a_mixed_picture_is_decided_by_its_own_silhouettes() {
+        let (left, right) = (disc([22.0, 32.0], true), disc([74.0, 32.0], false));
+        let found = found(&before_wall(|x, y| left(x, y).max(right(x, y))));
+        for y in 24..40 {
+            assert!(found.at(40, y) > 0.9, "left disc's edge in row {y}: {}", found.at(40, y));
+            assert!(found.at(56, y) < 0.2, "right disc's edge in row {y}: {}", found.at(56, y));
+        }
+    }
+
+    #[test]
+    fn a_few_translucent_fragments_leave_point_samples_as_they_are() {
+        // One in a thousand, of a surface of its own.
+        let disc = disc([50.0, 30.0], false);
+        let front = peel(|x, y| match (x + 96 * y) % 1000 {
+            500 => (0.5, 2.0),
+            _ if disc(x, y) > 0.0 => (1.0, 3.0),
+            _ => (1.0, 12.0),
+        });
+        let back =
+            peel(|x, y| if (x + 96 * y) % 1000 == 500 || disc(x, y) > 0.0 { (1.0, 12.0) } else { EMPTY });
+        assert_eq!(found(&[front, back]), Antialiasing::POINT_SAMPLES);
+    }
+
+    #[test]
+    fn glass_and_holes_in_one_surface_are_evidence_for_nothing() {
+        let glass = |x: usize, y: usize| (10..70).contains(&x) && (10..50).contains(&y);
+        let front = peel(|x, y| if glass(x, y) { (0.4, 2.0) } else { (1.0, 12.0) });
+        let back = peel(|x, y| if glass(x, y) { (1.0, 12.0) } else { EMPTY });
+        assert_eq!(found(&[front, back]), Antialiasing::POINT_SAMPLES);
+        let worn = peel(|x, y| if y == 20 && x > 30 { (0.5, 3.0) } else { (1.0, 3.0) });
+        assert_eq!(found(&[worn, peel(|_, _| (1.0, 12.0))]), Antialiasing::POINT_SAMPLES);
+    }
+
+    #[test]
+    fn a_slope_up_to_the_horizon_is_no_silhouette() {
+        // A plane in space: the reciprocal of depth is linear in rows. A rim far away asks for the evidence.
+        let ground =
+            |x: usize, y: usize| if x == 90 && y == 60 { (0.5, 1.0) } else { (1.0, 10.0 / (y as f32 + 0.5)) };
+        let ground = peel(ground);
+        let lookup = Lookup::new(&ground, DepthConvention::Planar);
+        for (x, y) in pixels().filter(|&(x, y)| x < 80 && y > 0) {
+            assert!(lookup.hard(x, y) == 0.0, "{x}, {y}: {}", lookup.hard(x, y));
+        }
+    }
+
+    #[test]
+    fn one_fragment_changes_nothing_farther_away_than_the_kernel_reaches() {
+        let share = disc([50.0, 30.0], true);
+        let [mut front, back] = before_wall(share);
+        let before = found(&[front.clone(), back.clone()]);
+        front.alpha.set(50, 48, 1.0);
+        let after = found(&[front, back]);
+        let mut changed = 0;
+        for (x, y) in pixels() {
+            let off = (after.at(x, y) - before.at(x, y)).abs();
+            let near = x.abs_diff(50) <= RADIUS_PX && y.abs_diff(48) <= RADIUS_PX;
+            assert!(near || off < 1e-3, "{x}, {y}: {off}");
+            changed += usize::from(off > 0.0);
+        }
+        assert!(changed < 17 * 17, "{changed} pixels: the picture's share is saturated");
+    }
+
+    #[test]
+    fn a_rim_that_fades_in_has_its_effect_by_degrees() {
+        let share = disc([50.0, 30.0], true);
+        let faded = |degree: f32| {
+            let rim = |x, y| match share(x, y) {
+                share if share > 0.0 && share < 1.0 => 1.0 - degree * (1.0 - share),
+                share => share,
+            };
+            found(&before_wall(rim)).mean()
+        };
+        // Alpha is fractional from a few hundredths on.
+        let means: Vec<f64> = (0..=1000).map(|i| faded(i as f32 / 10_000.0)).collect();
+        let steps = means.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(means[0] == 0.0 && means[1000] > 0.9, "{} to {}", means[0], means[1000]);
+        let largest = steps.fold(0.0, f64::max);
+        assert!(largest < 0.05, "{largest}");
+    }
+
+    #[test]
+    fn the_kernel_is_a_triangle_that_ends_at_its_radius() {
+        let mut values = vec![0; 41 * 5];
+        values[2 * 41 + 20] = 1;
+        let sums = spread(&values, 41, 5);
+        let row: Vec<u32> = (0..41).map(|x| sums[2 * 41 + x]).collect();
+        for (x, sum) in row.iter().enumerate() {
+            let expected = RADIUS_PX.saturating_sub(x.abs_diff(20)) * RADIUS_PX;
+            assert_eq!(*sum as usize, expected, "column {x}");
+        }
+    }
 }
