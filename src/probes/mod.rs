@@ -106,31 +106,37 @@ impl fmt::Display for ErrorEstimate {
 }
 
 /// The pixels of a scene's pictures that are probed, before their truth is known.
+///
+/// Each pixel has a random number of its own, by which it is chosen and which its rays begin with: where most of a scene stays as it was, so
+/// do the probes and their noise.
 #[derive(Debug)]
-pub struct ProbeSites<'a> {
-    tracer: PixelTracer<'a>,
+pub struct ProbeSites {
     /// For each stratum, its size in pixels and the pixels that are probed.
-    strata: Vec<(f64, Vec<usize>)>,
+    strata: Vec<(f64, Vec<Site>)>,
     spread: f64,
-    rng: Rng,
 }
 
-impl<'a> ProbeSites<'a> {
+/// A pixel, `y · width + x`, and its random number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Site {
+    pixel: usize,
+    random: u64,
+}
+
+impl ProbeSites {
     /// About `count` pixels of the pictures that are measured against `basis`. The same `seed` chooses the same pixels.
-    pub fn new(basis: &'a Basis<'a>, count: usize, seed: u64) -> Self {
-        let mut rng = Rng::with_seed(seed);
+    pub fn new(basis: &Basis<'_>, count: usize, seed: u64) -> Self {
         let count = count.max(MIN_PROBES);
-        let (tracer, scene) = (basis.tracer(), &*basis.scene);
-        let candidates = candidates(&tracer, count * CANDIDATES, &mut rng);
+        let candidates = candidates(&basis.tracer(), count * CANDIDATES, &mut Rng::with_seed(seed));
         let sum: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
         let spread = sum / (3 * candidates.len().max(1)) as f64;
-        let mut strata = strata(candidates, scene);
+        let mut strata = strata(candidates, &basis.scene);
         let each = count.div_ceil(strata.len().max(1));
-        for (_, pixels) in &mut strata {
-            rng.shuffle(pixels);
-            pixels.truncate(each);
+        for (_, sites) in &mut strata {
+            sites.sort_by_key(|site| site.random);
+            sites.truncate(each);
         }
-        Self { tracer, strata, spread, rng }
+        Self { strata, spread }
     }
 
     /// Variance of the colours of single rays of a pixel, the mean over the picture and its channels. It is
@@ -152,27 +158,26 @@ pub struct Probes {
 struct Stratum {
     /// Number of its pixels, as estimated from the candidates.
     size: f64,
-    /// The probed pixels: `y · width + x`.
-    pixels: Vec<usize>,
-    /// The truth at each of these.
+    /// The truth at each of the probed pixels.
     truths: Vec<Truth>,
 }
 
 impl Probes {
-    /// Computes the truth at `sites`, with two times `rays_per_half` rays each.
-    pub fn new(sites: ProbeSites<'_>, rays_per_half: usize) -> Self {
-        let ProbeSites { tracer, strata, mut rng, .. } = sites;
-        let stratum = |(size, pixels): (f64, Vec<usize>)| {
-            let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
-            let truth = |(pixel, seed)| tracer.truth(pixel, rays_per_half, seed);
-            Stratum { size, truths: seeds.into_par_iter().map(truth).collect(), pixels }
+    /// Computes the truth of `basis` at `sites`, with two times `rays_per_half` rays each.
+    pub fn new(basis: &Basis<'_>, sites: &ProbeSites, rays_per_half: usize) -> Self {
+        let tracer = basis.tracer();
+        // Other rays than those by which the pixel was chosen.
+        let truth = |site: &Site| tracer.truth(site.pixel, rays_per_half, !site.random);
+        let stratum = |(size, sites): &(f64, Vec<Site>)| Stratum {
+            size: *size,
+            truths: sites.par_iter().map(truth).collect(),
         };
-        Self { strata: strata.into_iter().map(stratum).collect(), rays_per_half }
+        Self { strata: sites.strata.iter().map(stratum).collect(), rays_per_half }
     }
 
     /// The probed pixels, `y · width + x` each.
     pub fn pixels(&self) -> Vec<usize> {
-        self.strata.iter().flat_map(|stratum| stratum.pixels.iter().copied()).collect()
+        self.strata.iter().flat_map(|stratum| stratum.truths.iter().map(Truth::pixel)).collect()
     }
 
     /// The error estimate for a picture whose [`Probes::pixels`] have these `values`: scene-linear red, green, blue, alpha, without the
@@ -185,7 +190,7 @@ impl Probes {
     fn estimate_lit(&self, values: &[[f32; 4]], lights: Option<&Image>) -> ErrorEstimate {
         let mut rest = values;
         let errors = self.strata.iter().map(|stratum| {
-            let (own, others) = rest.split_at(stratum.pixels.len());
+            let (own, others) = rest.split_at(stratum.truths.len());
             rest = others;
             StratumErrors { size: stratum.size, errors: stratum.errors(own, lights) }
         });
@@ -255,7 +260,8 @@ impl<'a> ProbeSet<'a> {
         }
         let basis = Basis::for_picture(self.scene, self.tracing, plan);
         let basis = if self.fills { basis.filled() } else { basis };
-        let probes = Arc::new(Probes::new(ProbeSites::new(&basis, self.count, SEED), MANY_RAYS));
+        let sites = ProbeSites::new(&basis, self.count, SEED);
+        let probes = Arc::new(Probes::new(&basis, &sites, MANY_RAYS));
         known.push((key, probes.clone()));
         probes
     }
@@ -279,7 +285,7 @@ impl<'a> ProbeSet<'a> {
 /// fill. The same `seed` probes the same pixels.
 pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> ErrorEstimate {
     let basis = Basis::new(scene, plan);
-    let probes = Probes::new(ProbeSites::new(&basis, probes, seed), MANY_RAYS);
+    let probes = Probes::new(&basis, &ProbeSites::new(&basis, probes, seed), MANY_RAYS);
     probes.estimate_image(image, truth::exact_lights(scene, plan).as_ref())
 }
 
@@ -297,9 +303,9 @@ fn candidates(tracer: &PixelTracer<'_>, count: usize, rng: &mut Rng) -> Vec<Cand
         (in_picture(rng.usize(from..to)), rng.u64(..))
     });
     let seeds: Vec<(usize, u64)> = seeds.collect();
-    let candidate = |(pixel, seed): (usize, u64)| Candidate {
-        pixel,
-        spread: spread(tracer, pixel, &mut Rng::with_seed(seed)),
+    let candidate = |(pixel, random): (usize, u64)| Candidate {
+        site: Site { pixel, random },
+        spread: spread(tracer, pixel, &mut Rng::with_seed(random)),
         in_focus: in_focus(scene, pixel % stride, pixel / stride),
     };
     seeds.into_par_iter().map(candidate).collect()
@@ -336,7 +342,7 @@ impl Stratum {
 /// A pixel that may be probed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Candidate {
-    pixel: usize,
+    site: Site,
     /// Variance of its rays.
     spread: f32,
     in_focus: bool,
@@ -351,17 +357,17 @@ fn in_focus(scene: &Scene, x: usize, y: usize) -> bool {
 
 /// `candidates` in strata, in focus and out of focus, of falling variance and about equal total variance: for each its size in pixels of
 /// the frame, in proportion to its number of candidates, and its candidates.
-fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<usize>)> {
+fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<Site>)> {
     let (width, height) = scene.frame_size();
     let pixels_each = (width * height) as f64 / candidates.len().max(1) as f64;
     let (focused, blurred): (Vec<_>, Vec<_>) =
         candidates.into_iter().partition(|candidate| candidate.in_focus);
     let strata = [focused, blurred].into_iter().flat_map(strata_of_equal_spread);
-    strata.map(|pixels| (pixels.len() as f64 * pixels_each, pixels)).collect()
+    strata.map(|sites| (sites.len() as f64 * pixels_each, sites)).collect()
 }
 
 /// `candidates` in half of [`STRATA`] strata of falling variance and about equal total variance.
-fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<usize>> {
+fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<Site>> {
     const COUNT: usize = STRATA / 2;
     let total: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
     let floor = (f64::from(SPREAD_FLOOR) * total / candidates.len().max(1) as f64).max(f64::MIN_POSITIVE);
@@ -370,12 +376,12 @@ fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<usize>> {
     let whole = total + floor * candidates.len() as f64;
     let mut strata = vec![Vec::new(); COUNT];
     let mut sum = 0.0;
-    for Candidate { pixel, spread, .. } in candidates {
+    for Candidate { site, spread, .. } in candidates {
         let stratum = (sum / whole * COUNT as f64) as usize;
-        strata[stratum.min(COUNT - 1)].push(pixel);
+        strata[stratum.min(COUNT - 1)].push(site);
         sum += f64::from(spread) + floor;
     }
-    strata.retain(|pixels| !pixels.is_empty());
+    strata.retain(|sites| !sites.is_empty());
     strata
 }
 
@@ -476,8 +482,12 @@ mod tests {
     #[test]
     fn strata_have_every_pixel_once_and_about_equal_spread() {
         let spread = |pixel: usize| if pixel / 50 == 3 { 1.0 } else { (pixel % 50) as f32 * 1e-3 };
-        let candidate = |pixel| Candidate { pixel, spread: spread(pixel), in_focus: false };
-        let strata = strata_of_equal_spread((0..1000).map(candidate).collect());
+        let site = |pixel| Site { pixel, random: 0 };
+        let candidate = |pixel| Candidate { site: site(pixel), spread: spread(pixel), in_focus: false };
+        let strata: Vec<Vec<usize>> = strata_of_equal_spread((0..1000).map(candidate).collect())
+            .into_iter()
+            .map(|sites| sites.into_iter().map(|site| site.pixel).collect())
+            .collect();
         let mut all: Vec<usize> = strata.iter().flatten().copied().collect();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>(), "every pixel once");

@@ -11,7 +11,7 @@
 //! Cost: the rays, once for each number of layers. Memory: negligible. Limits: errors that occur in few places are partly missed.
 
 use super::truth::PixelTracer;
-use super::{Basis, ProbeSites, SEED, StratumErrors, mean_error};
+use super::{Basis, ProbeSites, SEED, Site, StratumErrors, mean_error};
 use crate::lens::Rays;
 use crate::methods::Plan;
 use crate::scene::{EffectKind, Scene};
@@ -65,14 +65,13 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
         return None;
     }
     let basis = Basis::of_stack(scene, plan);
-    let ProbeSites { tracer, strata, mut rng, .. } = ProbeSites::new(&basis, PIXELS, SEED);
+    let (tracer, ProbeSites { strata, .. }) = (basis.tracer(), ProbeSites::new(&basis, PIXELS, SEED));
     let fewer: Vec<PixelTracer<'_>> = (1..layers).map(|count| basis.tracer_of_first_layers(count)).collect();
     let strata: Vec<(f64, Vec<PixelStats>)> = strata
         .into_iter()
-        .map(|(size, pixels)| {
-            let seeds: Vec<(usize, u64)> = pixels.into_iter().map(|pixel| (pixel, rng.u64(..))).collect();
-            let stats = |(pixel, seed)| pixel_stats(&tracer, &fewer, pixel, seed);
-            (size, seeds.into_par_iter().map(stats).collect())
+        .map(|(size, sites)| {
+            let stats = |site: Site| pixel_stats(&tracer, &fewer, site.pixel, site.random);
+            (size, sites.into_par_iter().map(stats).collect())
         })
         .collect();
     let mean = |value: &dyn Fn(&PixelStats) -> f64| {

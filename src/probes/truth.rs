@@ -43,7 +43,7 @@ impl<'a> Basis<'a> {
 
     /// The same with the disocclusion fill, if the lens's plan has it on.
     #[must_use]
-    pub(super) fn filled(self) -> Self {
+    pub fn filled(self) -> Self {
         if !self.plan.does(EffectKind::Fill) {
             return self;
         }
@@ -78,6 +78,9 @@ pub(super) fn to_display([r, g, b, _]: [f32; 4]) -> [f32; 3] {
     [r, g, b].map(displayed)
 }
 
+/// A neighbour has this share of the rays of its pixel: a filter gives it a small weight, and its noise counts less.
+const NEIGHBOUR_SHARE: usize = 4;
+
 /// What one half of the rays sees at a pixel, scene-linear.
 #[derive(Debug, Clone, PartialEq)]
 struct Seen {
@@ -99,6 +102,11 @@ pub(super) struct Truth {
 }
 
 impl Truth {
+    /// The pixel, `y · width + x`.
+    pub(super) fn pixel(&self) -> usize {
+        self.pixel
+    }
+
     /// The display colours by each half of the rays, of a picture to which `lights` were added.
     pub(super) fn shown(&self, lights: Option<&Image>) -> [[f32; 3]; 2] {
         let lit = |color: [f32; 4], pixel: usize| match lights {
@@ -138,18 +146,23 @@ impl PixelTracer<'_> {
     /// The truth at `pixel` by two independent sets of `rays_per_half` rays.
     pub(super) fn truth(&self, pixel: usize, rays_per_half: usize, seed: u64) -> Truth {
         let mut rng = Rng::with_seed(seed);
-        let halves = std::array::from_fn(|_| self.seen(pixel, &self.rays(rays_per_half, &mut rng)));
+        let halves = std::array::from_fn(|_| {
+            let rays = [rays_per_half, rays_per_half.div_ceil(NEIGHBOUR_SHARE)]
+                .map(|count| self.rays(count, &mut rng));
+            self.seen(pixel, &rays)
+        });
         Truth { pixel, size: self.scene.picture_size(), filter: self.filter.clone(), halves }
     }
 
-    fn seen(&self, pixel: usize, rays: &Rays) -> Seen {
+    /// What `rays` of `pixel` see, and the other set those of its neighbours.
+    fn seen(&self, pixel: usize, [rays, rays_around]: &[Rays; 2]) -> Seen {
         let Some(filter) = &self.filter else {
             return Seen { own: self.linear(pixel, rays), focused_share: 0.0, around: None };
         };
         let size = self.scene.picture_size();
         let focus = |coc_px: f32| filter.focus(coc_px);
         let (own, focused_share) = self.volume.pixel_and_focus(pixel % size.0, pixel / size.0, rays, &focus);
-        let around = || neighbours(pixel, size).map(|near| self.linear(near, rays));
+        let around = || neighbours(pixel, size).map(|near| self.linear(near, rays_around));
         Seen { own, focused_share, around: (focused_share > 0.0).then(around) }
     }
 
