@@ -208,7 +208,7 @@ fn without_blur_the_picture_is_the_input_bit_for_bit() {
     let colors = |x, y| [noise(x, y, 1), -3.0 * noise(x, y, 2), 60_000.0 * noise(x, y, 3), 1.0];
     for method in METHODS {
         let focused =
-            scene(vec![layer(13, 9, |x, y| (colors(x, y), 0.0)), layer(13, 9, |_, _| (grey(9.0), 0.4))]);
+            scene(vec![layer(13, 9, |x, y| (colors(x, y), 0.0)), layer(13, 9, |_, _| (grey(9.0), 0.004))]);
         assert_eq!(blur(method, &focused, 64), Image::from_fn(13, 9, colors), "{}", method.info().name);
     }
 }
@@ -468,16 +468,6 @@ fn a_surface_that_is_steep_across_the_corners_of_its_samples_has_no_cracks() {
 }
 
 #[test]
-fn samples_that_differ_by_more_than_the_join_limit_are_separate_surfaces_with_gaps() {
-    // By the model of the default and of the reference, not by what an artist expects: 0.6 px of CoC radius from sample to sample
-    // is more than half a pixel.
-    for name in ["shear", "accumulate"] {
-        let (mean, _) = leak(methods::Registry::default().by_name(name).unwrap(), (0.6, 0.0));
-        assert!((0.05..0.15).contains(&mean), "{name}: {mean} is visible through it");
-    }
-}
-
-#[test]
 fn a_surface_that_continues_one_peel_farther_behind_a_nearer_one_has_no_cracks() {
     // A floor through focus, and a near bar in front of its middle rows, where the floor is the second peel.
     let floor = |y: usize| 0.3 * (y as f32 - 24.0);
@@ -664,10 +654,12 @@ fn single_pixels_equal_those_of_the_picture_whatever_was_requested_before() {
     for (method, lens) in METHODS.into_iter().flat_map(|method| [(method, &hexagon), (method, &aberrated)]) {
         let Some(samples) = method.lens_sampling() else { continue };
         let plan = plan_for(method, &scene, 8, lens).forced(EffectKind::Resolve, true);
+        let sampled = samples.sampled(&scene, &plan).into_owned();
+        let without_lights = plan.clone().forced(EffectKind::Highlights, false);
         let mut sampler = samples.begin(scene.clone(), &plan);
         for views in [16, 128, 16, 8] {
             let values = sampler.pixels(views, &pixels);
-            let picture = samples.begin(scene.clone(), &plan).picture(views, &|_| {});
+            let picture = samples.begin(sampled.clone(), &without_lights).picture(views, &|_| {});
             for (value, &pixel) in values.iter().zip(&pixels) {
                 let expected = picture.planes.each_ref().map(|plane| plane.values()[pixel]);
                 let near = value.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));

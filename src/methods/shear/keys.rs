@@ -1,7 +1,8 @@
 //! Keys: for each fragment its bin, and the neighbouring bins that it joins.
 //!
 //! **Watertight rule**: a fragment covers all bins from its own to half-way to each of its four neighbours that belong to the same surface
-//! ([`surface::join_limit_px`]), rounded up on both sides. Where the fragment's own peel does not go on, the neighbour may lie in any
+//! ([`surface::join_limit_px`]), rounded up on both sides. A view may step across a corner from one bin to the next, so that the way to the
+//! neighbour beside and the way to the one above or below are added up: on a plane they reach half-way to the one across the corner. Where the fragment's own peel does not go on, the neighbour may lie in any
 //! other peel, within [`surface::JOIN_PX`]. Surfaces then have no cracks where they cross from bin to bin, nor where a nearer surface
 //! begins and they continue one peel farther back. Translucent fragments join like opaque ones; a ray that hits one surface in several
 //! bins counts it once (see [`super::paint`]), for which a key says whether its surface continues in another peel.
@@ -34,21 +35,23 @@ pub(super) const CHANGES_PEEL: Key = 2;
 /// The key of a sample without a fragment.
 pub(super) const NO_KEY: Key = Key::MAX;
 
-/// Largest number of bins that a fragment is in: its own, and on either side those within half of [`MAX_JOIN_PX`], of at least a 16th of a
-/// pixel each.
-pub(super) const MAX_BINS_OF_FRAGMENT: usize = 2 * (MAX_JOIN_PX as usize * 16 / 2 + 1) + 1;
+/// Largest number of bins that a fragment is in: its own, and on either side those within half of [`MAX_JOIN_PX`] along rows and as many
+/// along columns, of at least a 16th of a pixel each.
+pub(super) const MAX_BINS_OF_FRAGMENT: usize = 2 * 2 * (MAX_JOIN_PX as usize * 16 / 2 + 1) + 1;
 
 /// Samples around the picture that have no fragment, so that no neighbour lies outside.
 const PAD: usize = 2;
 
-/// The four neighbours of a fragment: columns and rows away.
-const SIDES: [[isize; 2]; 4] = [[0, -1], [0, 1], [-1, 0], [1, 0]];
+/// The neighbours of a fragment in its column, and those in its row: columns and rows away.
+const SIDES: [[[isize; 2]; 2]; 2] = [[[0, -1], [0, 1]], [[-1, 0], [1, 0]]];
 
 /// The keys of a stack, computed row by row.
 #[derive(Debug)]
 pub(super) struct Keys<'a> {
     layers: &'a [Layer],
     padded: Vec<Padded>,
+    /// The farthest bin.
+    last_bin: u16,
     arch: Arch,
 }
 
@@ -94,7 +97,7 @@ impl<'a> Keys<'a> {
     /// The keys of the fragments of `layers` in `bins`.
     pub(super) fn new(layers: &'a [Layer], bins: &Bins) -> Self {
         let padded = layers.iter().map(|layer| Padded::new(layer, bins)).collect();
-        Self { layers, padded, arch: Arch::new() }
+        Self { layers, padded, last_bin: (bins.count() - 1) as u16, arch: Arch::new() }
     }
 
     /// Fills `row` with the keys of row `y` of layer `layer`.
@@ -108,10 +111,10 @@ impl<'a> Keys<'a> {
 pub(super) struct KeyRow {
     /// The keys.
     pub(super) keys: Vec<Key>,
-    /// Scratch: for each column, how many bins nearer and farther its fragment reaches, whether the current neighbour has been found, and
-    /// whether any neighbour lies in another peel.
-    nearer: Vec<u16>,
-    farther: Vec<u16>,
+    /// Scratch: for each column, how many bins nearer and farther its fragment reaches to neighbours in its column and in its row, whether
+    /// the current neighbour has been found, and whether any neighbour lies in another peel.
+    nearer: [Vec<u16>; 2],
+    farther: [Vec<u16>; 2],
     found: Vec<u16>,
     changes_peel: Vec<u16>,
 }
@@ -122,8 +125,8 @@ impl KeyRow {
         let zeros = || vec![0; width];
         Self {
             keys: vec![NO_KEY; width],
-            nearer: zeros(),
-            farther: zeros(),
+            nearer: [zeros(), zeros()],
+            farther: [zeros(), zeros()],
             found: zeros(),
             changes_peel: zeros(),
         }
@@ -143,30 +146,31 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { keys: Keys { layers, padded, .. }, layer, y, row } = self;
+        let Self { keys: Keys { layers, padded, last_bin, .. }, layer, y, row } = self;
         let own = &padded[layer];
         let width = row.keys.len();
-        row.nearer.fill(0);
-        row.farther.fill(0);
+        row.nearer.iter_mut().chain(&mut row.farther).for_each(|bins| bins.fill(0));
         row.changes_peel.fill(0);
         let part = |peel: &Padded, side: [isize; 2]| {
             let start = peel.start(y, side);
             start..start + width
         };
         let here = Samples::of(own, part(own, [0, 0]));
-        for [dx, dy] in SIDES {
+        for (axis, [dx, dy]) in
+            SIDES.iter().enumerate().flat_map(|(axis, sides)| sides.map(|side| (axis, side)))
+        {
             let neighbours = Samples::of(own, part(own, [dx, dy]));
             let before = &own.coc_px[part(own, [-dx, -dy])];
             let after = &own.coc_px[part(own, [2 * dx, 2 * dy])];
-            let Found { every } = join_own(row, here, neighbours, before, after);
+            let Found { every } = join_own(row, axis, here, neighbours, before, after);
             if every {
                 continue;
             }
             for peel in padded.iter().enumerate().filter(|(peel, _)| *peel != layer).map(|(_, peel)| peel) {
-                join_other(row, here, Samples::of(peel, part(peel, [dx, dy])));
+                join_other(row, axis, here, Samples::of(peel, part(peel, [dx, dy])));
             }
         }
-        pack(row, here.bins, layers[layer].alpha.row(y));
+        pack(row, here.bins, *last_bin, layers[layer].alpha.row(y));
     }
 }
 
@@ -194,13 +198,14 @@ struct Found {
 #[inline(always)]
 fn join_own(
     row: &mut KeyRow,
+    axis: usize,
     here: Samples<'_>,
     neighbours: Samples<'_>,
     before: &[f32],
     after: &[f32],
 ) -> Found {
     let count = row.keys.len();
-    let (nearer, farther) = (&mut row.nearer[..count], &mut row.farther[..count]);
+    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
     let found = &mut row.found[..count];
     let (bins, coc, before) = (&here.bins[..count], &here.coc_px[..count], &before[..count]);
     let (other_bins, other_coc, after) =
@@ -217,9 +222,9 @@ fn join_own(
 
 /// Joins the fragments `here` whose surface was not `found` in their own peel to their `neighbours` in another peel.
 #[inline(always)]
-fn join_other(row: &mut KeyRow, here: Samples<'_>, neighbours: Samples<'_>) {
+fn join_other(row: &mut KeyRow, axis: usize, here: Samples<'_>, neighbours: Samples<'_>) {
     let count = row.keys.len();
-    let (nearer, farther) = (&mut row.nearer[..count], &mut row.farther[..count]);
+    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
     let (found, changes_peel) = (&mut row.found[..count], &mut row.changes_peel[..count]);
     let (bins, coc) = (&here.bins[..count], &here.coc_px[..count]);
     let (other_bins, other_coc) = (&neighbours.bins[..count], &neighbours.coc_px[..count]);
@@ -240,17 +245,21 @@ fn extend((nearer, farther): (&mut u16, &mut u16), bin: u16, other: u16, joined:
     *farther = (*farther).max(half(to_farther));
 }
 
-/// Packs the keys of a row of fragments in `bins` with these `alphas`.
+/// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`.
 #[inline(always)]
-fn pack(row: &mut KeyRow, bins: &[u16], alphas: &[f32]) {
+fn pack(row: &mut KeyRow, bins: &[u16], last_bin: u16, alphas: &[f32]) {
     let count = row.keys.len();
-    let (nearer, farther, changes) =
-        (&row.nearer[..count], &row.farther[..count], &row.changes_peel[..count]);
+    let [[nearer_above, nearer_beside], [farther_above, farther_beside]] =
+        [&row.nearer, &row.farther].map(|axes| [&axes[0][..count], &axes[1][..count]]);
+    let changes = &row.changes_peel[..count];
     let (bins, alphas) = (&bins[..count], &alphas[..count]);
     for (x, key) in row.keys.iter_mut().enumerate() {
         let flags = if alphas[x] >= OPAQUE_ALPHA { OPAQUE } else { Key::from(changes[x]) * CHANGES_PEEL };
-        let first = Key::from(bins[x].wrapping_sub(nearer[x]));
-        let packed = (first << BIN_SHIFT) | (Key::from(nearer[x] + farther[x]) << EXTRA_SHIFT) | flags;
+        // Past the nearest bin and past the last one there is none to join.
+        let nearer = (nearer_above[x] + nearer_beside[x]).min(bins[x]);
+        let farther = (farther_above[x] + farther_beside[x]).min(last_bin.saturating_sub(bins[x]));
+        let first = Key::from(bins[x] - nearer);
+        let packed = (first << BIN_SHIFT) | (Key::from(nearer + farther) << EXTRA_SHIFT) | flags;
         *key = if bins[x] == EMPTY { NO_KEY } else { packed };
     }
 }

@@ -51,7 +51,6 @@ use crate::methods::contract::{
     LensSampling, Method, MethodInfo, PixelFilter, Plan, Progress, Role, Sampler,
 };
 use crate::methods::cost::Cost;
-use crate::methods::laws::{Deviation, Law};
 use crate::scene::{Effect, EffectKind, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use parameters::ShearParameters;
@@ -85,11 +84,7 @@ impl Method for Shear {
             ],
             lens_samples: Some("views"),
             steps: &["16", "64", "256"],
-            deviations: &[Deviation {
-                law: Law::NoCracksAcrossCorners,
-                within: [0.0, 0.02],
-                reason: "between bins a view may step across the corner of a sample, while a ray crosses its sides",
-            }],
+            deviations: &[],
         }
     }
 

@@ -22,9 +22,9 @@
 use super::bins::MAX_BINS;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::spans::Span;
-use crate::image::MARGIN;
+use crate::image::{MARGIN, Plane};
 use crate::methods::contract::LostRays;
-use crate::scene::Background;
+use crate::scene::{Background, Layer};
 use glam::{IVec2, Vec2};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
@@ -393,17 +393,13 @@ struct Painter<'a, S> {
     active_chunks: usize,
 }
 
-/// The row of a layer that a span reads.
+/// What a span reads: a row of a layer.
 #[derive(Clone, Copy)]
-struct SourceRow<'a> {
-    /// Red, green and blue, with margins.
-    color: [&'a [f32]; 3],
-    /// Coverage, with margins; `None` for opaque fragments.
-    alpha: Option<&'a [f32]>,
-    column: SourceColumn,
-    /// How much of the span counts as in focus.
-    focus: f32,
-    hit: Hit,
+struct Source<'a> {
+    layer: &'a Layer,
+    row: usize,
+    span: &'a Span,
+    step: &'a Step,
 }
 
 /// The source column of an output column.
@@ -434,31 +430,30 @@ impl<S: Simd> Painter<'_, S> {
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
     fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, step: &Step) {
-        let shift = step.shift;
-        let (start, end) = (span.start as i32 - shift.columns, span.end as i32 - shift.columns);
+        let columns = step.shift.columns;
+        let (start, end) = (span.start as i32 - columns, span.end as i32 - columns);
         let width = self.row.width as i32;
-        let layer = &canvas.layers[span.layer as usize];
-        let [red, green, blue] = &layer.color;
-        let source = |column| SourceRow {
-            color: [red.row_with_margins(row), green.row_with_margins(row), blue.row_with_margins(row)],
-            alpha: (!span.opaque).then(|| layer.alpha.row_with_margins(row)),
-            column,
-            focus: step.focus,
-            hit: Hit::new(canvas.bins.same_hit_from(step.bins[0] as usize), step, span),
-        };
+        let source = Source { layer: &canvas.layers[span.layer as usize], row, span, step };
         let Range { start: first, end: past } = self.row.columns;
-        self.paint_columns(start.max(first)..end.min(past), source(SourceColumn::Shifted(shift.columns)));
+        self.paint_columns(canvas, start.max(first)..end.min(past), &source, SourceColumn::Shifted(columns));
         if span.start == 0 && start > first {
-            self.paint_columns(first..start.min(past), source(SourceColumn::Border(0)));
+            self.paint_columns(canvas, first..start.min(past), &source, SourceColumn::Border(0));
         }
         if span.end as i32 == width && end < past {
-            self.paint_columns(end.max(first)..past, source(SourceColumn::Border(width as usize - 1)));
+            let last = SourceColumn::Border(width as usize - 1);
+            self.paint_columns(canvas, end.max(first)..past, &source, last);
         }
     }
 
     /// Paints `columns` of the row from `source`.
     #[inline(always)]
-    fn paint_columns(&mut self, columns: Range<i32>, source: SourceRow<'_>) {
+    fn paint_columns(
+        &mut self,
+        canvas: &Canvas<'_>,
+        columns: Range<i32>,
+        source: &Source<'_>,
+        column: SourceColumn,
+    ) {
         if columns.is_empty() {
             return;
         }
@@ -472,17 +467,14 @@ impl<S: Simd> Painter<'_, S> {
             if chunk == last {
                 inside &= Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
             }
-            let mut free = inside & !self.row.occluded[chunk];
-            if free != 0 && source.alpha.is_some() {
-                free &= !self.row.hits.hit_before(chunk, free, &source.hit);
-            }
+            let free = inside & !self.row.occluded[chunk];
             if free == 0 {
                 continue;
             }
-            if source.alpha.is_none() && free & self.row.attenuated[chunk] == 0 {
-                self.add_opaque(chunk, &source, free);
+            if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
+                self.add_opaque(chunk, (source, column), free);
             } else {
-                self.composite(chunk, &source, free);
+                self.composite(canvas, chunk, (source, column), free);
             }
             self.active_chunks -= usize::from(self.row.occluded[chunk] == Mask::MAX);
         }
@@ -490,11 +482,12 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Adds the opaque `source` to the rays of the lanes in `free`, which are not attenuated, and occludes them.
     #[inline(always)]
-    fn add_opaque(&mut self, chunk: usize, source: &SourceRow<'_>, free: Mask) {
+    fn add_opaque(&mut self, chunk: usize, (source, column): (&Source<'_>, SourceColumn), free: Mask) {
         let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
         for (k, sum) in self.row.sums.color[chunk].iter_mut().enumerate() {
+            let values = Values::of(&source.layer.color[k], source.row, column, chunk);
             for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-                let value = source.vector(simd, source.color[k], chunk, i);
+                let value = values.vector(simd, i);
                 // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
                 let value = if free == Mask::MAX {
                     value
@@ -504,8 +497,8 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
         }
-        if source.focus > 0.0 {
-            let focus = simd.splat_f32s(source.focus);
+        if source.step.focus > 0.0 {
+            let focus = simd.splat_f32s(source.step.focus);
             for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0.iter_mut().enumerate()
             {
                 *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), focus, zero));
@@ -514,26 +507,41 @@ impl<S: Simd> Painter<'_, S> {
         self.row.occluded[chunk] |= free;
     }
 
-    /// Composites `source` behind what the rays of the lanes in `free` have passed: adds it times their transmittance, and
-    /// attenuates them by its coverage.
+    /// Composites `source` behind what the rays of the lanes in `free` have passed, except for those that hit its surface before: adds it
+    /// times their transmittance, and attenuates them by its coverage.
     #[inline(always)]
-    fn composite(&mut self, chunk: usize, source: &SourceRow<'_>, free: Mask) {
+    fn composite(
+        &mut self,
+        canvas: &Canvas<'_>,
+        chunk: usize,
+        (source, column): (&Source<'_>, SourceColumn),
+        mut free: Mask,
+    ) {
+        let Source { layer, row, span, step } = *source;
+        if !span.opaque {
+            let same_from = canvas.bins.same_hit_from(step.bins[0] as usize);
+            free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, step, span));
+            if free == 0 {
+                return;
+            }
+        }
         let simd = self.simd;
         let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
         let attenuated = self.row.attenuated[chunk];
+        let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
+        let alphas = (!span.opaque).then(|| Values::of(&layer.alpha, row, column, chunk));
         let transmittance = &mut self.row.transmittance[chunk].0;
         for (i, transmittance) in S::as_mut_simd_f32s(transmittance).0.iter_mut().enumerate() {
             let inside = lanes(simd, free, i);
             let before = simd.select_f32s(lanes(simd, attenuated, i), *transmittance, one);
-            for (k, sum) in self.row.sums.color[chunk].iter_mut().enumerate() {
-                let value = source.vector(simd, source.color[k], chunk, i);
-                let value = simd.select_f32s(inside, simd.mul_f32s(before, value), zero);
+            for (values, sum) in colors.iter().zip(&mut self.row.sums.color[chunk]) {
+                let value = simd.select_f32s(inside, simd.mul_f32s(before, values.vector(simd, i)), zero);
                 let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
                 *sum = simd.add_f32s(*sum, value);
             }
-            let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, chunk, i));
-            if source.focus > 0.0 {
-                let focused = simd.mul_f32s(alpha, simd.splat_f32s(source.focus));
+            let alpha = alphas.as_ref().map_or(one, |values| values.vector(simd, i));
+            if step.focus > 0.0 {
+                let focused = simd.mul_f32s(alpha, simd.splat_f32s(step.focus));
                 let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0[i];
                 *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, focused), zero));
             }
@@ -549,19 +557,37 @@ impl<S: Simd> Painter<'_, S> {
     }
 }
 
-impl SourceRow<'_> {
-    /// Vector `i` of the source of output chunk `chunk` in `row`; lanes outside the span may have any value.
+/// The values of a plane that an output chunk reads.
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    /// One for each lane; lanes outside the span may have any value.
+    Lanes(&'a [f32]),
+    /// The same for all.
+    Same(f32),
+}
+
+impl<'a> Values<'a> {
+    /// Those of row `row` of `plane` for output chunk `chunk`.
     #[inline(always)]
-    fn vector<S: Simd>(&self, simd: S, row: &[f32], chunk: usize, i: usize) -> S::f32s {
-        match self.column {
+    fn of(plane: &'a Plane, row: usize, column: SourceColumn, chunk: usize) -> Self {
+        let values = plane.row_with_margins(row);
+        match column {
             SourceColumn::Shifted(shift) => {
                 // The painted columns and their sources lie within the picture, so a chunk extends past its ends by less than
                 // the margin.
-                let start = (chunk * LANES + i * S::F32_LANES + MARGIN) as i32 + shift;
-                let values = &row[start as usize..][..S::F32_LANES];
-                S::as_simd_f32s(values).0[0]
+                let start = (chunk * LANES + MARGIN) as i32 + shift;
+                Self::Lanes(&values[start as usize..][..LANES])
             }
-            SourceColumn::Border(column) => simd.splat_f32s(row[MARGIN + column]),
+            SourceColumn::Border(column) => Self::Same(values[MARGIN + column]),
+        }
+    }
+
+    /// Vector `i` of the chunk.
+    #[inline(always)]
+    fn vector<S: Simd>(&self, simd: S, i: usize) -> S::f32s {
+        match self {
+            Self::Lanes(values) => S::as_simd_f32s(&values[i * S::F32_LANES..][..S::F32_LANES]).0[0],
+            Self::Same(value) => simd.splat_f32s(*value),
         }
     }
 }
@@ -580,11 +606,9 @@ fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
     use crate::lens::{Aperture, views};
     use crate::methods::shear::bins::Bins;
     use crate::methods::shear::spans;
-    use crate::scene::Layer;
 
     const WIDTH: usize = 53;
     const HEIGHT: usize = 7;
