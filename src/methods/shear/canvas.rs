@@ -53,24 +53,27 @@ impl Barrel<'_> {
 /// The bins that views can move to a row, or to some of its pixels.
 #[derive(Debug, Clone)]
 pub(super) struct BinsInReach {
-    /// For each level and block, whether any of its bins is in reach.
-    blocks: [Vec<bool>; LEVELS],
+    /// For each bin, and past the last one, how many of the bins before it are in reach.
+    before: Vec<u16>,
 }
 
 impl BinsInReach {
     /// Those of `bins` for which `in_reach(bin, coc_px)` holds.
     pub(super) fn new(bins: &Bins, in_reach: impl Fn(usize, f32) -> bool) -> Self {
-        let mut blocks = std::array::from_fn(|level| vec![false; (bins.count() >> level) + 1]);
-        for (bin, _) in bins.centers_px().iter().enumerate().filter(|&(bin, &coc)| in_reach(bin, coc)) {
-            blocks.iter_mut().enumerate().for_each(|(level, blocks)| blocks[bin >> level] = true);
+        let mut count = 0;
+        let mut before = Vec::with_capacity(bins.count() + 1);
+        for (bin, &coc_px) in bins.centers_px().iter().enumerate() {
+            before.push(count);
+            count += u16::from(in_reach(bin, coc_px));
         }
-        Self { blocks }
+        before.push(count);
+        Self { before }
     }
 
-    /// Whether block `block` of level `level` is in reach.
+    /// Whether any of the bins from `first` to `last` is in reach.
     #[inline(always)]
-    pub(super) fn has(&self, (level, block): (usize, usize)) -> bool {
-        self.blocks[level][block]
+    pub(super) fn has(&self, [first, last]: [u16; 2]) -> bool {
+        self.before[last as usize + 1] > self.before[first as usize]
     }
 }
 
@@ -144,7 +147,7 @@ impl Shear {
     /// Whether the view moves none of the bins `in_reach`.
     pub(super) fn is_identity(&self, in_reach: &BinsInReach) -> bool {
         let stays = Shift { rows: 0, columns: 0 };
-        self.steps.iter().all(|step| step.shift == stays || !in_reach.has(step.block()))
+        self.steps.iter().all(|step| step.shift == stays || !in_reach.has(step.bins))
     }
 }
 

@@ -153,6 +153,17 @@ impl RowSums {
         row
     }
 
+    /// Paints only the columns for which `is_visible` holds from now on; for others, pixels have no meaning.
+    pub(super) fn paint_only(&mut self, is_visible: impl Fn(usize) -> bool) {
+        for (chunk, skipped) in self.skipped.iter_mut().enumerate() {
+            let is_skipped = |lane: usize| {
+                let x = chunk * LANES + lane;
+                x >= self.width || !is_visible(x)
+            };
+            *skipped = (0..LANES).fold(0, |mask, lane| mask | Mask::from(is_skipped(lane)) << lane);
+        }
+    }
+
     /// Removes all views from the row.
     pub(super) fn clear(&mut self) {
         self.views = 0;
@@ -333,22 +344,23 @@ impl TranslucentHits {
     /// The rays of `chunk`, of those in `lanes`, for which `hit` is in a surface that they hit before; remembers it.
     #[inline(always)]
     fn hit_before(&mut self, chunk: usize, lanes: Mask, hit: &Hit) -> Mask {
-        let mut before: Mask = 0;
         let same_from = self.stamp | hit.same_from;
+        let mut bits = [0u32; LANES];
         if let Some(same_pixel_from) = hit.same_pixel_from {
             let same_pixel_from = self.stamp | same_pixel_from;
             for other in self.last.iter().skip(chunk).step_by(self.chunks) {
-                for (lane, &last) in other.iter().enumerate() {
-                    before |= Mask::from((last >= same_from) & (last < same_pixel_from)) << lane;
+                for ((bits, &last), bit) in bits.iter_mut().zip(other).zip(LANE_BITS) {
+                    *bits |= if (last >= same_from) & (last < same_pixel_from) { bit } else { 0 };
                 }
             }
         }
-        let now = self.stamp | hit.bin;
-        for (lane, last) in self.last[hit.layer * self.chunks + chunk].iter_mut().enumerate() {
-            before |= Mask::from(*last >= same_from) << lane;
-            *last = if has(lanes, lane) { now } else { *last };
+        let (now, lanes) = (self.stamp | hit.bin, u32::from(lanes));
+        let own = &mut self.last[hit.layer * self.chunks + chunk];
+        for ((bits, last), bit) in bits.iter_mut().zip(own).zip(LANE_BITS) {
+            *bits |= if *last >= same_from { bit } else { 0 };
+            *last = if lanes & bit != 0 { now } else { *last };
         }
-        before
+        bits.iter().fold(0, |all, bits| all | bits) as Mask
     }
 }
 
@@ -415,7 +427,7 @@ impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, steps: &[Step], in_reach: &BinsInReach) {
         let last_row = canvas.spans.rows.len() as i32 - 1;
-        for step in steps.iter().filter(|step| in_reach.has(step.block())) {
+        for step in steps.iter().filter(|step| in_reach.has(step.bins)) {
             let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
             let (level, block) = step.block();
             for span in canvas.spans.rows[row].of_block(level, block) {
@@ -518,7 +530,7 @@ impl<S: Simd> Painter<'_, S> {
         mut free: Mask,
     ) {
         let Source { layer, row, span, step } = *source;
-        if !span.opaque {
+        if span.overlaps && !span.opaque {
             let same_from = canvas.bins.same_hit_from(step.bins[0] as usize);
             free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, step, span));
             if free == 0 {

@@ -32,6 +32,16 @@ pub(super) struct Painting<'a> {
     pub(super) sets: &'a [ShearSet],
     /// The weight of these views in each pixel, against those painted before; `None` where these are all.
     pub(super) weights: Option<&'a [f32]>,
+    /// Weights of the views that are painted after these: where they are 1, these need not be painted.
+    pub(super) covered_by: Option<&'a [f32]>,
+}
+
+impl Painting<'_> {
+    /// Whether pixel `x` shows these views.
+    pub(super) fn is_visible(&self, x: usize) -> bool {
+        self.weights.is_none_or(|weights| weights[x] > 0.0)
+            && self.covered_by.is_none_or(|weights| weights[x] < 1.0)
+    }
 }
 
 impl RowViews {
@@ -57,7 +67,10 @@ impl RowViews {
                 } else if shares.iter().all(|&share| share >= 1.0) {
                     vec![whole(averages, y)]
                 } else {
-                    vec![whole(points, y), Painting { weights: Some(shares), ..whole(averages, y) }]
+                    vec![
+                        Painting { covered_by: Some(shares), ..whole(points, y) },
+                        Painting { weights: Some(shares), ..whole(averages, y) },
+                    ]
                 }
             }
         }
@@ -66,7 +79,7 @@ impl RowViews {
 
 /// The views of row `y` of `turns`, which are all that is painted.
 fn whole(turns: &Turns, y: usize) -> Painting<'_> {
-    Painting { sets: &turns[y % turns.len()], weights: None }
+    Painting { sets: &turns[y % turns.len()], weights: None, covered_by: None }
 }
 
 /// `count` views that start from the part `jitter` of the pixel's width.

@@ -144,7 +144,9 @@ impl Prepared {
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
                 let in_reach = canvas.bins_in_reach(y);
-                for Painting { sets, weights } in self.row_views.of_row(y) {
+                for painting in self.row_views.of_row(y) {
+                    sums.paint_only(|x| painting.is_visible(x));
+                    let Painting { sets, weights, .. } = painting;
                     for (shears, channels) in sets {
                         sums.clear();
                         add_row(sums, canvas, (y, &in_reach), shears, arch);
@@ -174,7 +176,7 @@ impl Prepared {
                 let mut sums = RowSums::only(width, &columns);
                 let in_reach = reach.bins(canvas, y, &columns);
                 let mut painted = vec![[0.0; 5]; columns.len()];
-                for Painting { sets, weights } in self.row_views.of_row(y) {
+                for Painting { sets, weights, .. } in self.row_views.of_row(y) {
                     for (shears, channels) in sets {
                         sums.clear();
                         sums.add(canvas, (y, &in_reach), shears, arch);
@@ -217,7 +219,11 @@ fn written(channels: &[usize]) -> impl Iterator<Item = usize> {
 
 /// `before`, with `value` in its place by `weight`.
 fn blended(before: f32, value: f32, weight: f32) -> f32 {
-    if weight >= 1.0 { value } else { before + weight * (value - before) }
+    match weight {
+        1.0.. => value,
+        ..=0.0 => before,
+        _ => before + weight * (value - before),
+    }
 }
 
 /// Writes what views of these `channels` painted of a row to its planes, blended by `weights` with what is there.

@@ -10,7 +10,7 @@ use super::keys::{
 };
 use crate::scene::Layer;
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 /// Number of levels of blocks: a block of level `l` has `2^l` bins.
 pub(super) const LEVELS: usize = 4;
@@ -28,6 +28,8 @@ pub(super) struct Span {
     pub(super) opaque: bool,
     /// Whether its fragments are translucent and continue in another layer: see [`CHANGES_PEEL`].
     pub(super) changes_peel: bool,
+    /// Whether any of its fragments is in other bins as well, so that a ray may hit its surface again.
+    pub(super) overlaps: bool,
 }
 
 impl Span {
@@ -38,96 +40,99 @@ impl Span {
     }
 }
 
-/// The spans of one row in the bins, or in the blocks of one level, sorted by bin and, within a bin, by layer and column.
-#[derive(Debug, Clone, Default)]
-struct SortedSpans {
-    /// `starts[b] .. starts[b + 1]` are the spans of bin `b`.
-    starts: Vec<u32>,
-    spans: Vec<Span>,
-}
-
-impl SortedSpans {
-    fn of(&self, bin: usize) -> &[Span] {
-        &self.spans[self.starts[bin] as usize..self.starts[bin + 1] as usize]
-    }
-
-    fn bins(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    /// The spans in blocks of two of these bins.
-    fn in_pairs(&self) -> Self {
-        let blocks = self.bins().div_ceil(2);
-        let mut pairs =
-            Self { starts: Vec::with_capacity(blocks + 1), spans: Vec::with_capacity(self.spans.len()) };
-        pairs.starts.push(0);
-        for block in 0..blocks {
-            let first = self.of(2 * block);
-            let second = if 2 * block + 1 < self.bins() { self.of(2 * block + 1) } else { &[] };
-            pairs.push_union(first, second);
-            pairs.starts.push(pairs.spans.len() as u32);
-        }
-        pairs
-    }
-
-    /// Appends the union of the spans of two bins.
-    fn push_union(&mut self, mut first: &[Span], mut second: &[Span]) {
-        let block = self.spans.len();
-        loop {
-            let next = match (first, second) {
-                ([], []) => return,
-                ([next, rest @ ..], other)
-                    if other.first().is_none_or(|other| order(next) <= order(other)) =>
-                {
-                    first = rest;
-                    next
-                }
-                (_, [next, rest @ ..]) => {
-                    second = rest;
-                    next
-                }
-                // The second bin is empty, so the first arm holds.
-                ([..], []) => return,
-            };
-            match self.spans[block..].last_mut() {
-                Some(last) if last.is_continued_by(next) => last.end = last.end.max(next.end),
-                _ => self.spans.push(*next),
-            }
-        }
-    }
-}
-
-/// The order of spans within a bin.
-fn order(span: &Span) -> (u16, u32) {
-    (span.layer, span.start)
-}
-
-/// The spans of one row, at every level of blocks.
+/// The spans of one row, at every level of blocks, sorted by block and, within a block, by layer and column.
 #[derive(Debug, Clone)]
 pub(super) struct RowSpans {
-    levels: [SortedSpans; LEVELS],
+    /// For each level and block, where its spans begin in `spans`; after the last block of a level, where they end.
+    starts: Vec<u32>,
+    spans: Vec<Span>,
+    /// Where the blocks of each level begin in `starts`.
+    first_block: [u32; LEVELS],
 }
 
 impl RowSpans {
-    fn new(bins: SortedSpans) -> Self {
-        let mut levels: [SortedSpans; LEVELS] = std::array::from_fn(|_| SortedSpans::default());
-        levels[0] = bins;
+    /// The spans `found`, each with its bin of `bins` bins, in the order of layers and columns.
+    fn new(found: &[(u16, Span)], bins: usize) -> Self {
+        let mut row = Self::sorted_by_bin(found, bins);
+        let mut blocks = bins;
         for level in 1..LEVELS {
-            levels[level] = levels[level - 1].in_pairs();
+            let below = blocks;
+            blocks = blocks.div_ceil(2);
+            row.first_block[level] = row.starts.len() as u32;
+            row.starts.push(row.spans.len() as u32);
+            for block in 0..blocks {
+                let first = row.range(level - 1, 2 * block);
+                let second = if 2 * block + 1 < below { row.range(level - 1, 2 * block + 1) } else { 0..0 };
+                row.push_union(first, second);
+                row.starts.push(row.spans.len() as u32);
+            }
         }
-        Self { levels }
+        row
+    }
+
+    /// The lowest level: a stable counting sort.
+    fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> Self {
+        let mut starts = Vec::with_capacity(2 * bins + 2 * LEVELS);
+        starts.resize(bins + 1, 0u32);
+        for (bin, _) in found {
+            starts[*bin as usize + 1] += 1;
+        }
+        for bin in 0..bins {
+            starts[bin + 1] += starts[bin];
+        }
+        let mut next = starts.clone();
+        let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false, overlaps: false };
+        let mut spans = Vec::with_capacity(2 * found.len());
+        spans.resize(found.len(), none);
+        for (bin, span) in found {
+            let index = &mut next[*bin as usize];
+            spans[*index as usize] = *span;
+            *index += 1;
+        }
+        Self { starts, spans, first_block: [0; LEVELS] }
+    }
+
+    /// Where the spans of a block are.
+    #[inline(always)]
+    fn range(&self, level: usize, block: usize) -> Range<usize> {
+        let index = self.first_block[level] as usize + block;
+        self.starts[index] as usize..self.starts[index + 1] as usize
+    }
+
+    /// Appends the union of the spans in two ranges, as those of one block.
+    fn push_union(&mut self, mut first: Range<usize>, mut second: Range<usize>) {
+        let block = self.spans.len();
+        while !first.is_empty() || !second.is_empty() {
+            let takes_first = second.is_empty()
+                || !first.is_empty() && order(&self.spans[first.start]) <= order(&self.spans[second.start]);
+            let from = if takes_first { &mut first } else { &mut second };
+            let next = self.spans[from.start];
+            from.start += 1;
+            match self.spans[block..].last_mut() {
+                Some(last) if last.is_continued_by(&next) => {
+                    last.end = last.end.max(next.end);
+                    last.overlaps |= next.overlaps;
+                }
+                _ => self.spans.push(next),
+            }
+        }
     }
 
     /// The spans of bin `bin`.
     pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
-        self.levels[0].of(bin)
+        self.of_block(0, bin)
     }
 
     /// The spans of block `block` of level `level`.
     #[inline(always)]
     pub(super) fn of_block(&self, level: usize, block: usize) -> &[Span] {
-        self.levels[level].of(block)
+        &self.spans[self.range(level, block)]
     }
+}
+
+/// The order of spans within a block.
+fn order(span: &Span) -> (u16, u32) {
+    (span.layer, span.start)
 }
 
 /// The spans of all rows, and the rows in which each bin occurs.
@@ -135,8 +140,10 @@ impl RowSpans {
 pub(super) struct Spans {
     /// The rows from the top.
     pub(super) rows: Vec<RowSpans>,
-    /// `spans_above[b][y]`: how many spans of bin `b` lie in the rows above row `y`.
-    spans_above: Vec<Vec<u32>>,
+    /// `spans_above[y · bins + b]`: how many spans of bin `b` lie in the rows above row `y`.
+    spans_above: Vec<u32>,
+    /// Number of bins.
+    bins: usize,
 }
 
 impl Spans {
@@ -144,7 +151,7 @@ impl Spans {
     pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
         let last = self.rows.len() as i32 - 1;
         let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
-        self.spans_above[bin][last + 1] > self.spans_above[bin][first]
+        self.spans_above[(last + 1) * self.bins + bin] > self.spans_above[first * self.bins + bin]
     }
 }
 
@@ -161,22 +168,24 @@ pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
                 keys.fill((layer, y), row);
                 scan(&row.keys, layer as u16, spans);
             }
-            RowSpans::new(sorted_by_bin(spans, bins.count()))
+            RowSpans::new(spans, bins.count())
         })
         .collect();
-    let spans_above = (0..bins.count())
-        .map(|bin| {
-            let mut above = 0;
-            let counts = rows.iter().map(|row| row.of_bin(bin).len() as u32);
-            std::iter::once(0)
-                .chain(counts.map(|count| {
-                    above += count;
-                    above
-                }))
-                .collect()
-        })
-        .collect();
-    Spans { rows, spans_above }
+    let bins = bins.count();
+    Spans { spans_above: spans_above(&rows, bins), rows, bins }
+}
+
+/// See [`Spans::spans_above`].
+fn spans_above(rows: &[RowSpans], bins: usize) -> Vec<u32> {
+    let mut above = vec![0; (rows.len() + 1) * bins];
+    for (y, row) in rows.iter().enumerate() {
+        let (before, after) = above[y * bins..].split_at_mut(bins);
+        let counts = row.starts.windows(2).map(|ends| ends[1] - ends[0]);
+        for ((after, before), count) in after.iter_mut().zip(before).zip(counts) {
+            *after = *before + count;
+        }
+    }
+    above
 }
 
 /// Appends the spans of one row of keys to `found`, each with its bin.
@@ -196,12 +205,15 @@ fn scan(keys: &[Key], layer: u16, found: &mut Vec<(u16, Span)>) {
 struct OpenSpans {
     /// The open bins are `first .. first + count`.
     first: u16,
-    /// For each open bin, the first column of its span.
+    /// For each open bin, the first column of its span, with [`OVERLAPS`] if any of the span's fragments is in other bins as well.
     starts: [u32; MAX_BINS_OF_FRAGMENT],
     count: u16,
     /// [`OPAQUE`] and [`CHANGES_PEEL`] of the open spans' fragments.
     flags: Key,
 }
+
+/// The highest bit of a column.
+const OVERLAPS: u32 = 1 << 31;
 
 impl OpenSpans {
     /// Closes the spans that `key` does not continue and opens those that it begins at column `x`.
@@ -212,46 +224,36 @@ impl OpenSpans {
         } else {
             ((key >> BIN_SHIFT) as u16, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK) as u16)
         };
+        let overlaps = if count > 1 { OVERLAPS } else { 0 };
         let continues = |bin: u16| flags == self.flags && bin >= first && bin < first + count;
         for k in 0..self.count {
             let bin = self.first + k;
             if !continues(bin) {
-                let (opaque, changes_peel) = (self.flags & OPAQUE != 0, self.flags & CHANGES_PEEL != 0);
-                found.push((
-                    bin,
-                    Span { start: self.starts[k as usize], end: x, layer, opaque, changes_peel },
-                ));
+                found.push((bin, self.span(k, x, layer)));
             }
         }
-        let mut starts = [x; MAX_BINS_OF_FRAGMENT];
+        let mut starts = [x | overlaps; MAX_BINS_OF_FRAGMENT];
         if flags == self.flags {
             let (from, to) = (first.max(self.first), (first + count).min(self.first + self.count));
             for bin in from..to {
-                starts[(bin - first) as usize] = self.starts[(bin - self.first) as usize];
+                starts[(bin - first) as usize] = self.starts[(bin - self.first) as usize] | overlaps;
             }
         }
         (self.first, self.starts, self.count, self.flags) = (first, starts, count, flags);
     }
-}
 
-/// The spans `found`, sorted by bin with a stable counting sort.
-fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> SortedSpans {
-    let mut starts = vec![0u32; bins + 1];
-    for (bin, _) in found {
-        starts[*bin as usize + 1] += 1;
+    /// The span of open bin `k`, which ends at column `end`.
+    fn span(&self, k: u16, end: u32, layer: u16) -> Span {
+        let start = self.starts[k as usize];
+        Span {
+            start: start & !OVERLAPS,
+            end,
+            layer,
+            opaque: self.flags & OPAQUE != 0,
+            changes_peel: self.flags & CHANGES_PEEL != 0,
+            overlaps: start & OVERLAPS != 0,
+        }
     }
-    for bin in 0..bins {
-        starts[bin + 1] += starts[bin];
-    }
-    let mut next = starts.clone();
-    let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false };
-    let mut spans = vec![none; found.len()];
-    for (bin, span) in found {
-        let index = &mut next[*bin as usize];
-        spans[*index as usize] = *span;
-        *index += 1;
-    }
-    SortedSpans { starts, spans }
 }
 
 #[cfg(test)]
@@ -265,7 +267,7 @@ mod tests {
     }
 
     fn span(start: u32, end: u32, opaque: bool) -> Span {
-        Span { start, end, layer: 0, opaque, changes_peel: false }
+        Span { start, end, layer: 0, opaque, changes_peel: false, overlaps: false }
     }
 
     #[test]
