@@ -235,6 +235,27 @@ mod tests {
     }
 
     #[test]
+    fn the_coverage_of_a_pixel_is_the_part_of_its_disc_that_has_surfaces() {
+        // The sums: weights of surfaces, of the pixel's own disc, and of the empty part of that.
+        let coverage = |presence, [surfaces, disc, empty]: [f64; 3]| {
+            let rows = [surfaces, 1.0, disc, empty];
+            let total = rows.iter().map(|&sum| vec![sum]).collect();
+            let sums = Sums { channels: 1, weights: Vec::new(), batch: Vec::new(), total };
+            let mut coverage = [0.0];
+            sums.coverage(&[presence], &mut coverage);
+            coverage[0]
+        };
+        assert_eq!(coverage(1.0, [0.75, 1.0, 0.25]), 0.75, "at the edge of an object");
+        assert_eq!(
+            coverage(1.0, [0.875, 1.0, 0.0]),
+            1.0,
+            "weights of a slanted surface add up to less than one"
+        );
+        assert_eq!(coverage(1.0, [0.5, 0.5, 0.0]), 1.0, "half of the disc is outside the frame");
+        assert_eq!(coverage(0.0, [0.25, 1.0, 1.0]), 0.25, "an empty pixel that a disc reaches");
+    }
+
+    #[test]
     fn the_edge_of_a_disc_is_one_pixel_wide() {
         let inside = weight(0.0, -4.0, 0.0);
         let share = |distance| weight(0.0, -4.0, distance) / inside;
