@@ -274,7 +274,7 @@ impl BandRenderer<'_> {
         let may_have = |range_px| field.may_have(n, range_px);
         let Some(rows) = self.rows_with(i, &buffers.band.source, may_have) else { return Ok(()) };
         let (step, [across, down, _]) = buffers.levels.analysis_of_rows(self.gpu, SPLAT, &rows)?;
-        let (peel, Planes { colors, rest }) = (self.peel_uniform(i, rows.start)?, &buffers.peels[i]);
+        let Planes { colors, rest } = &buffers.peels[i];
         let bindings = [
             (0, &step),
             (1, &buffers.pyramid),
@@ -282,7 +282,6 @@ impl BandRenderer<'_> {
             (3, level_weights),
             (4, colors),
             (5, rest),
-            (10, &peel),
         ];
         work.pass(&self.kernels.splat, &bindings, [across, down, 1])
     }

@@ -15,7 +15,8 @@
 //! past the frame are skipped.
 //!
 //! A pixel without a surface has no weight, and lies behind all others. The background comes behind the mean
-//! ([`shared::Backdrop`]), in the part of a pixel that the weights leave below one.
+//! ([`shared::Backdrop`]), in the part of a pixel that is left uncovered: of its own disc the part without a surface or, where the
+//! pixel itself has none, what the weights leave below one.
 //!
 //! Lee, Kim & Choi 2009, "Real-Time Depth-of-Field Rendering Using Anisotropically Filtered Mipmap Interpolation", apply the
 //! same filter to a pyramid. This module implements what both papers share. From the pyramid it takes one idea: a sample that
@@ -114,7 +115,7 @@ impl Filter {
         planes_from_rows(
             size,
             progress,
-            || Sums::new(size.0, N),
+            || Sums::new(size.0, source),
             |sums, y, planes: &mut [_; N]| {
                 for (columns, level) in self.reach.spans(y) {
                     let samples = self.samples[usize::from(level)].as_deref().unwrap_or_default();
@@ -126,12 +127,10 @@ impl Filter {
                     let mut spans = planes.each_mut().map(|plane| &mut plane[columns.clone()]);
                     match spans.split_last_mut() {
                         Some((coverage, content)) if source.has_presence => {
-                            sums.means(N - 1, content);
-                            let (x, radius_px) = (columns.start, self.reach.radius_px(level));
-                            let outside = |i| source.weight_outside((samples, radius_px), x + i, y);
-                            sums.coverage(N - 1, outside, coverage);
+                            sums.means(sums.channels - 1, content);
+                            sums.coverage(&source.presence(y)[columns.clone()], coverage);
                         }
-                        _ => sums.means(N, &mut spans),
+                        _ => sums.means(sums.channels, &mut spans),
                     }
                 }
             },

@@ -51,6 +51,11 @@ impl Source {
 }
 
 impl Source {
+    /// Presence of the pixels of row `y`, of a source that has it.
+    pub(super) fn presence(&self, y: usize) -> &[f32] {
+        self.boxes[0].last().map_or(&[], |presence| presence.row(y))
+    }
+
     /// Signed CoC radius of the pixels of row `y` that gather, and one over the areas of their discs.
     #[inline(always)]
     pub(super) fn gathering(&self, y: usize) -> [&[f32]; 2] {

@@ -23,8 +23,11 @@ pub(super) struct Sample {
     pub near_distance_px: f32,
 }
 
-/// Sums over the samples of each pixel of a span: one row per channel and, last, the sum of weights.
+/// Sums over the samples of each pixel of a span: a row per channel, and the sum of weights. Where presence differs from 1, two more:
+/// the sums of the weights of the samples as if all had the disc of the pixel itself, and of the part of these without a surface.
 pub(super) struct Sums {
+    /// Number of channels.
+    pub channels: usize,
     /// Weights of one sample.
     weights: Vec<f32>,
     /// Sums over one batch of samples.
@@ -34,22 +37,29 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Sums for rows of `width` pixels with `channels` channels.
-    pub(super) fn new(width: usize, channels: usize) -> Self {
+    /// Sums for rows of `width` pixels of `source`.
+    pub(super) fn new(width: usize, source: &Source) -> Self {
+        let channels = source.boxes[0].len();
+        let rows = channels + if source.has_presence { 3 } else { 1 };
         Self {
+            channels,
             weights: vec![0.0; width],
-            batch: vec![vec![0.0; width]; channels + 1],
-            total: vec![vec![0.0; width]; channels + 1],
+            batch: vec![vec![0.0; width]; rows],
+            total: vec![vec![0.0; width]; rows],
         }
     }
 
     /// Takes the pixels of a span of row `y` as they are.
     pub(super) fn copy(&mut self, source: &Source, y: usize, columns: Range<usize>) {
-        let Some((weights, totals)) = self.total.split_last_mut() else { return };
-        weights[..columns.len()].fill(1.0);
-        for (total, plane) in totals.iter_mut().zip(&source.boxes[0]) {
+        let (channels, weights) = self.total.split_at_mut(self.channels);
+        for (total, plane) in channels.iter_mut().zip(&source.boxes[0]) {
             let values = plane.row(y)[columns.clone()].iter().copied().map(f64::from);
             total.iter_mut().zip(values).for_each(|(total, value)| *total = value);
+        }
+        weights.iter_mut().for_each(|weights| weights[..columns.len()].fill(1.0));
+        if let [_, _, empty] = weights {
+            let presence = &source.presence(y)[columns];
+            empty.iter_mut().zip(presence).for_each(|(empty, &presence)| *empty = f64::from(1.0 - presence));
         }
     }
 
@@ -62,10 +72,14 @@ impl Sums {
         }
     }
 
-    /// Writes the sums number `channel` of the last span, with what is `outside` the frame of each of its pixels, at most 1.
-    pub(super) fn coverage(&self, channel: usize, outside: impl Fn(usize) -> f32, coverage: &mut [f32]) {
-        for (i, (value, &sum)) in coverage.iter_mut().zip(&self.total[channel]).enumerate() {
-            *value = (sum as f32 + outside(i)).min(1.0);
+    /// Writes how much of each pixel of the last span surfaces cover; `presence` is that of the pixels themselves.
+    pub(super) fn coverage(&self, presence: &[f32], coverage: &mut [f32]) {
+        let rows = [self.channels - 1, self.channels + 1, self.channels + 2];
+        let [surfaces, disc, empty] = rows.map(|row| &self.total[row]);
+        for (i, (value, &presence)) in coverage.iter_mut().zip(presence).enumerate() {
+            let (surfaces, presence) = (surfaces[i], f64::from(presence));
+            let whole = presence * (surfaces + empty[i]) + (1.0 - presence) * surfaces.max(disc[i]);
+            *value = if whole > 0.0 { (surfaces / whole) as f32 } else { 0.0 };
         }
     }
 }
@@ -122,42 +136,26 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
         source.gathering(y).map(|row| &row[own.clone()]),
         [&source.coc_px.row(visited_y)[visited.clone()], &source.intensity.row(visited_y)[visited.clone()]],
     );
-    let (weight_sum, channel_sums) = sums.batch.split_last_mut().expect("the last row is the sum of weights");
-    for (sum, plane) in channel_sums.iter_mut().zip(&source.boxes[sample.box_index]) {
+    let (channel_sums, weight_sums) = sums.batch.split_at_mut(sums.channels);
+    let planes = &source.boxes[sample.box_index];
+    for (sum, plane) in channel_sums.iter_mut().zip(planes) {
         let values = &plane.row(visited_y)[visited.clone()];
         for ((sum, &weight), &value) in sum[in_span.clone()].iter_mut().zip(&*weights).zip(values) {
             *sum += weight * value;
         }
     }
-    for (sum, &weight) in weight_sum[in_span].iter_mut().zip(&*weights) {
+    for (sum, &weight) in weight_sums[0][in_span.clone()].iter_mut().zip(&*weights) {
         *sum += weight;
     }
-}
-
-impl Source {
-    /// Sum of the weights of those of `samples` of pixel `x, y`, within `radius_px`, that lie outside the frame, as if they were like
-    /// the pixel itself.
-    pub(super) fn weight_outside(&self, (samples, radius_px): (&[Sample], f32), x: usize, y: usize) -> f32 {
-        let presence = self.boxes[0][self.boxes[0].len() - 1].get(x, y);
-        let gathering = self.gathering(y).map(|row| [row[x]]);
-        let visited = [[self.coc_px.get(x, y)], [self.intensity.get(x, y)]];
-        let (width, height) = (self.coc_px.width() as i32, self.coc_px.height() as i32);
-        let to_border = (x as i32).min(y as i32).min(width - 1 - x as i32).min(height - 1 - y as i32);
-        // A sample is rounded to a pixel within half a pixel of the disc and its edge.
-        if to_border as f32 > radius_px + 1.0 {
-            return 0.0;
+    if let ([_, disc, empty], Some(presence)) = (weight_sums, planes.last()) {
+        let own_disc = [&source.coc_px.row(y)[own.clone()], &source.intensity.row(y)[own]];
+        weigh(weights, sample, source.apothem, own_disc, own_disc);
+        let sums = disc[in_span.clone()].iter_mut().zip(&mut empty[in_span]);
+        let presence = &presence.row(visited_y)[visited];
+        for (((disc, empty), &weight), &presence) in sums.zip(&*weights).zip(presence) {
+            *disc += weight;
+            *empty += weight * (1.0 - presence);
         }
-        let is_outside = |sample: &&Sample| {
-            let at = sample.offset + IVec2::new(x as i32, y as i32);
-            at.x < 0 || at.y < 0 || at.x >= width || at.y >= height
-        };
-        let weight = |sample: &Sample| {
-            let mut weight = [0.0];
-            let [gathering, visited] = [&gathering, &visited].map(|pair| pair.each_ref().map(|one| &one[..]));
-            weigh(&mut weight, sample, self.apothem, gathering, visited);
-            weight[0]
-        };
-        presence * samples.iter().filter(is_outside).map(weight).sum::<f32>()
     }
 }
 
@@ -234,6 +232,27 @@ mod tests {
             assert!(weight(coc, coc, 0.0) > 0.0, "c = {coc}");
         }
         assert!((weight(0.3, 0.3, 0.0) - 1.0).abs() < 1e-6, "its disc is its own pixel");
+    }
+
+    #[test]
+    fn the_coverage_of_a_pixel_is_the_part_of_its_disc_that_has_surfaces() {
+        // The sums: weights of surfaces, of the pixel's own disc, and of the empty part of that.
+        let coverage = |presence, [surfaces, disc, empty]: [f64; 3]| {
+            let rows = [surfaces, 1.0, disc, empty];
+            let total = rows.iter().map(|&sum| vec![sum]).collect();
+            let sums = Sums { channels: 1, weights: Vec::new(), batch: Vec::new(), total };
+            let mut coverage = [0.0];
+            sums.coverage(&[presence], &mut coverage);
+            coverage[0]
+        };
+        assert_eq!(coverage(1.0, [0.75, 1.0, 0.25]), 0.75, "at the edge of an object");
+        assert_eq!(
+            coverage(1.0, [0.875, 1.0, 0.0]),
+            1.0,
+            "weights of a slanted surface add up to less than one"
+        );
+        assert_eq!(coverage(1.0, [0.5, 0.5, 0.0]), 1.0, "half of the disc is outside the frame");
+        assert_eq!(coverage(0.0, [0.25, 1.0, 1.0]), 0.25, "an empty pixel that a disc reaches");
     }
 
     #[test]
