@@ -23,7 +23,7 @@ fn inspect_shows_the_shares_of_point_samples_and_coverage_which_a_flag_overrules
     let folder = tempfile::tempdir().unwrap();
     let inspect = |more: &[&str]| stdout(&run(folder.path(), &[&["inspect", STACK], more].concat()));
     let found = inspect(&[]);
-    assert!(found.contains("point samples 100.0 %, coverage 0.0 %: no silhouette has a rim"), "{found}");
+    assert!(found.contains("point samples 100.0 %, coverage 0.0 %: silhouettes are hard"), "{found}");
     assert!(found.contains("--kind overrules it"), "{found}");
     let json: serde_json::Value = serde_json::from_str(&inspect(&["--kind", "coverage", "--json"])).unwrap();
     assert_eq!((&json["stack"]["kind"], &json["stack"]["antialiased"]), (&"coverage".into(), &1.0.into()));
