@@ -22,8 +22,14 @@ use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, Settings, Switches, Values};
 use thinlens::stack::{ColorRange, StackKind};
 
-const KINDS: [StackKind; 4] =
-    [StackKind::PointSampled, StackKind::Coverage, StackKind::BeautyDepth, StackKind::Supersampled];
+/// The kinds of the stacks, by turns; coverage twice, since its edges are the most varied.
+const KINDS: [StackKind; 5] = [
+    StackKind::PointSampled,
+    StackKind::Coverage,
+    StackKind::BeautyDepth,
+    StackKind::Supersampled,
+    StackKind::Coverage,
+];
 
 /// Number of stacks of each kind.
 const CASES: u64 = 10;

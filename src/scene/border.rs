@@ -111,7 +111,7 @@ fn reflected(at: usize, outside: usize, length: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stack::StackKind;
+    use crate::stack::{Antialiasing, StackKind};
 
     /// A scene four samples wide and two high, all at CoC radius `coc_px`.
     fn scene(coc_px: f32, supersample: usize) -> Scene {
@@ -149,6 +149,21 @@ mod tests {
         let alpha = &padded.layers[0].alpha;
         assert_eq!(alpha.values().iter().sum::<f32>(), 8.0, "no more fragments than before");
         assert_eq!(alpha.clone().trimmed([3, 3]), Plane::filled(4, 2, 1.0));
+    }
+
+    #[test]
+    fn what_colours_are_goes_on_beyond_the_frame() {
+        let share = Plane::from_fn(4, 2, |x, _| if x < 2 { 0.0 } else { 1.0 });
+        let scene = Scene { antialiasing: Antialiasing::by_pixel(share), ..scene(3.0, 1) };
+        for border in [Border::Mirror, Border::Transparent] {
+            let padded = scene.clone().padded(border, 3);
+            assert_eq!(
+                padded.antialiasing.plane().map(|plane| (plane.width(), plane.height())),
+                Some((10, 8))
+            );
+            let row: Vec<f32> = (0..10).map(|x| padded.antialiasing.at(x, 4)).collect();
+            assert_eq!(row, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0], "{border:?}");
+        }
     }
 
     #[test]

@@ -52,11 +52,9 @@ pub(super) fn conclude(
 
 fn described(found: &Antialiasing) -> String {
     let reason = match found.everywhere() {
-        Some(share) if share <= 0.0 => "no silhouette has a rim of fractional alpha",
-        Some(share) if share >= 1.0 => "silhouettes have rims of fractional alpha",
-        _ => {
-            "coverage is where silhouettes have rims of fractional alpha, point samples are where they have none"
-        }
+        Some(share) if share <= 0.0 => "silhouettes are hard",
+        Some(share) if share >= 1.0 => "silhouettes have rims",
+        _ => "silhouettes are hard in places and have rims in others",
     };
     format!("{}: {reason}; `kind` overrules it", found.in_words())
 }

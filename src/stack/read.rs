@@ -229,7 +229,13 @@ fn no_depth_at_all() -> Error {
 fn peels_finding(layers: &[Layer]) -> Finding {
     let named =
         |layer: &Layer| if layer.prefix.is_empty() { "root".to_owned() } else { layer.prefix.clone() };
-    let list = layers.iter().map(named).collect::<Vec<_>>().join(", ");
+    /// Number of names that are listed; of more, the last stands for the rest.
+    const LISTED: usize = 12;
+    let mut list: Vec<String> = layers.iter().take(LISTED).map(named).collect();
+    if let Some(last) = layers.get(LISTED..).and_then(<[Layer]>::last) {
+        list.extend(["…".to_owned(), named(last)]);
+    }
+    let list = list.join(", ");
     let (count, s) = (layers.len(), if layers.len() == 1 { "" } else { "s" });
     Finding::note("peels", format!("{count} peel{s}, nearest first: {list}"))
 }

@@ -41,15 +41,6 @@ const SATURATION: [f32; 2] = [0.25, 0.75];
 /// Steps of a sample's evidence. Sums of whole numbers do not depend on samples that left them.
 const STEPS: f32 = 4096.0;
 
-/// Evidence of one pixel, 0 … 1 each.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Evidence {
-    /// Of averages.
-    rim: f32,
-    /// Of point samples.
-    hard: f32,
-}
-
 /// Which colours of `peels`, all of one size and with depths in `convention`, are averages over the pixel.
 pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antialiasing {
     let Some(first) = peels.first() else { return StackKind::PointSampled.into() };
@@ -58,7 +49,12 @@ pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antia
     }
     let (width, height) = (first.alpha.width(), first.alpha.height());
     let lookups: Vec<Lookup<'_>> = peels.iter().map(|peel| Lookup::new(peel, convention)).collect();
-    let [rim, hard] = evidence(&lookups, width, height);
+    let rims = rims(&lookups, width, height);
+    if rims.iter().all(|&rim| rim == 0.0) {
+        return Antialiasing::POINT_SAMPLES;
+    }
+    let hard = hard_silhouettes(&lookups, &rims, width, height);
+    let [rim, hard] = [&rims, &hard].map(|evidence| in_steps(evidence));
     let total = |sums: &[u32]| sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(STEPS);
     let (all_rim, all_hard) = (total(&rim), f64::from(HARD_WEIGHT) * total(&hard));
     let prior = all_rim / (all_rim + all_hard + ENOUGH_SHARE * (width * height) as f64);
@@ -89,26 +85,40 @@ fn smooth_step([from, to]: [f32; 2], value: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The evidence of every pixel in [`STEPS`], row by row: rims, and hard silhouettes where no rim is beside them in any peel.
-fn evidence(peels: &[Lookup<'_>], width: usize, height: usize) -> [Vec<u32>; 2] {
-    let mut found = vec![Evidence::default(); width * height];
-    found.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+/// Evidence of averages in every pixel, 0 … 1, row by row: that of the peel with most of it.
+fn rims(peels: &[Lookup<'_>], width: usize, height: usize) -> Vec<f32> {
+    let mut rims = vec![0.0; width * height];
+    rims.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for peel in peels {
-            for (x, found) in row.iter_mut().enumerate() {
-                found.rim = found.rim.max(peel.rim(x, y));
-                found.hard = found.hard.max(peel.hard(x, y));
-            }
+            row.iter_mut().enumerate().for_each(|(x, rim)| *rim = peel.rim(x, y).max(*rim));
         }
     });
-    let steps = |value: f32| (value * STEPS).round() as u32;
-    let rim = found.iter().map(|found| steps(found.rim)).collect();
-    let hard = (0..found.len()).map(|i| {
-        let (x, y) = (i % width, i / width);
-        let left = if x > 0 { found[i - 1].rim } else { 0.0 };
-        let above = if y > 0 { found[i - width].rim } else { 0.0 };
-        steps(found[i].hard * (1.0 - found[i].rim.max(left).max(above)))
+    rims
+}
+
+/// Evidence of point samples in every pixel, 0 … 1, row by row: that of the peel with most of it, as far as no rim is at either side of
+/// the silhouette in any peel.
+fn hard_silhouettes(peels: &[Lookup<'_>], rims: &[f32], width: usize, height: usize) -> Vec<f32> {
+    let mut hard = vec![0.0; width * height];
+    hard.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        for peel in peels {
+            let uneven = peel.uneven(y);
+            for (x, hard) in row.iter_mut().enumerate().filter(|(x, _)| uneven[*x]) {
+                *hard = peel.hard(x, y).max(*hard);
+            }
+        }
+        for (x, hard) in row.iter_mut().enumerate() {
+            let at = |x: usize, y: usize| rims[y * width + x];
+            let beside = at(x.saturating_sub(1), y).max(at(x, y.saturating_sub(1)));
+            *hard *= 1.0 - at(x, y).max(beside);
+        }
     });
-    [rim, hard.collect()]
+    hard
+}
+
+/// Evidence in [`STEPS`].
+fn in_steps(evidence: &[f32]) -> Vec<u32> {
+    evidence.iter().map(|value| (value * STEPS).round() as u32).collect()
 }
 
 /// Sums with a triangle in each direction, of which the middle counts [`RADIUS_PX`].
@@ -223,9 +233,6 @@ impl<'a> Lookup<'a> {
                 return 0.0;
             }
             let (before, here) = ((x - dx, y - dy), (x, y));
-            if self.is_even(before, here) {
-                return 0.0;
-            }
             let is_within = |x: usize, y: usize| x < self.peel.alpha.width() && y < self.peel.alpha.height();
             let first = (x >= 2 * dx && y >= 2 * dy).then(|| (x - 2 * dx, y - 2 * dy));
             let last = Some((x + dx, y + dy)).filter(|&(x, y)| is_within(x, y));
@@ -235,15 +242,33 @@ impl<'a> Lookup<'a> {
         across(1, 0).max(across(0, 1))
     }
 
-    /// Whether two pixels plainly have no silhouette between them: both empty, or both there without a change of depth.
-    #[inline]
-    fn is_even(&self, before: (usize, usize), here: (usize, usize)) -> bool {
+    /// Whether there may be a silhouette between the pixels of row `y` and those on their left or above.
+    fn uneven(&self, y: usize) -> Vec<bool> {
         let Peel { alpha, depth, .. } = self.peel;
-        let (alpha_before, alpha_here) = (alpha.get(before.0, before.1), alpha.get(here.0, here.1));
-        let [from, to] = [depth.get(before.0, before.1), depth.get(here.0, here.1)].map(|z| self.far.of(z));
-        let both = (alpha_before > 0.5) & (alpha_here > 0.5);
-        let neither = (alpha_before <= ALPHA_ROUNDING) & (alpha_here <= ALPHA_ROUNDING);
-        neither || (both && relative_step(from, to) <= DEPTH_JUMP[0])
+        let far = |y: usize| -> Vec<f32> { depth.row(y).iter().map(|&depth| self.far.of(depth)).collect() };
+        let (here, depth_here) = (alpha.row(y), far(y));
+        let mut uneven = vec![false; here.len()];
+        if let (Some(rest), Some(last)) = (uneven.get_mut(1..), here.len().checked_sub(1)) {
+            mark_uneven(rest, [&here[..last], &here[1..]], [&depth_here[..last], &depth_here[1..]]);
+        }
+        if let Some(above) = y.checked_sub(1) {
+            mark_uneven(&mut uneven, [alpha.row(above), here], [&far(above), &depth_here]);
+        }
+        uneven
+    }
+}
+
+/// Marks the pairs of samples that are neither both empty nor both there without a change of depth. Without branches, so that the loop is
+/// vectorized.
+fn mark_uneven(uneven: &mut [bool], alphas: [&[f32]; 2], depths: [&[f32]; 2]) {
+    let depths = depths[0].iter().zip(depths[1]);
+    let pairs = alphas[0].iter().zip(alphas[1]).zip(depths);
+    for (uneven, ((&from, &to), (&depth_from, &depth_to))) in uneven.iter_mut().zip(pairs) {
+        let nearer = if depth_from < depth_to { depth_from } else { depth_to };
+        let farther = if depth_from < depth_to { depth_to } else { depth_from };
+        let both = (from > 0.5) & (to > 0.5) & (nearer >= farther * (1.0 - DEPTH_JUMP[0]));
+        let neither = (from <= ALPHA_ROUNDING) & (to <= ALPHA_ROUNDING);
+        *uneven |= !(both | neither);
     }
 }
 

@@ -19,6 +19,19 @@ fn inspect_shows_what_a_render_would_do() {
 }
 
 #[test]
+fn inspect_shows_the_shares_of_point_samples_and_coverage_which_a_flag_overrules() {
+    let folder = tempfile::tempdir().unwrap();
+    let inspect = |more: &[&str]| stdout(&run(folder.path(), &[&["inspect", STACK], more].concat()));
+    let found = inspect(&[]);
+    assert!(found.contains("point samples 100.0 %, coverage 0.0 %: silhouettes are hard"), "{found}");
+    assert!(found.contains("--kind overrules it"), "{found}");
+    let json: serde_json::Value = serde_json::from_str(&inspect(&["--kind", "coverage", "--json"])).unwrap();
+    assert_eq!((&json["stack"]["kind"], &json["stack"]["antialiased"]), (&"coverage".into(), &1.0.into()));
+    let refused = stderr(&run(folder.path(), &["inspect", STACK, "--kind", "supersampled"]));
+    assert!(refused.contains("--supersample"), "{refused}");
+}
+
+#[test]
 fn inspect_prints_the_limits_of_sharpness_and_writes_the_focus_zones() {
     let folder = tempfile::tempdir().unwrap();
     let inspect = |more: &[&str]| {
