@@ -69,8 +69,8 @@ const MARGIN_DB: f64 = 0.5;
 /// Smallest power of the number of lens samples with which the squared error falls, if samples are the only cause of error.
 const MIN_POWER: f64 = 0.6;
 
-/// Gain of four times the lens samples below which more samples do not help.
-const MIN_DB_PER_FOURFOLD: f64 = 0.6;
+/// Gain of four times the lens samples below which more samples do not help: at the power above it would be 3.6 dB.
+const MIN_DB_PER_FOURFOLD: f64 = 2.0;
 
 /// Power of the number of rays with which the squared error falls for evenly spread rays.
 const POWER_OF_RAYS: f64 = 1.2;
@@ -432,8 +432,8 @@ mod tests {
     fn an_error_that_does_not_fall_with_samples_ends_the_search() {
         let (found, tried) = searched(50.0, [2e-5, 2e-3, 1.2], 1 << 16);
         let End::Floor(floor_db) = found.end else { panic!("{found:?} after {tried:?}") };
-        assert!((46.5..48.0).contains(&floor_db), "47 dB: {floor_db}");
-        assert!(*tried.last().unwrap() <= 2048, "{tried:?}");
+        assert!((46.5..49.0).contains(&floor_db), "47 dB, estimated slightly too high: {floor_db}");
+        assert!(*tried.last().unwrap() <= 1024, "{tried:?}");
     }
 
     #[test]
