@@ -467,7 +467,9 @@ mod tests {
                 expected.enough(target_db, max_views).unwrap_or_else(searched)
             };
             let qualities = Quality::ALL.map(|quality| views(quality.target_db(), quality.max_views()));
-            assert!(qualities.is_sorted(), "case {case}: {qualities:?}");
+            // A reference is rendered by another method, and measured where small pictures of the others are not.
+            let comparable = if pixels < MEASURED_FROM_PIXELS { &qualities[..3] } else { &qualities[..] };
+            assert!(comparable.is_sorted(), "case {case}: {qualities:?}");
             let targets = [20.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0].map(|db| views(db, 1 << 16));
             assert!(targets.is_sorted(), "case {case}: {targets:?}");
         }
