@@ -12,7 +12,7 @@
 //! * `CPU s`: of the blur, search included; medians of alternating runs.
 //!
 //! The last column says `worse` where the default is both dearer, by more than a tenth, and less accurate than 64 views. The
-//! line `pan` of a scene has the number of views of each frame of a camera that pans over it, with the error first measured.
+//! line `pan` of a scene has the number of views of each frame of a camera that pans over it, with the error that the search reports.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -164,8 +164,8 @@ fn line(prepared: &Prepared, quality: Quality, reference: Option<&Image>) -> Res
 
 /// The error that the search reports.
 fn said(outcome: &Outcome) -> String {
-    let expected = outcome.expected_db.map_or_else(String::new, |db| format!("~{db:.1}"));
-    outcome.estimate().map_or(expected.clone(), |estimate| format!("{} {expected}", estimate.summary()))
+    let expected = outcome.expected_db.map_or_else(String::new, |db| format!("~{db:.1} dB"));
+    outcome.estimate().map_or(expected, |estimate| estimate.summary())
 }
 
 /// `blurred` as the file has it.
@@ -197,8 +197,7 @@ fn pan(prepared: &Prepared, quality: Quality) -> Result<String, Error> {
         let plan = prepared.methods.plan(&frame.analyze(), &settings)?;
         if let Some(Target::Error { psnr_db, max_views }) = plan.target {
             let outcome = sample_budget::find_views(frame, &plan, (psnr_db, max_views))?;
-            let measured = outcome.tried.first().and_then(|trial| trial.estimate.psnr_db);
-            numbers.push(format!("{} ({:.1})", outcome.views, measured.unwrap_or(f64::NAN)));
+            numbers.push(format!("{} ({})", outcome.views, said(&outcome)));
         }
     }
     Ok(numbers.join(" "))

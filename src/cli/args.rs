@@ -157,13 +157,14 @@ struct EffortArgs {
     /// Quality level; --method auto uses final
     ///
     /// A target for the sampling error, as with --target-db, and a maximum number of lens samples: draft 35 dB and 64, preview 40 dB
-    /// and 128, final 45 dB and 256; reference uses the method accumulate, 55 dB and 4096.
+    /// and 128, final 45 dB and 256; reference uses the method accumulate, 55 dB and 4096. Final has no fewer than 64. For small pictures
+    /// the number is the one that is expected to be enough; it is not measured.
     #[arg(long, value_name = "QUALITY", value_parser = qualities())]
     quality: Option<Quality>,
     /// Target for the sampling error: PSNR in dB
     ///
-    /// The number of lens samples is searched for before the picture is rendered, at a few hundred pixels, against many lens rays
-    /// through the stack. The report says which error was reached, and which can be reached if the target cannot.
+    /// The number of lens samples, 64 or more, is searched for before the picture is rendered, at a few hundred pixels, against many
+    /// lens rays through the stack. The report says which error was reached, and which can be reached if the target cannot.
     #[arg(long, value_name = "DB", value_parser = parse_target_db)]
     target_db: Option<f64>,
     /// Target for the wall time of the blur in seconds
