@@ -23,7 +23,7 @@ pub(crate) struct Volume<L> {
     pub(super) antialiasing: Antialiasing,
     pub(super) averages_jitter: f32,
     pub(super) background: Option<Arc<Background>>,
-    lost_rays: LostRays,
+    pub(super) lost_rays: LostRays,
     pub(super) optics: Optics,
     pub(super) field: Field,
 }

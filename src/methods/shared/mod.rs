@@ -34,7 +34,9 @@ pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, max_levels};
 #[cfg(feature = "gpu")]
 pub(super) use pyramid::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
-pub(super) use ray_batches::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
+pub(super) use ray_batches::{
+    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
+};
 #[cfg(feature = "gpu")]
 pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,
