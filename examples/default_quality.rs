@@ -26,7 +26,7 @@ use thinlens::render::{Job, NamedPreset, Prepared, prepare};
 use thinlens::sample_budget::{self, Outcome};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{BUILT_IN, Effort, Origin, Preset, Quality, Settings, Sourced, Values};
-use thinlens::stack::{Source, read_picture};
+use thinlens::stack::{Antialiasing, Source, StackKind, read_picture};
 use thinlens::usage::Stopwatch;
 
 /// Views of the picture that stands for the converged one.
@@ -192,7 +192,15 @@ fn pan(prepared: &Prepared, quality: Quality) -> Result<String, Error> {
             alpha: cut(&layer.alpha),
             coc_px: cut(&layer.coc_px),
         });
-        let frame = Scene::new(layers.collect(), scene.kind, scene.supersample, scene.coc_infinity_px);
+        let left = frame * step_px;
+        let shares = scene.antialiasing.plane().map(|plane| {
+            let columns = width / scene.supersample;
+            Plane::from_fn(columns, plane.height(), |x, y| plane.get(left + x, y))
+        });
+        let antialiasing = shares.map_or_else(|| scene.antialiasing.clone(), Antialiasing::by_pixel);
+        let kind = StackKind::PointSampled;
+        let frame = Scene::new(layers.collect(), kind, scene.supersample, scene.coc_infinity_px);
+        let frame = Scene { antialiasing, ..frame };
         let settings = settings(prepared, Effort::Quality(quality));
         let plan = prepared.methods.plan(&frame.analyze(), &settings)?;
         if let Some(Target::Error { psnr_db, max_views }) = plan.target {

@@ -14,7 +14,7 @@ use thinlens::methods::{self, LostRays, METHODS, Method, Plan};
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
-use thinlens::stack::{Source, StackKind};
+use thinlens::stack::{Antialiasing, Source, StackKind};
 
 /// Maximum difference between a method's two pictures.
 #[derive(Clone, Copy)]
@@ -209,6 +209,63 @@ fn open_scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
+/// `texture` at `x, y` of this alpha.
+fn painted(x: usize, y: usize, seed: usize, alpha: f32) -> [f32; 4] {
+    [noise(x / 2, y / 2, seed), noise(x, y / 3, seed + 1), 0.2, 1.0].map(|value| alpha * value)
+}
+
+/// Scenes of surfaces that go on from sample to sample, and of mixed kinds, with their names.
+fn surface_scenes() -> Vec<(&'static str, Scene)> {
+    let scene = |layers| Scene::new(layers, StackKind::PointSampled, 1, 12.0);
+    let wall = |coc_px: f32| layer(67, 41, move |x, y| (painted(x, y, 3, 1.0), coc_px));
+    let slope = |alpha: f32, px: [f32; 2]| {
+        layer(67, 41, move |x, y| {
+            (painted(x, y, 1, alpha), px[0] * (x as f32 - 33.0) + px[1] * (y as f32 - 20.0))
+        })
+    };
+    // The pane is in the second layer where a bar is before it.
+    let is_bar = |x: usize| (25..34).contains(&x);
+    let pane_px = |x: usize, y: usize| 0.2 * x as f32 - 8.0 + 0.1 * y as f32;
+    let before = layer(67, 41, |x, y| {
+        if is_bar(x) { (painted(x, y, 5, 1.0), -16.0) } else { (painted(x, y, 6, 0.6), pane_px(x, y)) }
+    });
+    let behind = layer(67, 41, |x, y| {
+        if is_bar(x) { (painted(x, y, 6, 0.6), pane_px(x, y)) } else { (painted(x, y, 7, 1.0), 11.0) }
+    });
+    let farthest =
+        layer(67, 41, |x, y| if is_bar(x) { (painted(x, y, 7, 1.0), 11.0) } else { ([0.0; 4], 0.0) });
+    let relief = |amplitude: f32| {
+        layer(67, 41, move |x, y| (painted(x, y, 8, 1.0), 2.0 + amplitude * (2.0 * noise(x, y, 9) - 1.0)))
+    };
+    let mut mixed = scene(layers(67, 41, 0.5));
+    mixed.antialiasing = Antialiasing::by_pixel(Plane::from_fn(67, 41, |x, y| {
+        ((x as f32 + y as f32 - 20.0) / 50.0).clamp(0.0, 1.0)
+    }));
+    vec![
+        ("a translucent slope before a wall", scene(vec![slope(0.5, [0.0, 0.35]), wall(11.0)])),
+        ("a translucent slope over nothing", scene(vec![slope(0.9, [0.2, 0.3])])),
+        ("a pane that changes peel", scene(vec![before, behind, farthest])),
+        ("an opaque slope of a pixel a row", scene(vec![slope(1.0, [0.0, 1.0]), wall(24.0)])),
+        ("an opaque diagonal slope", scene(vec![slope(1.0, [0.6, 0.6]), wall(34.0)])),
+        ("relief", scene(vec![relief(1.0), wall(11.0)])),
+        ("rough relief", scene(vec![relief(3.0), wall(11.0)])),
+        ("mixed kinds", mixed),
+    ]
+}
+
+/// A scene of `count` layers, in each of which some samples have a fragment of this alpha.
+fn many_layers(count: usize, alpha: f32) -> Scene {
+    let near = |i: usize| {
+        layer(23, 17, move |x, y| {
+            let present = (x + 3 * y + i) % 13 == 0;
+            (painted(x, y, i, if present { alpha } else { 0.0 }), 0.05 * i as f32 - 9.0)
+        })
+    };
+    let wall = layer(23, 17, |x, y| (painted(x, y, 3, 1.0), 0.05 * count as f32));
+    let layers = (1..count).map(near).chain([wall]).collect();
+    Scene::new(layers, StackKind::PointSampled, 1, 40.0)
+}
+
 /// A test case: name, scene and settings.
 struct Case {
     name: &'static str,
@@ -342,7 +399,6 @@ fn every_effect_on_and_off_gives_the_same_picture() {
 fn lost_rays_that_count_as_black_give_the_same_picture() {
     let Some(gpu) = gpu() else { return };
     let sampling = methods_with_gpu_backend().filter(|method| method.samples_lens());
-    let sampling = sampling.filter(|method| method.info().name != "shear"); // TO DELETE: `shear` keeps the law with its own background.
     for method in sampling {
         let wall = Scene::new(layers(67, 41, 1.0), StackKind::PointSampled, 1, 60.0);
         let object = layer(67, 41, |x, y| {
@@ -357,6 +413,48 @@ fn lost_rays_that_count_as_black_give_the_same_picture() {
             plan.lost_rays = LostRays::Black;
             tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), name);
         }
+    }
+}
+
+#[test]
+fn surfaces_that_go_on_and_mixed_kinds_give_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_gpu_backend() {
+        for (name, scene) in surface_scenes() {
+            for views in [5, 48] {
+                let (scene, plan) = prepared(method, scene.clone(), &Values::default(), views);
+                let case = format!("{name}, {views} views");
+                tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), &case);
+            }
+        }
+    }
+}
+
+#[test]
+fn three_hundred_layers_give_the_same_picture_or_an_error_of_the_gpu() {
+    let Some(gpu) = gpu() else { return };
+    for method in methods_with_gpu_backend().filter(|method| method.lens_sampling().is_some()) {
+        let (scene, plan) = prepared(method, many_layers(300, 1.0), &Values::default(), 8);
+        let (image, fault) = methods::render_on(gpu, scene.clone(), &plan, &|_| {}).unwrap();
+        tolerance(method).check(&image, &on_cpu(&scene, &plan), "300 layers");
+        // Textures of some adapters have 256 layers at most.
+        let words = fault.map(|fault| fault.to_string());
+        assert!(words.iter().all(|words| words.contains("too large for the GPU")), "{words:?}");
+    }
+}
+
+#[test]
+fn more_translucent_layers_than_a_ray_remembers_are_rendered_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    for name in ["shear", "accumulate"] {
+        let method = methods::Registry::default().by_name(name).unwrap();
+        let (scene, plan) = prepared(method, many_layers(32, 0.4), &Values::default(), 8);
+        tolerance(method).check(&on_gpu(gpu, &scene, &plan), &on_cpu(&scene, &plan), "32 layers");
+        let (scene, plan) = prepared(method, many_layers(33, 0.4), &Values::default(), 8);
+        let (image, fault) = methods::render_on(gpu, scene.clone(), &plan, &|_| {}).unwrap();
+        let fault = fault.unwrap().to_string();
+        assert!(fault.contains("33 layers") && fault.contains("`device = cpu`"), "{name}: {fault}");
+        assert_eq!(image, on_cpu(&scene, &plan), "{name}: bit for bit");
     }
 }
 
@@ -478,6 +576,29 @@ fn the_comparison_detects_a_shift_a_difference_and_swapped_peels() {
             layer.coc_px.values_mut().iter_mut().for_each(|coc| *coc = -*coc);
         });
         assert!(!tolerance.holds(&on_gpu(gpu, &swapped, &plan), &expected), "{name}: peels swapped");
+    }
+}
+
+#[test]
+fn the_comparison_detects_another_kind_another_surface_and_another_row() {
+    let Some(gpu) = gpu() else { return };
+    for name in ["shear", "accumulate"] {
+        let method = methods::Registry::default().by_name(name).unwrap();
+        let found = |scene: Scene| {
+            let (scene, plan) = prepared(method, scene, &Values::default(), 48);
+            (on_gpu(gpu, &scene, &plan), on_cpu(&scene, &plan))
+        };
+        let scene = |name: &str| surface_scenes().into_iter().find(|(found, _)| *found == name).unwrap().1;
+        let mixed = scene("mixed kinds");
+        let points = Scene { antialiasing: Antialiasing::POINT_SAMPLES, ..mixed.clone() };
+        assert!(!tolerance(method).holds(&found(points).0, &found(mixed).1), "{name}: point samples only");
+        let slope = scene("a translucent slope before a wall");
+        let mut steps = slope.clone();
+        steps.layers[0].coc_px.values_mut().iter_mut().for_each(|coc| *coc = 5.0 * (*coc / 5.0).round());
+        assert!(!tolerance(method).holds(&found(steps).0, &found(slope.clone()).1), "{name}: in steps");
+        let (on_gpu, on_cpu) = found(slope);
+        let row_below = Image::from_fn(67, 41, |x, y| on_gpu.pixel(x, (y + 1).min(40)));
+        assert!(!tolerance(method).holds(&row_below, &on_cpu), "{name}: a row below");
     }
 }
 

@@ -29,6 +29,9 @@ struct Frame {
     axis_y: f32,
     half_diagonal_px: f32,
     cats_eye: f32,
+    // Number of sets of views that rows take turns with, and views from one of these sets to the next.
+    turns: u32,
+    turn_views: u32,
 }
 
 // A lens sample, prepared for rays.
@@ -65,8 +68,13 @@ struct View {
 @group(0) @binding(12) var<storage, read_write> extents_made: array<vec2f>;
 @group(0) @binding(13) var<storage, read_write> tiles_made: array<vec2u>;
 
-// Constants from the program: OPAQUE_ALPHA; JOIN_PX, the CoC difference below which neighbours are one surface; TILE, the side of
-// a tile in samples, and its binary logarithm TILE_BITS; SLABS, the number of slabs that the CoC depths are divided into.
+// Constants from the program: OPAQUE_ALPHA; JOIN_PX, MAX_JOIN_PX and ROUGHNESS, by which neighbours are one surface; SAME_HIT_PX, the
+// distance in CoC depth within which a ray is still in the same translucent surface; REACH_PX, by which a fragment's interval exceeds its
+// CoC depth at most; TILE, the side of a tile in samples, and its binary logarithm TILE_BITS; SLABS, the number of slabs that the CoC
+// depths are divided into; MAX_TRANSLUCENT_LAYERS.
+
+// A constant of the pipeline: whether some fragment is translucent.
+override TRANSLUCENT = true;
 
 // The bits of the slabs in the second word of a tile.
 const SECOND_WORD: u32 = 0x3fffffff;
@@ -110,36 +118,62 @@ fn bit(index: u32) -> vec2u {
     return select(vec2u(0u, 1u << (index & 31u)), vec2u(1u << (index & 31u), 0u), index < 32u);
 }
 
-// `interval` extended halfway to the fragment at `index`, if that belongs to the same surface as the one of CoC radius `coc`.
-fn extended_to(index: u32, coc: f32, interval: vec2f) -> vec2f {
-    let other = coc_px[index];
-    let middle = 0.5 * (coc + other);
-    let joined = alpha[index] > 0.0 && abs(other - coc) < JOIN_PX;
-    return select(interval, vec2f(min(interval.x, middle), max(interval.y, middle)), joined);
+// CoC radius of the fragment of `layer` at `position`; ABSENT where there is none.
+fn coc_px_at(layer: u32, position: vec2i) -> f32 {
+    let first = vec2i(0, frame.top);
+    let last = vec2i(frame.columns - 1, frame.bottom);
+    if any(position < first) || any(position > last) {
+        return ABSENT;
+    }
+    let index = layer * layer_stride() + sample_index(position);
+    return select(ABSENT, coc_px[index], alpha[index] > 0.0);
 }
 
-// Interval of CoC depth of the fragment at `index`, which is at `position` in its layer.
-fn extent(index: u32, position: vec2i) -> vec2f {
-    let own = alpha[index];
-    let coc = coc_px[index];
-    var interval = select(vec2f(ABSENT), vec2f(coc), own > 0.0);
-    if own < OPAQUE_ALPHA {
-        // Translucent fragments have no thickness: overlapping ones would attenuate a ray twice.
+// Whether the surface of the fragment of `layer` at `position` goes on in the same layer on one side. CPU version: `surface::goes_on`.
+fn goes_on(layer: u32, position: vec2i, side: vec2i) -> bool {
+    let before = coc_px_at(layer, position - side);
+    let own = coc_px_at(layer, position);
+    let next = coc_px_at(layer, position + side);
+    let after = coc_px_at(layer, position + 2 * side);
+    let back = select(abs(own - before), 0.0, before == ABSENT);
+    let ahead = select(abs(after - next), 0.0, after == ABSENT);
+    let limit = max(min(ROUGHNESS * (back + ahead), MAX_JOIN_PX), JOIN_PX);
+    return next != ABSENT && abs(next - own) < limit;
+}
+
+// CoC radius of the neighbour on one side that continues the surface of the fragment of `layer` at `position`: in its own layer, or where
+// the surface does not go on there, in any other within JOIN_PX; ABSENT if there is none.
+fn continuation_px(layer: u32, position: vec2i, side: vec2i) -> f32 {
+    if goes_on(layer, position, side) {
+        return coc_px_at(layer, position + side);
+    }
+    let own = coc_px_at(layer, position);
+    for (var other = 0u; other < frame.layers; other++) {
+        let neighbour = coc_px_at(other, position + side);
+        if other != layer && abs(neighbour - own) < JOIN_PX {
+            return neighbour;
+        }
+    }
+    return ABSENT;
+}
+
+// `interval` of a fragment of CoC radius `own`, extended half-way to its neighbour of CoC radius `other`.
+fn extended_to(other: f32, own: f32, interval: vec2f) -> vec2f {
+    let middle = 0.5 * (own + other);
+    return select(vec2f(min(interval.x, middle), max(interval.y, middle)), interval, other == ABSENT);
+}
+
+// Interval of CoC depth of the fragment of `layer` at `position`.
+fn extent(layer: u32, position: vec2i) -> vec2f {
+    let own = coc_px_at(layer, position);
+    var interval = vec2f(own);
+    if own == ABSENT {
         return interval;
     }
-    if position.x > 0 {
-        interval = extended_to(index - 1u, coc, interval);
-    }
-    if position.x + 1 < frame.columns {
-        interval = extended_to(index + 1u, coc, interval);
-    }
-    if position.y > frame.top {
-        interval = extended_to(index - u32(frame.columns), coc, interval);
-    }
-    if position.y < frame.bottom {
-        interval = extended_to(index + u32(frame.columns), coc, interval);
-    }
-    return interval;
+    interval = extended_to(continuation_px(layer, position, vec2i(-1, 0)), own, interval);
+    interval = extended_to(continuation_px(layer, position, vec2i(1, 0)), own, interval);
+    interval = extended_to(continuation_px(layer, position, vec2i(0, -1)), own, interval);
+    return extended_to(continuation_px(layer, position, vec2i(0, 1)), own, interval);
 }
 
 var<workgroup> occupied: array<atomic<u32>, 2>;
@@ -152,7 +186,7 @@ fn analyze_sample(position: vec2i) -> vec3u {
     var nearest = -ABSENT;
     for (var layer = 0u; layer < frame.layers; layer++) {
         let index = layer * layer_stride() + sample_index(position);
-        extents_made[index] = extent(index, position);
+        extents_made[index] = extent(layer, position);
         if alpha[index] > 0.0 {
             let coc = coc_px[index];
             found |= vec3u(bit(slab(coc)), u32(coc < nearest));
@@ -223,9 +257,9 @@ struct Passage {
     nearest_first: bool,
 }
 
-// The ray of `view` through the pixel with its centre at `centre`, in picture pixels.
-fn ray_of(view: View, centre: vec2f) -> Ray {
-    let point = centre + vec2f(view.jitter_x, view.jitter_y) + vec2f(view.shift_x, view.shift_y);
+// The ray of `view` through the pixel with its centre at `centre`, in picture pixels, in which rays extend over the part `jitter`.
+fn ray_of(view: View, centre: vec2f, jitter: f32) -> Ray {
+    let point = centre + jitter * vec2f(view.jitter_x, view.jitter_y) + vec2f(view.shift_x, view.shift_y);
     let step = vec2f(view.step_x, view.step_y);
     let inverse = vec2f(view.inverse_x, view.inverse_y);
     let perpendicular_exit = select(vec2f(0.0), vec2f(ABSENT), inverse == vec2f(0.0));
@@ -276,15 +310,68 @@ fn next_hit(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -
     var layer = first;
     while layer < frame.layers {
         let interval = extents[index + layer * layer_stride()];
-        if interval.x <= end && interval.y >= begin {
+        if max(interval.x, begin) <= min(interval.y, end) {
             return layer;
         }
-        if nearest_first && interval.x < ABSENT && interval.x > end + JOIN_PX {
+        if nearest_first && interval.x < ABSENT && interval.x > end + REACH_PX {
             return frame.layers;
         }
         layer++;
     }
     return layer;
+}
+
+// The hit of a translucent fragment: its layer and position, and the CoC depth where the ray leaves it in its sample.
+struct TranslucentHit {
+    layer: u32,
+    position: vec2i,
+    coc_end: f32,
+}
+
+// The last translucent hit of the thread's ray in each layer that has one, and the number of these.
+var<private> translucent_hits: array<TranslucentHit, MAX_TRANSLUCENT_LAYERS>;
+var<private> translucent_hit_count: u32;
+
+// Whether one surface has the fragment of `before` in one layer and continues beside it with that of `hit` in another.
+fn changes_layer(before: TranslucentHit, hit: TranslucentHit) -> bool {
+    let side = hit.position - before.position;
+    let apart = abs(side);
+    if apart.x + apart.y != 1 {
+        return false;
+    }
+    let step = coc_px_at(hit.layer, hit.position) - coc_px_at(before.layer, before.position);
+    return abs(step) < JOIN_PX
+        && !goes_on(before.layer, before.position, side)
+        && !goes_on(hit.layer, hit.position, -side);
+}
+
+// Whether `hit`, which begins at CoC depth `begin`, is in a surface that the ray has hit before; remembers it. CPU version:
+// `TranslucentHits`.
+fn is_repeated(hit: TranslucentHit, begin: f32) -> bool {
+    var repeated = false;
+    var place = translucent_hit_count;
+    for (var i = 0u; i < translucent_hit_count; i++) {
+        let before = translucent_hits[i];
+        let is_near = begin <= before.coc_end + SAME_HIT_PX;
+        place = select(place, i, before.layer == hit.layer);
+        if is_near && !repeated {
+            repeated = before.layer == hit.layer || changes_layer(before, hit);
+        }
+    }
+    translucent_hits[place] = hit;
+    translucent_hit_count = max(translucent_hit_count, place + 1u);
+    return repeated;
+}
+
+// Whether the fragment of `layer` at `position`, of index `index`, is in a translucent surface that the ray has hit before. The ray is in
+// the sample from CoC depth `begin` to `end`.
+fn is_hit_before(layer: u32, position: vec2i, index: u32, begin: f32, end: f32) -> bool {
+    if !TRANSLUCENT || alpha[index] >= OPAQUE_ALPHA {
+        return false;
+    }
+    let interval = extents[index];
+    let hit = TranslucentHit(layer, position, min(interval.y, end));
+    return is_repeated(hit, max(interval.x, begin));
 }
 
 // Traces `ray` over the samples of `tile`.
@@ -296,12 +383,14 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, Ray
     var cell = clamp(cell_at(ray, enter), first, first + TILE - 1);
     var layer = 0u;
     var index = 0u;
+    var position = cell;
     loop {
         // An inner loop advances to the next hit, so that threads wait less for others whose next hit is farther away.
         var exit: Exit;
         loop {
             exit = leaves(ray, cell, 1);
-            index = sample_index(clamp(cell, min_cell, max_cell));
+            position = clamp(cell, min_cell, max_cell);
+            index = sample_index(position);
             layer = next_hit(index, layer, enter, min(exit.coc, passage.end), passage.nearest_first);
             if layer < frame.layers || !(exit.coc < passage.end) {
                 break;
@@ -314,11 +403,13 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, Ray
             return;
         }
         index += layer * layer_stride();
-        let own = alpha[index];
-        (*result).color += (*result).transmittance * vec3f(red[index], green[index], blue[index]);
-        (*result).transmittance *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
-        if (*result).transmittance <= 0.0 {
-            return;
+        if !is_hit_before(layer, position, index, enter, min(exit.coc, passage.end)) {
+            let own = alpha[index];
+            (*result).color += (*result).transmittance * vec3f(red[index], green[index], blue[index]);
+            (*result).transmittance *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
+            if (*result).transmittance <= 0.0 {
+                return;
+            }
         }
         layer++;
     }
@@ -327,6 +418,7 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, Ray
 // Traces `ray` through the stack.
 fn trace_ray(ray: Ray) -> RayResult {
     var result = RayResult(vec3f(0.0), 1.0);
+    translucent_hit_count = 0u;
     var enter = frame.nearest;
     var tile = cell_at(ray, enter) >> vec2u(TILE_BITS);
     loop {
@@ -364,13 +456,16 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= frame.width || at.y >= frame.rows {
         return;
     }
-    let centre = vec2f(f32(at.x), f32(frame.row + at.y)) + 0.5;
+    let pixel = vec2u(at.x, frame.row + at.y);
+    let centre = vec2f(pixel) + 0.5;
+    let jitter = jitter_at(pixel);
+    let first_of_turn = pixel.y % frame.turns * frame.turn_views;
     let height = (centre - vec2f(frame.axis_x, frame.axis_y)) / frame.half_diagonal_px;
     var sum = NO_RAYS;
     for (var i = batch.first_view; i < batch.end_view; i++) {
-        let view = views[i];
+        let view = views[first_of_turn + i];
         if passes_barrel(vec2f(view.lens_x, view.lens_y), height) {
-            let ray = ray_of(view, centre);
+            let ray = ray_of(view, centre, jitter);
             let result = trace_ray(ray);
             sum = added(sum, ended_ray(result.color, result.transmittance, ray.start, ray.step, frame.supersample));
         }

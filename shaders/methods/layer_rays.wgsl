@@ -310,11 +310,12 @@ fn add_rays(at: vec2u, has_cones: bool) {
     }
     let pixel = vec2u(at.x, stack.row + at.y);
     let centre = centre_of(pixel);
+    let extent = extent_in(pixel);
     let slabs = slabs_around(centre);
     let first_view = hash(pixel) % frame.sets * frame.views;
     var sum = NO_RAYS;
     for (var i = batch.first_view; i < batch.end_view; i++) {
-        sum = added(sum, sum_of_ray(ray_of(first_view + i, centre), slabs, has_cones));
+        sum = added(sum, sum_of_ray(ray_of(first_view + i, centre, extent), slabs, has_cones));
     }
     add_batch(at.y * stack.width + at.x, sum);
 }

@@ -232,11 +232,13 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= stack.width || at.y >= stack.rows {
         return;
     }
-    let centre = centre_of(vec2u(at.x, stack.row + at.y));
+    let pixel = vec2u(at.x, stack.row + at.y);
+    let centre = centre_of(pixel);
+    let extent = extent_in(pixel);
     let bundle = range_of_bundle(centre);
     var sum = NO_RAYS;
     for (var view = batch.first_view; view < batch.end_view; view++) {
-        sum = added(sum, follow_ray(ray_of(view, centre), bundle));
+        sum = added(sum, follow_ray(ray_of(view, centre, extent), bundle));
     }
     add_batch(at.y * stack.width + at.x, sum);
 }

@@ -1,10 +1,11 @@
 // `shear` on a GPU; the CPU code is src/methods/shear/.
 //
 // The ray of view (u, j) at pixel p passes, in the bin of CoC radius c, the fragments at p + ⌊c·u + j + ½⌋. The CPU computes
-// these shifts as whole numbers. A workgroup has a tile of pixels. For each tile and view there is a list of the groups of
-// neighbouring bins that the view moves by the same shift and that may be visible in the tile, nearest first; most lists have
-// one or two groups. A thread follows the rays of four pixels along the list until they are occluded. Where one opaque surface
-// covers the tile in a view, the list is not followed. No fragments are sorted, and no two threads write to the same address.
+// these shifts as whole numbers. Rows take turns with several sets of views, which differ in j. A workgroup has a tile of pixels.
+// For each tile, turn and view there is a list of the groups of neighbouring bins that the view moves by the same shift and that
+// may be visible in the tile, nearest first; most lists have one or two groups. A thread follows rays along the list until they
+// are occluded: without translucent fragments the rays of four pixels at once. Where one opaque surface covers the tile in a view,
+// the list is not followed. No fragments are sorted, and no two threads write to the same address.
 //
 // shear_lists.wgsl is part of the same module and builds the lists. This file has the declarations of both, and
 //
@@ -30,15 +31,20 @@ struct Params {
     words: u32,
     // Capacity of a list of groups, in entries.
     entries: u32,
-    // The bins in focus are focused_start .. focused_end.
+    // The bins that count as in focus, at least in part, are focused_start .. focused_end.
     focused_start: u32,
     focused_end: u32,
     // Number of views of the picture, and of this batch.
     views: u32,
     batch_views: u32,
-    transparent_background: u32,
+    // Number of sets of views that rows take turns with: row y has set y mod turns.
+    turns: u32,
+    // Whether lost rays count as opaque black; otherwise they are left out of the mean.
+    lost_are_black: u32,
     // One bit for each channel that these views render.
     channels: u32,
+    // Whether these views are blended over the picture that others made, by the share of averages in each pixel.
+    blends: u32,
     // Offset of the barrel in the frame's corners, in aperture radii; 0 without a barrel.
     cats_eye: f32,
     axis_x_px: f32,
@@ -49,10 +55,10 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-// [view][bin], four to a vector; `unpacked_shift` reads one.
-@group(0) @binding(1) var<uniform> shifts: array<vec4u, 4096>;
-// A key has a fragment's first bin from bit BIN_SHIFT on, the number of further bins from EXTRA_SHIFT on, and the flag OPAQUE.
-// NO_KEY for no fragment. A texel has four layers, a word two.
+// [turn][view][bin]: the shift, and the first and the end (from the 17th bit on) of the bins that the view moves alike around it.
+@group(0) @binding(1) var<storage, read> shifts: array<vec2u>;
+// A key has a fragment's first bin from bit BIN_SHIFT on, the number of further bins from EXTRA_SHIFT on, and the flags OPAQUE and
+// CHANGES_PEEL. NO_KEY for no fragment. A texel has four layers.
 @group(0) @binding(2) var keys: texture_2d_array<u32>;
 // [word][row of blocks][column], one bit for each bin: the bins in a block, in the window that begins at it, and in the windows
 // of the square that begins at it.
@@ -62,31 +68,54 @@ struct Params {
 // [row of blocks][column], packed `Occluder`: of a block, and of the window that begins at it.
 @group(0) @binding(6) var<storage, read_write> block_occluders: array<u32>;
 @group(0) @binding(7) var<storage, read_write> window_occluders: array<u32>;
-// [square][view][word], one bit for each bin.
+// [square][turn][view][word], one bit for each bin.
 @group(0) @binding(8) var<storage, read_write> square_bins: array<u32>;
-// [tile][view][entry], packed `Group`.
+// [tile][turn][view][entry], packed `Group`; or the shift and flags of a view in which an occluder covers the tile.
 @group(0) @binding(9) var<storage, read_write> groups: array<vec2u>;
-// [tile][index]: the shift of a view's first group, and the view. Views in which an occluder covers the tile come first.
+// [tile][turn][index]: the shift of a view's first group, and the view. Views in which an occluder covers the tile come first; from
+// bit FOCUS_SHIFT on these have the bin whose focus counts for the occluder.
 @group(0) @binding(10) var<storage, read_write> ordered_views: array<vec2u>;
-// [tile]: the number of views in which an occluder covers the tile.
+// [tile][turn]: the number of views in which an occluder covers the tile.
 @group(0) @binding(11) var<storage, read_write> covered_views: array<u32>;
 // Number of entries of the longest list, which may exceed the capacity.
 @group(0) @binding(12) var<storage, read_write> longest_list: atomic<u32>;
 // Red, green, blue, alpha; one array layer for each layer of the stack.
 @group(0) @binding(13) var colors: texture_2d_array<f32>;
-// [view], in aperture radii.
-@group(0) @binding(14) var<storage, read> lens_points: array<vec2f>;
-// Planes: red, green, blue, rays in focus, rays that missed, rays hidden by the barrel.
+// [turn][view].
+@group(0) @binding(14) var<storage, read> views: array<View>;
+// Planes: red, green, blue, rays in focus, rays that end in the background, lost rays, rays hidden by the barrel.
 @group(0) @binding(15) var<storage, read_write> sums: array<f32>;
 // Planes: red, green, blue, alpha, share of rays in focus.
 @group(0) @binding(16) var<storage, read_write> picture: array<f32>;
+// [bin], two to a vector: how far the bin counts as in focus, as the bits of a number, and the nearest bin that may hold an earlier
+// hit of the same translucent surface.
+@group(0) @binding(17) var<uniform> bin_table: array<vec4u, HALF_MAX_BINS>;
+// The rows that the band reads: share of the background in the pixel, CoC radius of the pixel's last fragment in pixels, and share of
+// averages in the pixel.
+@group(0) @binding(18) var pixels: texture_2d_array<f32>;
 
-// The program defines OPAQUE_ALPHA, MIN_TRANSMITTANCE, MIN_HIT_VIEWS, the layout of keys, and the sides TILE and BLOCK in
-// pixels and SQUARE in tiles.
+// A lens sample.
+struct View {
+    // Point on the aperture, in aperture radii.
+    lens_x: f32,
+    lens_y: f32,
+    // Place in the pixel, and shift by aberrations, in pixels.
+    jitter_x: f32,
+    jitter_y: f32,
+    shift_x: f32,
+    shift_y: f32,
+    // Shift at the CoC radius at infinity.
+    at_infinity: u32,
+}
 
-// Constants of a pipeline: whether the stack has more layers than a texel of keys, and whether a barrel hides views.
+// The program defines OPAQUE_ALPHA, MIN_TRANSMITTANCE, MIN_HIT_VIEWS, the layout of keys, BIN_BITS and HALF_MAX_BINS (of the largest
+// number of bins), LEVELS of blocks of bins, MAX_TRANSLUCENT_LAYERS, and the sides TILE and BLOCK in pixels and SQUARE in tiles.
+
+// Constants of a pipeline: whether the stack has more layers than a texel of keys, whether a barrel hides views, and whether the
+// background is visible.
 override MANY_LAYERS = true;
 override BARREL = true;
+override BACKGROUND = true;
 
 // Whether this is the first batch, and the last one, of a set of views.
 override FIRST_BATCH = true;
@@ -106,35 +135,74 @@ fn barrel_transmittance(lens: vec2f, pixel: vec2u) -> f32 {
     return clamp(within / params.softness + 0.5, 0.0, 1.0);
 }
 
-// Mask of the bits of a key that are its first bin.
-const KEY_BIN_MASK = 0xffffu ^ ((1u << BIN_SHIFT) - 1u);
-
 // The order of no fragment.
 const NONE = 0xffffffffu;
 
 // The keys of the four layers from `4 · slice` on.
 fn keys_at(source: vec2u, slice: u32) -> vec4u {
-    let four = textureLoad(keys, source, slice, 0).xy;
-    return vec4u(four.x & 0xffffu, four.x >> 16u, four.y & 0xffffu, four.y >> 16u);
+    return textureLoad(keys, source, slice, 0);
 }
 
-// `nearest` among the four layers from `4 · slice` on. Fragments are compared by bin, and within a bin by layer, which takes
-// the place of the lowest bits of the key.
+fn last_bin(key: u32) -> u32 {
+    return (key >> BIN_SHIFT) + ((key >> EXTRA_SHIFT) & EXTRA_MASK);
+}
+
+// The blocks of bins that the CPU paints at once: the largest ones of 2, 4 or 8 bins that are aligned to multiples of their size and
+// lie within a group. Within a block layers are in order.
+
+// Number of bins of the block of `group` that has `bin`, as its binary logarithm.
+fn level_of(bin: u32, group: Group) -> u32 {
+    var found = 0u;
+    for (var level = 1u; level < LEVELS; level++) {
+        let start = (bin >> level) << level;
+        found = select(found, level, start >= group.first && start + (1u << level) <= group.end);
+    }
+    return found;
+}
+
+// The first bins of the blocks of `group` that have `bins`.
+fn blocks_of(bins: vec4u, group: Group) -> vec4u {
+    var found = bins;
+    for (var level = 1u; level < LEVELS; level++) {
+        let start = (bins >> vec4u(level)) << vec4u(level);
+        let fits = (start >= vec4u(group.first)) & (start + vec4u(1u << level) <= vec4u(group.end));
+        found = select(found, start, fits);
+    }
+    return found;
+}
+
+// The bin in the middle of the block of `group` that has `bin`: its CoC radius is the block's.
+fn middle_of(bin: u32, group: Group) -> u32 {
+    let level = level_of(bin, group);
+    return ((bin >> level) << level) + ((1u << level) >> 1u);
+}
+
+// The entry of `bin` in `bin_table`.
+fn of_bin(bin: u32) -> vec2u {
+    let two = bin_table[bin >> 1u];
+    return select(two.xy, two.zw, (bin & 1u) != 0u);
+}
+
+// How far `bin` counts as in focus.
+fn focus_of(bin: u32) -> f32 {
+    return bitcast<f32>(of_bin(bin).x);
+}
+
+// The order of the nearest fragment of `group` at `source`, among the four layers from `4 · slice` on, whose order is at least
+// `start`. Fragments are ordered by the block of their first bin in the group, then by layer: an order has the block's first bin from
+// bit BIN_SHIFT on, and the layer.
 fn nearest_of_four(group: Group, source: vec2u, slice: u32, start: u32) -> u32 {
     let key = keys_at(source, slice);
-    let begin = group.first << BIN_SHIFT;
-    let order = max(key & vec4u(KEY_BIN_MASK), vec4u(begin)) | vec4u(0u, 1u, 2u, 3u);
-    let extra = (key & vec4u(EXTRA_MASK << EXTRA_SHIFT)) << vec4u(BIN_SHIFT - EXTRA_SHIFT);
-    let inside = (key < vec4u(group.end << BIN_SHIFT)) & (key + extra >= vec4u(begin));
-    let layers_before = min(max(start & 0xffu, 4u * slice) - 4u * slice, 4u);
-    let min_order = ((start >> 8u) << BIN_SHIFT) | layers_before;
-    let found = select(vec4u(NONE), order, inside & (order >= vec4u(min_order)));
-    let best = min(min(found.x, found.y), min(found.z, found.w));
-    return select(((best >> BIN_SHIFT) << 8u) | (4u * slice + (best & 3u)), NONE, best == NONE);
+    let first = key >> vec4u(BIN_SHIFT);
+    let last = first + ((key >> vec4u(EXTRA_SHIFT)) & vec4u(EXTRA_MASK));
+    let inside = (first < vec4u(group.end)) & (last >= vec4u(group.first));
+    let block = blocks_of(max(first, vec4u(group.first)), group);
+    let order = (block << vec4u(BIN_SHIFT)) | (vec4u(4u * slice) + vec4u(0u, 1u, 2u, 3u));
+    let found = select(vec4u(NONE), order, inside & (order >= vec4u(start)));
+    return min(min(found.x, found.y), min(found.z, found.w));
 }
 
-// The order of the nearest fragment of `group` at `source` whose order is at least `start`, or NONE. An order has the bin and,
-// in the eight lowest bits, the layer.
+// The order of the nearest fragment of `group` at `source` whose order is at least `start`, or NONE.
 fn nearest(group: Group, source: vec2u, start: u32) -> u32 {
     var best = nearest_of_four(group, source, 0u, start);
     if MANY_LAYERS {
@@ -145,9 +213,13 @@ fn nearest(group: Group, source: vec2u, start: u32) -> u32 {
     return best;
 }
 
-fn in_focus(order: u32) -> bool {
-    let bin = order >> 8u;
-    return bin >= params.focused_start && bin < params.focused_end;
+fn layer_of(order: u32) -> u32 {
+    return order & ((1u << BIN_SHIFT) - 1u);
+}
+
+// The turn of a row of the band.
+fn turn_of(row: u32) -> u32 {
+    return (params.band_start + row) % params.turns;
 }
 
 // Pixel `i` of the four of a thread, which lie in one column.
@@ -155,131 +227,221 @@ fn pixel_of(tile: vec2u, at: vec2u, i: u32) -> vec2u {
     return TILE * tile + at + vec2u(0u, i * ROWS_APART);
 }
 
-// Share of the rays of `view` that the barrel lets pass to a thread's pixels.
-fn initial_transmittance(view: u32, tile: vec2u, at: vec2u) -> vec4f {
+// Share of the rays of `view` that the barrel lets pass to `pixel`.
+fn passing_to(view: View, pixel: vec2u) -> f32 {
     if !BARREL {
-        return vec4f(1.0);
+        return 1.0;
     }
-    let lens = lens_points[view];
-    return vec4f(
-        barrel_transmittance(lens, pixel_of(tile, at, 0u)),
-        barrel_transmittance(lens, pixel_of(tile, at, 1u)),
-        barrel_transmittance(lens, pixel_of(tile, at, 2u)),
-        barrel_transmittance(lens, pixel_of(tile, at, 3u)),
+    return barrel_transmittance(vec2f(view.lens_x, view.lens_y), pixel);
+}
+
+// The share of the background, and the CoC radius of the last fragment, at `pixel` of the band moved by `shift`.
+fn background_at(pixel: vec2u, shift: vec2i) -> vec2f {
+    return textureLoad(pixels, source_of(pixel, shift), 0u, 0).xy;
+}
+
+// Where a ray of `view` from `pixel` ends that has `left` of its light: in the background, or where the stack has nothing. CPU version:
+// `Background::met_by`.
+fn end_of(view: View, pixel: vec2u, left: f32) -> vec2f {
+    if !BACKGROUND || left <= 0.0 {
+        return vec2f(0.0, left);
+    }
+    let at_infinity = background_at(pixel, unpacked_shift(view.at_infinity));
+    var share = at_infinity.x;
+    if share < 1.0 {
+        let moved = at_infinity.y * vec2f(view.lens_x, view.lens_y) + vec2f(view.jitter_x, view.jitter_y);
+        let shift = vec2i(floor(moved + vec2f(view.shift_x, view.shift_y) + 0.5));
+        share = max(share, background_at(pixel, shift).x);
+    }
+    let transparent = min(left, share);
+    return vec2f(transparent, left - transparent);
+}
+
+// Sums over the rays of a pixel.
+struct RaySums {
+    // Colour, and in the fourth component the rays that hit something in focus.
+    light: vec4f,
+    // Rays that end in the background, lost rays, and rays that the barrel hides.
+    transparent: f32,
+    lost: f32,
+    hidden: f32,
+}
+
+const NO_RAYS = RaySums(vec4f(0.0), 0.0, 0.0, 0.0);
+
+// `sums` with a ray of `view` from `pixel` that the barrel lets `passing` pass, that gathered `light`, and that has `left` of its light.
+fn with_ray(sums: RaySums, view: View, pixel: vec2u, passing: f32, light: vec4f, left: f32) -> RaySums {
+    let ends = end_of(view, pixel, left);
+    return RaySums(
+        sums.light + light,
+        sums.transparent + ends.x,
+        sums.lost + ends.y,
+        sums.hidden + 1.0 - passing,
     );
 }
 
+// Index of a view in the order [turn][view].
+fn view_index(turn: u32, view: u32) -> u32 {
+    return turn * params.batch_views + view;
+}
+
+// Index of a tile's turn in the order [tile][turn].
+fn tile_turn(tile: vec2u, turn: u32) -> u32 {
+    return (tile.y * tiles_size().x + tile.x) * params.turns + turn;
+}
+
 // Index of the first entry of the list of `view` for `tile`.
-fn list_of(view: u32, tile: vec2u) -> u32 {
-    return ((tile.y * tiles_size().x + tile.x) * params.batch_views + view) * params.entries;
+fn list_of(tile: vec2u, turn: u32, view: u32) -> u32 {
+    return (tile_turn(tile, turn) * params.batch_views + view) * params.entries;
 }
 
-// The fragment that a ray hits: the sample and the order; NONE for a ray that has not hit any.
-struct Hit {
-    source: vec2u,
-    order: u32,
-}
+// From this bit on, an entry of `ordered_views` has a bin; the view is in the bits below.
+const FOCUS_SHIFT = 16u;
 
-// `hit`, or the hit of the ray through `pixel` in `group` if it has not hit anything before.
-fn next_hit(hit: Hit, group: Group, pixel: vec2u) -> Hit {
-    let source = source_of(pixel, unpacked_shift(group.shift));
-    let order = nearest(group, source, 0u);
-    let hit_before = hit.order != NONE;
-    return Hit(select(source, hit.source, hit_before), select(order, hit.order, hit_before));
-}
-
-// Colour at `hit`, and 1 if it is in focus; 0 for a ray that hit nothing.
-fn light_at(hit: Hit) -> vec4f {
-    let color = textureLoad(colors, hit.source, hit.order & 0xffu, 0);
-    let light = vec4f(color.rgb, select(0.0, 1.0, in_focus(hit.order)));
-    return select(vec4f(0.0), light, hit.order != NONE);
-}
-
-// Sums over views for a thread's pixels: light as `light_at` returns it, rays that hit nothing, and rays that the barrel hides.
-struct ThreadSums {
-    first: vec4f,
-    second: vec4f,
-    third: vec4f,
-    fourth: vec4f,
-    missed: vec4f,
-    hidden: vec4f,
-}
-
-// Flag in an entry of `ordered_views`: the occluder is in focus. The view is in the bits below.
-const FOCUSED_FLAG = 0x10000u;
-
-// The entries of a tile in `ordered_views`: covered views are first .. covered_end, the others covered_end .. end.
+// The entries of a tile and turn in `ordered_views`: covered views are first .. covered_end, the others covered_end .. end.
 struct TileViews {
     first: u32,
     covered_end: u32,
     end: u32,
 }
 
-fn views_of(tile: vec2u) -> TileViews {
-    let index = tile.y * tiles_size().x + tile.x;
+fn views_of(tile: vec2u, turn: u32) -> TileViews {
+    let index = tile_turn(tile, turn);
     let first = index * params.batch_views;
     return TileViews(first, first + covered_views[index], first + params.batch_views);
 }
 
-// Colour of the first layer at `pixel` moved by `shift`, and `focused`.
-fn occluder_light(pixel: vec2u, shift: vec2i, focused: f32) -> vec4f {
-    return vec4f(textureLoad(colors, source_of(pixel, shift), 0u, 0).rgb, focused);
+// A view in which an occluder covers a tile: the shift, and how far the occluder counts as in focus.
+struct CoveredView {
+    view: View,
+    shift: vec2i,
+    focus: f32,
 }
 
-// Sums over the views in which an occluder covers `tile`: their hits are known without keys.
-fn sum_covered_views(tile: vec2u, at: vec2u, of_tile: TileViews) -> ThreadSums {
-    var total: ThreadSums;
-    for (var i = of_tile.first; i < of_tile.covered_end; i++) {
-        let next = ordered_views[i];
-        let shift = unpacked_shift(next.x);
-        let focused = select(0.0, 1.0, (next.y & FOCUSED_FLAG) != 0u);
-        let passing = initial_transmittance(next.y & (FOCUSED_FLAG - 1u), tile, at);
-        total.first += passing.x * occluder_light(pixel_of(tile, at, 0u), shift, focused);
-        total.second += passing.y * occluder_light(pixel_of(tile, at, 1u), shift, focused);
-        total.third += passing.z * occluder_light(pixel_of(tile, at, 2u), shift, focused);
-        total.fourth += passing.w * occluder_light(pixel_of(tile, at, 3u), shift, focused);
-        total.hidden += 1.0 - passing;
+fn covered_view(index: u32, turn: u32) -> CoveredView {
+    let entry = ordered_views[index];
+    let view = views[view_index(turn, entry.y & ((1u << FOCUS_SHIFT) - 1u))];
+    return CoveredView(view, unpacked_shift(entry.x), focus_of(entry.y >> FOCUS_SHIFT));
+}
+
+// `sums` with the ray from `pixel` of a view in which an occluder covers the tile: its hit is known without keys.
+fn with_covered_ray(sums: RaySums, covered: CoveredView, pixel: vec2u) -> RaySums {
+    let passing = passing_to(covered.view, pixel);
+    let color = textureLoad(colors, source_of(pixel, covered.shift), 0u, 0).rgb;
+    return RaySums(
+        sums.light + passing * vec4f(color, covered.focus),
+        sums.transparent,
+        sums.lost,
+        sums.hidden + 1.0 - passing,
+    );
+}
+
+// The fragment that a ray hits: the sample, the order, and how far it counts as in focus; NONE for a ray that has not hit any.
+struct Hit {
+    source: vec2u,
+    order: u32,
+    focus: f32,
+}
+
+const NO_HIT = Hit(vec2u(0u), NONE, 0.0);
+
+// `hit`, or the hit of the ray through `pixel` in `group` if it has not hit anything before.
+fn next_hit(hit: Hit, group: Group, pixel: vec2u) -> Hit {
+    if hit.order != NONE {
+        return hit;
     }
-    return total;
+    let source = source_of(pixel, unpacked_shift(group.shift));
+    let order = nearest(group, source, 0u);
+    if order == NONE {
+        return hit;
+    }
+    return Hit(source, order, focus_of(middle_of(order >> BIN_SHIFT, group)));
+}
+
+// `sums` with a ray of `view` from `pixel` that ends at `hit`.
+fn with_opaque_ray(sums: RaySums, view: View, pixel: vec2u, hit: Hit) -> RaySums {
+    let passing = passing_to(view, pixel);
+    if hit.order == NONE {
+        return with_ray(sums, view, pixel, passing, vec4f(0.0), passing);
+    }
+    let color = textureLoad(colors, hit.source, layer_of(hit.order), 0).rgb;
+    return with_ray(sums, view, pixel, passing, passing * vec4f(color, hit.focus), 0.0);
 }
 
 @compute @workgroup_size(16, 4)
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    let of_tile = views_of(tile);
-    var total = sum_covered_views(tile, at, of_tile);
+    // ROWS_APART is a multiple of the number of turns, and so is a tile's side: the four pixels have the same.
+    let turn = turn_of(at.y);
+    let of_tile = views_of(tile, turn);
+    var first = NO_RAYS;
+    var second = NO_RAYS;
+    var third = NO_RAYS;
+    var fourth = NO_RAYS;
+    for (var i = of_tile.first; i < of_tile.covered_end; i++) {
+        let covered = covered_view(i, turn);
+        first = with_covered_ray(first, covered, pixel_of(tile, at, 0u));
+        second = with_covered_ray(second, covered, pixel_of(tile, at, 1u));
+        third = with_covered_ray(third, covered, pixel_of(tile, at, 2u));
+        fourth = with_covered_ray(fourth, covered, pixel_of(tile, at, 3u));
+    }
     for (var i = of_tile.covered_end; i < of_tile.end; i++) {
-        let view = ordered_views[i].y;
-        let list = list_of(view, tile);
-        var first = Hit(vec2u(0u), NONE);
-        var second = first;
-        var third = first;
-        var fourth = first;
+        let number = ordered_views[i].y;
+        let list = list_of(tile, turn, number);
+        var first_hit = NO_HIT;
+        var second_hit = NO_HIT;
+        var third_hit = NO_HIT;
+        var fourth_hit = NO_HIT;
         var entry = 0u;
         loop {
             let next = groups[list + entry];
             let group = unpacked(next);
-            first = next_hit(first, group, pixel_of(tile, at, 0u));
-            second = next_hit(second, group, pixel_of(tile, at, 1u));
-            third = next_hit(third, group, pixel_of(tile, at, 2u));
-            fourth = next_hit(fourth, group, pixel_of(tile, at, 3u));
+            first_hit = next_hit(first_hit, group, pixel_of(tile, at, 0u));
+            second_hit = next_hit(second_hit, group, pixel_of(tile, at, 1u));
+            third_hit = next_hit(third_hit, group, pixel_of(tile, at, 2u));
+            fourth_hit = next_hit(fourth_hit, group, pixel_of(tile, at, 3u));
             entry++;
-            let max_order = max(max(first.order, second.order), max(third.order, fourth.order));
+            let max_order = max(max(first_hit.order, second_hit.order), max(third_hit.order, fourth_hit.order));
             if (next.y & LAST) != 0u || max_order != NONE {
                 break;
             }
         }
-        let passing = initial_transmittance(view, tile, at);
-        total.first += passing.x * light_at(first);
-        total.second += passing.y * light_at(second);
-        total.third += passing.z * light_at(third);
-        total.fourth += passing.w * light_at(fourth);
-        let orders = vec4u(first.order, second.order, third.order, fourth.order);
-        total.missed += select(vec4f(0.0), passing, orders == vec4u(NONE));
-        total.hidden += 1.0 - passing;
+        let view = views[view_index(turn, number)];
+        first = with_opaque_ray(first, view, pixel_of(tile, at, 0u), first_hit);
+        second = with_opaque_ray(second, view, pixel_of(tile, at, 1u), second_hit);
+        third = with_opaque_ray(third, view, pixel_of(tile, at, 2u), third_hit);
+        fourth = with_opaque_ray(fourth, view, pixel_of(tile, at, 3u), fourth_hit);
     }
-    add_thread_sums(tile, at, total);
+    add_batch(pixel_of(tile, at, 0u), first);
+    add_batch(pixel_of(tile, at, 1u), second);
+    add_batch(pixel_of(tile, at, 2u), third);
+    add_batch(pixel_of(tile, at, 3u), fourth);
+}
+
+// [layer]: the last bin of the block, or blocks, in which the thread's ray last hit a translucent fragment, below the number of the
+// view (counted from 1) from bit BIN_BITS on. Entries of earlier views are smaller than those of the current one.
+var<private> translucent_hits: array<u32, MAX_TRANSLUCENT_LAYERS>;
+
+// Whether a hit of the translucent fragment of `order` and `key` in `group` is in a surface that the ray of view `number` hit before;
+// remembers it. A fragment counts once in a group, whatever its number of blocks there. CPU version: `TranslucentHits`.
+fn hit_before(group: Group, order: u32, key: u32, number: u32) -> bool {
+    let stamp = (number + 1u) << BIN_BITS;
+    let same_from = stamp | of_bin(order >> BIN_SHIFT).y;
+    let layer = layer_of(order);
+    var before = translucent_hits[layer] >= same_from;
+    if (key & CHANGES_PEEL) != 0u {
+        // Bins from the group's first on lie at the same sample, and two fragments of one sample are two surfaces.
+        let same_sample_from = stamp | group.first;
+        for (var other = 0u; other < params.layers; other++) {
+            let last = translucent_hits[other];
+            before |= last >= same_from && last < same_sample_from;
+        }
+    }
+    let last = min(last_bin(key), group.end - 1u);
+    let level = level_of(last, group);
+    translucent_hits[layer] = stamp | (last | ((1u << level) - 1u));
+    return before;
 }
 
 // Light that a ray gathers: colour, and in the fourth component the coverage in focus; and the transmittance after it, 0 for an
@@ -289,13 +451,10 @@ struct Composite {
     transmittance: f32,
 }
 
-// Composites the fragments of `group` at `pixel` along a ray of transmittance `before`, front to back.
-fn composite(group: Group, pixel: vec2u, before: f32) -> Composite {
+// Composites the fragments of `group` at `pixel` along a ray of view `number` and transmittance `before`, front to back.
+fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite {
     var light = vec4f(0.0);
     var transmittance = before;
-    if before <= 0.0 {
-        return Composite(light, transmittance);
-    }
     let source = source_of(pixel, unpacked_shift(group.shift));
     var start = 0u;
     loop {
@@ -303,12 +462,17 @@ fn composite(group: Group, pixel: vec2u, before: f32) -> Composite {
         if order == NONE {
             break;
         }
-        let color = textureLoad(colors, source, order & 0xffu, 0);
-        let alpha = select(color.a, 1.0, color.a >= OPAQUE_ALPHA);
-        light += transmittance * vec4f(color.rgb, select(0.0, alpha, in_focus(order)));
+        start = order + 1u;
+        let layer = layer_of(order);
+        let key = keys_at(source, layer >> 2u)[layer & 3u];
+        if (key & OPAQUE) == 0u && hit_before(group, order, key, number) {
+            continue;
+        }
+        let color = textureLoad(colors, source, layer, 0);
+        let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
+        light += transmittance * vec4f(color.rgb, alpha * focus_of(middle_of(order >> BIN_SHIFT, group)));
         transmittance *= 1.0 - alpha;
         transmittance = select(0.0, transmittance, transmittance >= MIN_TRANSMITTANCE);
-        start = order + 1u;
         if transmittance <= 0.0 {
             break;
         }
@@ -316,95 +480,93 @@ fn composite(group: Group, pixel: vec2u, before: f32) -> Composite {
     return Composite(light, transmittance);
 }
 
-@compute @workgroup_size(16, 4)
+@compute @workgroup_size(16, 16)
 fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
-    let at = local.xy;
     let tile = tile_id.xy;
-    let of_tile = views_of(tile);
-    var total = sum_covered_views(tile, at, of_tile);
+    let pixel = TILE * tile + local.xy;
+    let turn = turn_of(local.y);
+    let of_tile = views_of(tile, turn);
+    var total = NO_RAYS;
+    for (var i = of_tile.first; i < of_tile.covered_end; i++) {
+        total = with_covered_ray(total, covered_view(i, turn), pixel);
+    }
     for (var i = of_tile.covered_end; i < of_tile.end; i++) {
-        let view = ordered_views[i].y;
-        let list = list_of(view, tile);
-        var transmittance = initial_transmittance(view, tile, at);
-        total.hidden += 1.0 - transmittance;
+        let number = ordered_views[i].y;
+        let view = views[view_index(turn, number)];
+        let list = list_of(tile, turn, number);
+        let passing = passing_to(view, pixel);
+        var light = vec4f(0.0);
+        var transmittance = passing;
         var entry = 0u;
-        loop {
+        while transmittance > 0.0 {
             let next = groups[list + entry];
-            let group = unpacked(next);
-            let first = composite(group, pixel_of(tile, at, 0u), transmittance.x);
-            let second = composite(group, pixel_of(tile, at, 1u), transmittance.y);
-            let third = composite(group, pixel_of(tile, at, 2u), transmittance.z);
-            let fourth = composite(group, pixel_of(tile, at, 3u), transmittance.w);
-            total.first += first.light;
-            total.second += second.light;
-            total.third += third.light;
-            total.fourth += fourth.light;
-            transmittance = vec4f(
-                first.transmittance,
-                second.transmittance,
-                third.transmittance,
-                fourth.transmittance,
-            );
+            let passed = composite(unpacked(next), pixel, number, transmittance);
+            light += passed.light;
+            transmittance = passed.transmittance;
             entry++;
-            if (next.y & LAST) != 0u || all(transmittance <= vec4f(0.0)) {
+            if (next.y & LAST) != 0u {
                 break;
             }
         }
-        total.missed += transmittance;
+        total = with_ray(total, view, pixel, passing, light, transmittance);
     }
-    add_thread_sums(tile, at, total);
+    add_batch(pixel, total);
 }
 
-// Writes a pixel of the picture: the mean over all views but the `hidden` ones, which the barrel blocks. Rays that hit nothing,
-// `missed`, count as transparent if the background is transparent, and are excluded from the mean otherwise. The planes are
-// red, green, blue, alpha, and the share of rays that hit something in focus, which is the fourth component of `sum`.
-fn write_pixel(at: vec2u, sum: vec4f, missed: f32, hidden: f32) {
+// `value` in the place of `before` by `weight`.
+fn blended(before: f32, value: f32, weight: f32) -> f32 {
+    return select(before + weight * (value - before), value, weight >= 1.0);
+}
+
+// Writes a pixel of the picture: the mean over all views but those that the barrel hides. Lost rays are left out of the mean, or count
+// as opaque black. The planes are red, green, blue, alpha, and the share of rays that hit something in focus.
+fn write_pixel(at: vec2u, sum: RaySums) {
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;
-    let views = f32(params.views) - hidden;
-    let hit = views - missed;
-    let share = 1.0 / select(hit, views, params.transparent_background != 0u);
-    let mean = select(vec4f(0.0), vec4f(sum.rgb, hit) * share, hit > MIN_HIT_VIEWS);
+    let views = f32(params.views) - sum.hidden;
+    let known = views - sum.lost;
+    let weight = select(known, views, params.lost_are_black != 0u);
+    let covered = weight - sum.transparent;
+    let mean = select(vec4f(0.0), vec4f(sum.light.rgb, covered) / weight, covered > MIN_HIT_VIEWS);
+    var share = 1.0;
+    if params.blends != 0u {
+        share = textureLoad(pixels, source_of(at, vec2i(0)), 0u, 0).z;
+    }
     for (var channel = 0u; channel < 4u; channel++) {
         if (params.channels & (1u << channel)) != 0u {
-            picture[channel * plane + pixel] = mean[channel];
+            let index = channel * plane + pixel;
+            picture[index] = blended(picture[index], mean[channel], share);
         }
     }
     if (params.channels & 8u) != 0u {
-        picture[4u * plane + pixel] = sum.a / max(views, MIN_HIT_VIEWS);
+        let index = 4u * plane + pixel;
+        picture[index] = blended(picture[index], sum.light.a / max(views, MIN_HIT_VIEWS), share);
     }
 }
 
 // Adds the sums of a batch to those of the batches before it; the last batch writes the picture.
-fn add_batch(at: vec2u, batch_sum: vec4f, batch_missed: f32, batch_hidden: f32) {
+fn add_batch(at: vec2u, batch_sum: RaySums) {
     if at.x >= params.width || at.y >= params.band_rows {
         return;
     }
     var sum = batch_sum;
-    var missed = batch_missed;
-    var hidden = batch_hidden;
     let plane = params.width * params.band_rows;
     let pixel = at.y * params.width + at.x;
     if !FIRST_BATCH {
-        sum += vec4f(sums[pixel], sums[plane + pixel], sums[2u * plane + pixel], sums[3u * plane + pixel]);
-        missed += sums[4u * plane + pixel];
-        hidden += sums[5u * plane + pixel];
+        sum.light += vec4f(sums[pixel], sums[plane + pixel], sums[2u * plane + pixel], sums[3u * plane + pixel]);
+        sum.transparent += sums[4u * plane + pixel];
+        sum.lost += sums[5u * plane + pixel];
+        sum.hidden += sums[6u * plane + pixel];
     }
     if LAST_BATCH {
-        write_pixel(at, sum, missed, hidden);
+        write_pixel(at, sum);
     } else {
-        sums[pixel] = sum.r;
-        sums[plane + pixel] = sum.g;
-        sums[2u * plane + pixel] = sum.b;
-        sums[3u * plane + pixel] = sum.a;
-        sums[4u * plane + pixel] = missed;
-        sums[5u * plane + pixel] = hidden;
+        sums[pixel] = sum.light.r;
+        sums[plane + pixel] = sum.light.g;
+        sums[2u * plane + pixel] = sum.light.b;
+        sums[3u * plane + pixel] = sum.light.a;
+        sums[4u * plane + pixel] = sum.transparent;
+        sums[5u * plane + pixel] = sum.lost;
+        sums[6u * plane + pixel] = sum.hidden;
     }
-}
-
-fn add_thread_sums(tile: vec2u, at: vec2u, total: ThreadSums) {
-    add_batch(pixel_of(tile, at, 0u), total.first, total.missed.x, total.hidden.x);
-    add_batch(pixel_of(tile, at, 1u), total.second, total.missed.y, total.hidden.y);
-    add_batch(pixel_of(tile, at, 2u), total.third, total.missed.z, total.hidden.z);
-    add_batch(pixel_of(tile, at, 3u), total.fourth, total.missed.w, total.hidden.w);
 }

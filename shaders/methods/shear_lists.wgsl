@@ -1,13 +1,13 @@
-// The lists of `shear`: for each tile and view the groups of bins that may be visible. Declarations: shear.wgsl.
+// The lists of `shear`: for each tile, turn and view the groups of bins that may be visible. Declarations: shear.wgsl.
 //
 //   find_block_bins          the bins of each block of pixels
 //   find_window_bins         the bins of each window of blocks, which holds all fragments of a tile moved by a shift
 //   find_square_window_bins  the same for a square of tiles
 //   find_block_occluders     the bins of the first layer in each block, if it occludes all others there
 //   find_window_occluders    the same for each window
-//   find_square_bins         the bins that may be visible in each square of tiles, for each view
-//   find_groups              of those, the groups of bins that may be visible in each tile, for each view
-//   sort_views               the order of the views of each tile: those in which an occluder covers the tile come first
+//   find_square_bins         the bins that may be visible in each square of tiles, for each turn and view
+//   find_groups              of those, the groups of bins that may be visible in each tile, for each turn and view
+//   sort_views               the order of the views of each tile and turn: those in which an occluder covers the tile come first
 
 fn blocks_size() -> vec2u {
     return (vec2u(params.width, params.source_rows) + (BLOCK - 1u)) / BLOCK;
@@ -15,11 +15,10 @@ fn blocks_size() -> vec2u {
 
 // The bins of `key` that lie in word `word`, one bit each.
 fn bins_of(key: u32, word: u32) -> u32 {
-    let bins = (2u << ((key >> EXTRA_SHIFT) & EXTRA_MASK)) - 1u;
-    let first = i32(key >> BIN_SHIFT) - i32(32u * word);
-    let from_here = select(0u, bins << u32(first & 31), first >= 0 && first < 32);
-    let from_before = select(0u, bins >> u32(-first & 31), first < 0 && first > -3);
-    return select(from_here | from_before, 0u, key == NO_KEY);
+    let first = max(key >> BIN_SHIFT, 32u * word);
+    let last = min(last_bin(key), 32u * word + 31u);
+    let bits = (0xffffffffu << (first & 31u)) & (0xffffffffu >> (31u - (last & 31u)));
+    return select(bits, 0u, key == NO_KEY || first > last);
 }
 
 @compute @workgroup_size(8, 8)
@@ -82,6 +81,9 @@ struct Occluder {
     last: u32,
 }
 
+// Lies past all bins; the first bin of NO_KEY.
+const NO_BIN = 0xffffu;
+
 fn packed_occluder(occluder: Occluder) -> u32 {
     return occluder.first | (occluder.last << 16u);
 }
@@ -97,7 +99,6 @@ fn merged(a: Occluder, b: Occluder) -> Occluder {
 
 // The first layer at `source`.
 fn occluder_at(source: vec2u) -> Occluder {
-    // The first bin of NO_KEY lies past all bins.
     let own = keys_at(source, 0u);
     var others = min(own.y, min(own.z, own.w));
     for (var slice = 1u; 4u * slice < params.layers; slice++) {
@@ -106,7 +107,7 @@ fn occluder_at(source: vec2u) -> Occluder {
     }
     let first = own.x >> BIN_SHIFT;
     let occludes = own.x != NO_KEY && (own.x & OPAQUE) != 0u && (others >> BIN_SHIFT) >= first;
-    return Occluder(first, select(NO_KEY, first, occludes));
+    return Occluder(first, select(NO_BIN, first, occludes));
 }
 
 @compute @workgroup_size(8, 8)
@@ -116,7 +117,7 @@ fn find_block_occluders(@builtin(global_invocation_id) at: vec3u) {
         return;
     }
     let end = min(BLOCK * (at.xy + 1u), vec2u(params.width, params.source_rows));
-    var occluder = Occluder(NO_KEY, 0u);
+    var occluder = Occluder(NO_BIN, 0u);
     for (var y = BLOCK * at.y; y < end.y; y++) {
         for (var x = BLOCK * at.x; x < end.x; x++) {
             occluder = merged(occluder, occluder_at(vec2u(x, y)));
@@ -132,7 +133,7 @@ fn find_window_occluders(@builtin(global_invocation_id) at: vec3u) {
         return;
     }
     let end = min(at.xy + WINDOW, size);
-    var occluder = Occluder(NO_KEY, 0u);
+    var occluder = Occluder(NO_BIN, 0u);
     for (var y = at.y; y < end.y; y++) {
         for (var x = at.x; x < end.x; x++) {
             occluder = merged(occluder, unpacked_occluder(block_occluders[y * size.x + x]));
@@ -157,33 +158,32 @@ fn unpacked_shift(word: u32) -> vec2i {
     return vec2i(i32(word << 16u) >> 16u, i32(word) >> 16u);
 }
 
-// The neighbouring bins first .. end, which a view moves by the same shift.
+// The neighbouring bins first .. end, which a view moves by the same shift: all that it does, whether visible or not.
 struct Group {
     first: u32,
     end: u32,
     shift: u32,
 }
 
-// Bits of an entry: its first bin and its end, and flags: the last entry of its list, a group in which the first layer covers
-// the tile and occludes every ray, and whether that layer is in focus.
+// Bits of an entry: its first bin and its end, and flags: the last entry of its list, and a first entry in which the first layer
+// covers the tile and occludes every ray. Such an entry has the bin whose focus counts in place of first bin and end.
 const END_SHIFT = 13u;
 const BIN_MASK = 0x1fffu;
 const LAST = 0x4000000u;
 const COVERED = 0x8000000u;
-const COVERED_IN_FOCUS = 0x10000000u;
 
-fn packed(group: Group, flags: u32) -> vec2u {
-    return vec2u(group.shift, group.first | (group.end << END_SHIFT) | flags);
+fn packed(group: Group) -> vec2u {
+    return vec2u(group.shift, group.first | (group.end << END_SHIFT));
 }
 
 fn unpacked(entry: vec2u) -> Group {
     return Group(entry.y & BIN_MASK, (entry.y >> END_SHIFT) & BIN_MASK, entry.x);
 }
 
-// The shift of `bin` in `view`, packed.
-fn shift_of(view: u32, bin: u32) -> u32 {
-    let i = view * params.bins + bin;
-    return shifts[i >> 2u][i & 3u];
+// The group of `bin` in view `at` in the order [turn][view].
+fn group_of(at: u32, bin: u32) -> Group {
+    let entry = shifts[at * params.bins + bin];
+    return Group(entry.y & 0xffffu, entry.y >> 16u, entry.x);
 }
 
 // Index of the window of the tile or square that begins at pixel `corner`, moved by `shift`.
@@ -198,17 +198,23 @@ fn word_of(window: u32, bin: u32) -> u32 {
     return (bin >> 5u) * size.x * size.y + window;
 }
 
-// Flags of `group` for a tile with `occluder`: COVERED if the first layer occludes every ray in it, and all of it is in focus
-// or none.
-fn covered_flags(group: Group, occluder: Occluder) -> u32 {
-    let covers = occluder.first >= group.first && occluder.last < group.end;
-    let focused = occluder.first >= params.focused_start && occluder.last < params.focused_end;
-    let blurred = occluder.last < params.focused_start || occluder.first >= params.focused_end;
-    return select(0u, COVERED | select(0u, COVERED_IN_FOCUS, focused), covers && (focused || blurred));
+// Whether the first layer, which is `occluder`, occludes every ray in `group`, and counts as in focus alike everywhere.
+fn is_covered(group: Group, occluder: Occluder) -> bool {
+    if occluder.first < group.first || occluder.last >= group.end {
+        return false;
+    }
+    let first = middle_of(occluder.first, group);
+    let last = middle_of(occluder.last, group);
+    return first == last || last < params.focused_start || first >= params.focused_end;
 }
 
 fn squares_size() -> vec2u {
     return (tiles_size() + (SQUARE - 1u)) / SQUARE;
+}
+
+// Number of views in all turns.
+fn all_views() -> u32 {
+    return params.turns * params.batch_views;
 }
 
 @compute @workgroup_size(64)
@@ -218,13 +224,14 @@ fn find_square_bins(@builtin(global_invocation_id) at: vec3u) {
         return;
     }
     let corner = SQUARE * TILE * at.xy;
-    let bins = ((at.y * squares.x + at.x) * params.batch_views + at.z) * params.words;
+    let bins = ((at.y * squares.x + at.x) * all_views() + at.z) * params.words;
     for (var word = 0u; word < params.words; word++) {
         let count = min(32u, params.bins - 32u * word);
         var bits = 0u;
         for (var bit = 0u; bit < count; bit++) {
             let bin = 32u * word + bit;
-            bits |= square_window_bins[word_of(window_of(corner, shift_of(at.z, bin)), bin)] & (1u << bit);
+            let window = window_of(corner, group_of(at.z, bin).shift);
+            bits |= square_window_bins[word_of(window, bin)] & (1u << bit);
         }
         square_bins[bins + word] = bits;
     }
@@ -237,12 +244,12 @@ fn find_groups(@builtin(global_invocation_id) at: vec3u) {
         return;
     }
     let square = at.y / SQUARE * squares_size().x + at.x / SQUARE;
-    let bins = (square * params.batch_views + at.z) * params.words;
-    let list = ((at.y * tiles.x + at.x) * params.batch_views + at.z) * params.entries;
+    let bins = (square * all_views() + at.z) * params.words;
+    let list = ((at.y * tiles.x + at.x) * all_views() + at.z) * params.entries;
     // The list of a tile without fragments has one group, without bins.
     var group = Group(BIN_MASK, BIN_MASK, 0u);
-    var occluder = Occluder(NO_KEY, NO_KEY);
-    var covered = 0u;
+    var occluder = Occluder(NO_BIN, NO_BIN);
+    var covered = false;
     var count = 1u;
     var word = 0u;
     var bits = square_bins[bins];
@@ -257,28 +264,33 @@ fn find_groups(@builtin(global_invocation_id) at: vec3u) {
         }
         let bin = 32u * word + firstTrailingBit(bits);
         bits &= bits - 1u;
-        let shift = shift_of(at.z, bin);
-        let window = window_of(TILE * at.xy, shift);
-        let is_first = group.first == BIN_MASK;
-        if !is_first && shift == group.shift {
-            group.end = bin + 1u;
-        } else if ((window_bins[word_of(window, bin)] >> (bin & 31u)) & 1u) == 1u {
-            if !is_first {
-                if count < params.entries {
-                    groups[list + count - 1u] = packed(group, 0u);
-                }
-                count++;
-            }
-            group = Group(bin, bin + 1u, shift);
-            occluder = unpacked_occluder(window_occluders[window]);
+        let next = group_of(at.z, bin);
+        if next.first == group.first {
+            continue;
         }
-        covered = covered_flags(group, occluder);
-        if covered != 0u {
+        let window = window_of(TILE * at.xy, next.shift);
+        if ((window_bins[word_of(window, bin)] >> (bin & 31u)) & 1u) == 0u {
+            continue;
+        }
+        if group.first != BIN_MASK {
+            if count < params.entries {
+                groups[list + count - 1u] = packed(group);
+            }
+            count++;
+        }
+        group = next;
+        occluder = unpacked_occluder(window_occluders[window]);
+        covered = is_covered(group, occluder);
+        if covered {
             break;
         }
     }
     if count <= params.entries {
-        groups[list + count - 1u] = packed(group, LAST | covered);
+        var last = packed(group);
+        if covered && count == 1u {
+            last.y = middle_of(occluder.first, group) | COVERED;
+        }
+        groups[list + count - 1u] = last | vec2u(0u, LAST);
     }
     atomicMax(&longest_list, count);
 }
@@ -289,17 +301,17 @@ fn sort_views(@builtin(global_invocation_id) at: vec3u) {
     if at.x >= tiles.x {
         return;
     }
-    let tile = at.y * tiles.x + at.x;
-    let views = tile * params.batch_views;
+    let index = tile_turn(at.xy, at.z);
+    let views = index * params.batch_views;
     var first = 0u;
     var end = params.batch_views;
     for (var view = 0u; view < params.batch_views; view++) {
         let head = groups[(views + view) * params.entries];
         let is_covered = (head.y & COVERED) != 0u;
         end -= select(1u, 0u, is_covered);
-        let focused = select(0u, FOCUSED_FLAG, (head.y & COVERED_IN_FOCUS) != 0u);
-        ordered_views[views + select(end, first, is_covered)] = vec2u(head.x, view | focused);
+        let focus = select(0u, (head.y & BIN_MASK) << FOCUS_SHIFT, is_covered);
+        ordered_views[views + select(end, first, is_covered)] = vec2u(head.x, view | focus);
         first += select(0u, 1u, is_covered);
     }
-    covered_views[tile] = first;
+    covered_views[index] = first;
 }

@@ -25,7 +25,7 @@ struct Stack {
     blocks_per_sample: f32,
 }
 
-// A lens sample, in samples: position in the pixel, and step per pixel of CoC radius.
+// A lens sample: position in the pixel, as a fraction of the extent of the rays' origins, and step in samples per pixel of CoC radius.
 struct View {
     start_x: f32,
     start_y: f32,
@@ -62,10 +62,15 @@ fn centre_of(pixel: vec2u) -> vec2f {
     return (vec2f(pixel) + 0.5) * stack.supersample;
 }
 
-// The ray of a view through the pixel with its centre at sample position `centre`.
-fn ray_of(view: u32, centre: vec2f) -> Ray {
+// Extent of the rays' origins in a pixel, in samples.
+fn extent_in(pixel: vec2u) -> f32 {
+    return jitter_at(pixel) * stack.supersample;
+}
+
+// The ray of a view through the pixel with its centre at sample position `centre`, in which rays begin in a square of `extent` samples.
+fn ray_of(view: u32, centre: vec2f, extent: f32) -> Ray {
     let own = views[view];
-    return Ray(centre + vec2f(own.start_x, own.start_y), vec2f(own.step_x, own.step_y));
+    return Ray(centre + extent * vec2f(own.start_x, own.start_y), vec2f(own.step_x, own.step_y));
 }
 
 fn ray_at(ray: Ray, c: f32) -> vec2f {

@@ -5,7 +5,7 @@
 // A batch has some of the views. Its sum is computed separately and then added to the sum of the batches before it, so that each
 // sum has few terms and single precision suffices.
 
-// Some of the views of one set, and what becomes of rays that have passed all fragments.
+// Some of the views of one set, and where the rays of a pixel begin and end.
 struct Batch {
     // First view, and end of the range of views (exclusive).
     first_view: u32,
@@ -20,7 +20,10 @@ struct Batch {
     shows_background: u32,
     // Whether lost rays count as opaque black; otherwise they are left out of the mean.
     lost_are_black: u32,
-    // Width of the picture; first and last row of the background that is uploaded; CoC radius at infinity in pixels.
+    // Extent of the rays' origins in a pixel, as a fraction of its width: by pixel, or the same in all.
+    jitter_by_pixel: u32,
+    jitter: f32,
+    // Width of the picture; first and last row of `pixels` that is uploaded; CoC radius at infinity in pixels.
     columns: i32,
     top: i32,
     bottom: i32,
@@ -45,8 +48,8 @@ struct Sum {
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
 
-// [row][column]: share of the background in the pixel, and CoC radius of the pixel's last fragment.
-@group(0) @binding(14) var<storage, read> background: array<vec2f>;
+// [row][column]: share of the background in the pixel, CoC radius of the pixel's last fragment, and extent of the rays' origins.
+@group(0) @binding(14) var<storage, read> pixels: array<vec4f>;
 
 const NO_RAYS: Sum = Sum(vec3f(0.0), 0.0, 0.0, 0.0);
 
@@ -85,13 +88,21 @@ fn add_batch(pixel: u32, sum: Sum) {
     save_sum(pixel, added(saved_sum(pixel), sum));
 }
 
-// The background's pixel below a ray that at CoC radius c is at sample position `start + c·step`; past the border, the border's
+// Extent of the rays' origins in a pixel of the picture.
+fn jitter_at(pixel: vec2u) -> f32 {
+    if batch.jitter_by_pixel == 0u {
+        return batch.jitter;
+    }
+    return pixels[(i32(pixel.y) - batch.top) * batch.columns + i32(pixel.x)].z;
+}
+
+// Share and last CoC radius of the background's pixel below a ray that at CoC radius c is at sample position `start + c·step`; past the border, the border's
 // pixel.
 fn background_below(start: vec2f, step: vec2f, supersample: f32, c: f32) -> vec2f {
     // Half a sample more keeps the division away from whole numbers, where it may round down.
     let pixel = vec2i(floor((floor(start + c * step) + 0.5) / supersample));
     let kept = clamp(pixel, vec2i(0, batch.top), vec2i(batch.columns - 1, batch.bottom));
-    return background[(kept.y - batch.top) * batch.columns + kept.x];
+    return pixels[(kept.y - batch.top) * batch.columns + kept.x].xy;
 }
 
 // The sum of a ray that has collected `color`, has the transmittance `left` after all fragments, and at CoC radius c is at sample

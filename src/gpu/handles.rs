@@ -25,8 +25,8 @@ pub(crate) struct Texture {
 pub(crate) enum Texels {
     /// `rgba32float`.
     FourFloats,
-    /// `rg32uint`.
-    TwoWords,
+    /// `rgba32uint`.
+    FourWords,
 }
 
 /// A resource that is bound to a kernel.

@@ -98,7 +98,7 @@ impl Gpu {
             dimension: wgpu::TextureDimension::D2,
             format: match texels {
                 Texels::FourFloats => wgpu::TextureFormat::Rgba32Float,
-                Texels::TwoWords => wgpu::TextureFormat::Rg32Uint,
+                Texels::FourWords => wgpu::TextureFormat::Rgba32Uint,
             },
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],

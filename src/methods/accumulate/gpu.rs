@@ -4,20 +4,21 @@
 //! Rows of the stack are uploaded unchanged, one band at a time; the kernel `look` computes extents and tiles from them, `follow`
 //! sums rays.
 //!
-//! Memory: 28 bytes per fragment, 36 per pixel; where the background is visible, 12 more per pixel.
+//! Memory: 28 bytes per fragment, and per pixel that of [`Batches`]. Translucent scenes have 32 layers at most.
 
 use super::Accumulate;
-use super::tiles::{SLABS, TILE};
+use super::surfaces::is_translucent;
+use super::tiles::{REACH_PX, SLABS, TILE};
 use super::volume::{Ray, Volume};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, tiles};
+use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
     Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
 };
-use crate::scene::surface::JOIN_PX;
+use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX, ROUGHNESS, SAME_HIT_PX};
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
 use std::ops::Range;
@@ -25,12 +26,20 @@ use std::ops::Range;
 /// Bytes per fragment: in the largest buffer (extents), and in all buffers.
 const FRAGMENT_BYTES: [usize; 2] = [8, 28];
 
+/// Largest number of layers of a stack with translucent fragments: a ray remembers a hit for each.
+const MAX_TRANSLUCENT_LAYERS: usize = 32;
+
 static SHADER: Shader = Shader {
     name: "accumulate",
     constants: &[
         RAY_SUMS_CONSTANT,
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("JOIN_PX", Constant::Float(JOIN_PX)),
+        ("MAX_JOIN_PX", Constant::Float(MAX_JOIN_PX)),
+        ("ROUGHNESS", Constant::Float(ROUGHNESS)),
+        ("SAME_HIT_PX", Constant::Float(SAME_HIT_PX)),
+        ("REACH_PX", Constant::Float(REACH_PX)),
+        ("MAX_TRANSLUCENT_LAYERS", Constant::Uint(MAX_TRANSLUCENT_LAYERS as u32)),
         ("TILE", Constant::Int(TILE)),
         ("TILE_BITS", Constant::Uint(TILE.ilog2())),
         ("SLABS", Constant::Uint(SLABS)),
@@ -72,6 +81,10 @@ mirrored! {
         half_diagonal_px: f32,
         /// Offset of the barrel from the aperture as seen from the corners, in aperture radii.
         cats_eye: f32,
+        /// Number of sets of views that rows take turns with.
+        turns: u32,
+        /// Views from one of these sets to the next.
+        turn_views: u32,
     }
 }
 
@@ -105,14 +118,13 @@ impl View {
     fn from_lens_view(view: &LensView, volume: &Volume<&Layer>) -> Self {
         let step = view.lens * volume.supersample;
         let inverse = Ray::new(Vec2::ZERO, step).inverse;
-        let jitter = volume.jitter * view.jitter;
         Self {
             step_x: step.x,
             step_y: step.y,
             inverse_x: inverse.x,
             inverse_y: inverse.y,
-            jitter_x: jitter.x,
-            jitter_y: jitter.y,
+            jitter_x: view.jitter.x,
+            jitter_y: view.jitter.y,
             shift_x: view.shift.x,
             shift_y: view.shift.y,
             lens_x: view.lens.x,
@@ -132,12 +144,14 @@ impl View {
     }
 }
 
-/// The lens samples of all sets of rays.
+/// The lens samples of all sets of rays, in all turns.
 struct Lens {
     views: Buffer,
-    /// Range of each set in `views`, and the channels that the set renders.
+    /// Range of each set in `views` in the first turn, and the channels that the set renders.
     sets: Vec<(Range<usize>, &'static [usize])>,
-    count: usize,
+    /// Number of turns, and of views from one turn to the next.
+    turns: usize,
+    turn_views: usize,
     /// Maximum distance of rays from their pixel, in rows.
     reach_rows: usize,
     /// Maximum number of loop iterations of a ray.
@@ -145,27 +159,33 @@ struct Lens {
 }
 
 impl Lens {
-    fn new(gpu: &Gpu, volume: &Volume<&Layer>, rays: &Rays) -> Result<Self, Error> {
-        let mut views: Vec<View> = Vec::new();
-        let mut sets = Vec::new();
-        for (set, channels) in rays.sets() {
-            let first = views.len();
-            // Without cat's eye the barrel does not depend on the pixel: occluded views are dropped here.
-            let passes = |view: &&LensView| {
-                volume.optics.cats_eye > 0.0 || volume.optics.within_barrel(view.lens, Vec2::ZERO) >= 0.0
-            };
-            views.extend(set.iter().filter(passes).map(|view| View::from_lens_view(view, volume)));
-            sets.push((first..views.len(), channels));
+    fn new(gpu: &Gpu, volume: &Volume<&Layer>, turns: &[Rays]) -> Result<Self, Error> {
+        // Without cat's eye the barrel does not depend on the pixel: occluded views are dropped here, the same in all turns.
+        let passes = |view: &&LensView| {
+            volume.optics.cats_eye > 0.0 || volume.optics.within_barrel(view.lens, Vec2::ZERO) >= 0.0
+        };
+        let (mut views, mut sets, mut turn_views) = (Vec::new(), Vec::new(), 0);
+        for rays in turns {
+            sets.clear();
+            let first_of_turn = views.len();
+            for (set, channels) in rays.sets() {
+                let first = views.len() - first_of_turn;
+                views.extend(set.iter().filter(passes).map(|view| View::from_lens_view(view, volume)));
+                sets.push((first..views.len() - first_of_turn, channels));
+            }
+            turn_views = views.len() - first_of_turn;
         }
         let range_px = volume.ends().range_px(volume.coc_range_px);
-        let away = views.iter().map(|view| view.rows_away(volume.supersample, range_px));
-        // One row more: the extent of a fragment depends on its neighbours.
-        let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 1;
+        let away = views.iter().map(|view: &View| view.rows_away(volume.supersample, range_px));
+        // Two rows more: whether the surface of a fragment goes on depends on the samples up to two away.
+        let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 2;
         let cells = views.iter().map(|view| view.cells(volume.coc_range_px)).fold(0.0, f32::max);
-        // A sample takes one iteration and one per layer; a ray passes no more tiles than samples.
-        let rounds = cells.ceil() as usize * (2 + volume.layers.len());
+        // A sample takes one iteration and one per layer; a ray passes no more tiles than samples. A translucent hit looks at those before.
+        let layers = volume.layers.len();
+        let rounds = cells.ceil() as usize * (2 + layers) + layers * layers.min(MAX_TRANSLUCENT_LAYERS);
         let words: Vec<u32> = views.iter().flat_map(View::words).collect();
-        Ok(Self { views: gpu.upload("lens samples", &words)?, sets, count: views.len(), reach_rows, rounds })
+        let (views, turns) = (gpu.upload("lens samples", &words)?, turns.len());
+        Ok(Self { views, sets, turns, turn_views, reach_rows, rounds })
     }
 }
 
@@ -173,12 +193,18 @@ impl Lens {
 struct Rows {
     frame: Buffer,
     colors: [Buffer; 4],
+    coc_px: Buffer,
     extents: Buffer,
     tiles: Buffer,
 }
 
 impl Rows {
-    fn new(gpu: &Gpu, volume: &Volume<&Layer>, width: usize, band: &Band) -> Result<Self, Error> {
+    fn new(
+        gpu: &Gpu,
+        (volume, lens): (&Volume<&Layer>, &Lens),
+        width: usize,
+        band: &Band,
+    ) -> Result<Self, Error> {
         let supersample = volume.supersample as usize;
         let samples = band.source.start * supersample..band.source.end * supersample;
         let upload =
@@ -190,7 +216,7 @@ impl Rows {
             upload("alpha", &|layer| &layer.alpha)?,
         ];
         let coc_px = upload("CoC radii", &|layer| &layer.coc_px)?;
-        let frame = gpu.uniform(&frame(volume, width, band, &samples))?;
+        let frame = gpu.uniform(&frame((volume, lens), width, band, &samples))?;
         let tile = TILE as usize;
         let [columns, rows] =
             [(volume.size[0] as usize).div_ceil(tile), samples.end.div_ceil(tile) - samples.start / tile];
@@ -200,7 +226,7 @@ impl Rows {
         let analyze = gpu.kernel(&SHADER, "look")?;
         let bindings = [(3, &frame), (8, &colors[3]), (9, &coc_px), (12, &extents), (13, &tiles)];
         gpu.submit(|work| work.pass(&analyze, &bindings, [columns as u32, rows as u32, 1]))?;
-        Ok(Self { frame, colors, extents, tiles })
+        Ok(Self { frame, colors, coc_px, extents, tiles })
     }
 }
 
@@ -220,7 +246,12 @@ fn upload(
     gpu.upload_all(label, &parts)
 }
 
-fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usize>) -> Frame {
+fn frame(
+    (volume, lens): (&Volume<&Layer>, &Lens),
+    width: usize,
+    band: &Band,
+    samples: &Range<usize>,
+) -> Frame {
     let [nearest, farthest] = volume.coc_range_px;
     Frame {
         width: width as u32,
@@ -238,13 +269,24 @@ fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usi
         axis_y: volume.field.axis_px.y,
         half_diagonal_px: volume.field.half_diagonal_px,
         cats_eye: volume.optics.cats_eye,
+        turns: lens.turns as u32,
+        turn_views: lens.turn_views as u32,
     }
 }
 
 impl Volume<&Layer> {
-    /// What becomes of rays that have passed all fragments.
+    /// Where rays begin and end.
     fn ends(&self) -> RayEnds<'_> {
-        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+        RayEnds { jitter: &self.jitter, background: self.background.as_deref(), lost_rays: self.lost_rays }
+    }
+
+    /// Whether some fragment is translucent.
+    fn is_translucent(&self) -> bool {
+        let alphas = |layer: &&Layer| {
+            let alphas = layer.alpha.values().iter();
+            alphas.fold(false, |any, &alpha| any | ((alpha > 0.0) & is_translucent(alpha)))
+        };
+        self.layers.iter().any(alphas)
     }
 
     /// Maximum number of rows of a picture of `width` columns in a band on `gpu`.
@@ -257,16 +299,28 @@ impl Volume<&Layer> {
 impl GpuBackend for Accumulate {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let volume = Volume::new(scene, plan);
-        let lens = Lens::new(gpu, &volume, &plan.optics.rays(plan.lens_samples()))?;
+        let translucent = volume.is_translucent();
+        if translucent && volume.layers.len() > MAX_TRANSLUCENT_LAYERS {
+            return Err(Error::device("the layers of a translucent scene are too many for the GPU")
+                .with("found", format!("{} layers", volume.layers.len()))
+                .with(
+                    "expected",
+                    format!("{MAX_TRANSLUCENT_LAYERS} layers at most, or opaque fragments only"),
+                )
+                .help("use `device = cpu`"));
+        }
+        let lens = Lens::new(gpu, &volume, &plan.optics.rays_in_turns(plan.lens_samples()))?;
+        let follow = gpu.kernel_with(&SHADER, "follow", &[("TRANSLUCENT", f64::from(translucent))])?;
         let (width, height) = scene.picture_size();
         picture_of_batches(
             (width, height),
             [lens.reach_rows, volume.max_rows(gpu, width)],
             progress,
             |band, progress| {
-                let rows = Rows::new(gpu, &volume, width, band)?;
+                let rows = Rows::new(gpu, (&volume, &lens), width, band)?;
                 let batches = Batches::new(gpu, &SHADER, (width, band), volume.ends())?;
-                trace(gpu, (&rows, &lens), &batches, tiles(width, band.rows.len(), TILE as usize), progress)?;
+                let groups = tiles(width, band.rows.len(), TILE as usize);
+                trace((&follow, groups), (&rows, &lens), &batches, progress)?;
                 Ok(batches)
             },
         )
@@ -277,27 +331,25 @@ impl GpuBackend for Accumulate {
     }
 }
 
-/// Traces all rays through `rows`.
+/// Traces all rays through `rows` by `groups` workgroups of the kernel `follow`.
 fn trace(
-    gpu: &Gpu,
+    (follow, groups): (&Kernel, [u32; 3]),
     (rows, lens): (&Rows, &Lens),
     batches: &Batches<'_>,
-    groups: [u32; 3],
     progress: &dyn Fn(f32),
 ) -> Result<(), Error> {
-    let follow = gpu.kernel(&SHADER, "follow")?;
     let [red, green, blue, alpha] = &rows.colors;
     let stack = [(3, &rows.frame), (4, &lens.views), (5, red), (6, green), (7, blue), (8, alpha)];
-    let traversal = [(10, &rows.extents), (11, &rows.tiles)];
+    let traversal = [(9, &rows.coc_px), (10, &rows.extents), (11, &rows.tiles)];
     let done = std::cell::Cell::new(0);
     for (views, channels) in &lens.sets {
         let ask = |work: &mut Work<'_>, rays: RayBindings<'_>| {
             let bindings: Vec<_> = rays.into_iter().chain(stack).chain(traversal).collect();
-            work.pass(&follow, &bindings, groups)
+            work.pass(follow, &bindings, groups)
         };
         batches.follow((views.clone(), lens.rounds), ask, |views| {
             done.set(done.get() + views);
-            progress(done.get() as f32 / lens.count as f32);
+            progress(done.get() as f32 / lens.turn_views as f32);
         })?;
         batches.resolve(channels, |_, _| Ok(()))?;
     }

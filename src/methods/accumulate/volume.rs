@@ -4,8 +4,8 @@ use super::surfaces::{Hit, TranslucentHits, extent, is_translucent};
 use super::tiles::{Passage, REACH_PX, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::contract::{LostRays, Plan};
-use crate::methods::shared::RaySum;
-use crate::scene::{Antialiasing, Background, Layer, Scene};
+use crate::methods::shared::{RayJitter, RaySum};
+use crate::scene::{Background, Layer, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
 use std::sync::Arc;
@@ -19,9 +19,8 @@ pub(crate) struct Volume<L> {
     pub(super) size: [i32; 2],
     pub(super) supersample: f32,
     pub(super) coc_range_px: [f32; 2],
-    /// Where colours are averages over the pixel, and the extent of rays in a pixel of these.
-    pub(super) antialiasing: Antialiasing,
-    pub(super) averages_jitter: f32,
+    /// Extent of rays in each pixel.
+    pub(super) jitter: RayJitter,
     pub(super) background: Option<Arc<Background>>,
     pub(super) lost_rays: LostRays,
     pub(super) optics: Optics,
@@ -129,9 +128,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             size,
             supersample: scene.supersample as f32,
             coc_range_px: plan.coc_range_px,
-            antialiasing: scene.antialiasing.clone(),
-            // The samples of a supersampled stack are point samples of its own, finer grid.
-            averages_jitter: if scene.supersample > 1 { 1.0 } else { plan.averages_jitter },
+            jitter: RayJitter::new(scene, plan),
             background: plan.background(scene),
             lost_rays: plan.lost_rays,
             optics: plan.optics.clone(),
@@ -188,15 +185,10 @@ impl<L: Borrow<Layer>> Volume<L> {
 
     /// The rays through picture pixel `x, y` of those of `views` that the lens barrel does not occlude.
     fn rays_of(&self, (x, y): (usize, usize), views: &[View]) -> impl Iterator<Item = Ray> {
-        let (centre, jitter) = (centre(x, y), self.jitter(x, y));
+        let (centre, jitter) = (centre(x, y), self.jitter.at(x, y));
         let height = self.field.height(centre);
         let passes = move |view: &&View| self.optics.within_barrel(view.lens, height) >= 0.0;
         views.iter().filter(passes).map(move |view| self.ray(centre, jitter, view))
-    }
-
-    /// Extent of rays in picture pixel `x, y`, as a fraction of its width: see [`Plan::jitter`].
-    fn jitter(&self, x: usize, y: usize) -> f32 {
-        1.0 - self.antialiasing.at(x, y) * (1.0 - self.averages_jitter)
     }
 
     /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
@@ -417,8 +409,7 @@ mod tests {
                 size: [3, 3],
                 supersample: 1.0,
                 coc_range_px: [-1.0, 2.0],
-                antialiasing: Antialiasing::POINT_SAMPLES,
-                averages_jitter: 1.0,
+                jitter: RayJitter::whole_pixels(),
                 background: None,
                 lost_rays: LostRays::LeftOut,
                 optics: Optics::from_aperture(Aperture::DISC),

@@ -13,6 +13,7 @@ mod planes;
 mod pyramid;
 #[cfg(feature = "gpu")]
 mod ray_batches;
+mod ray_jitter;
 #[cfg(feature = "gpu")]
 mod ray_stack;
 mod ray_sum;
@@ -43,6 +44,7 @@ pub(super) use pyramid::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, 
 pub(super) use ray_batches::{
     Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
 };
+pub(super) use ray_jitter::RayJitter;
 #[cfg(feature = "gpu")]
 pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,

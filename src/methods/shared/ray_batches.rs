@@ -4,13 +4,14 @@
 //! short and limits each sum to a few hundred terms, for which single precision suffices. The shader part is
 //! `shaders/shared/ray_sums.wgsl`.
 //!
-//! Memory: 36 bytes per pixel; where the background is visible, 12 more.
+//! Memory: 36 bytes per pixel; 16 more where the background is visible or rays start from different parts of pixels, and 4 more for the
+//! background.
 
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MAX_ROUNDS, Shader, Work, bands, mirrored};
 use crate::image::Image;
 use crate::methods::contract::{LostRays, Progress};
-use crate::methods::shared::MIN_HIT;
+use crate::methods::shared::{MIN_HIT, RayJitter};
 use crate::scene::Background;
 use std::ops::Range;
 
@@ -21,8 +22,8 @@ pub(in crate::methods) const RAY_SUMS_CONSTANT: (&str, Constant) =
 /// Text of `shaders/shared/ray_sums.wgsl`: bindings of sums and picture, and functions on them. It precedes a method's own text.
 pub(in crate::methods) const RAY_SUMS: &str = include_str!("../../../shaders/shared/ray_sums.wgsl");
 
-/// Binding of the background in [`RAY_SUMS`].
-const BACKGROUND_BINDING: u32 = 14;
+/// Binding of what each pixel shows in [`RAY_SUMS`].
+const PIXELS_BINDING: u32 = 14;
 
 /// Bytes of the picture per pixel.
 const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
@@ -32,7 +33,7 @@ const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
 const BATCH_VIEWS: [usize; 2] = [16, 64];
 
 mirrored! {
-    /// A batch: some of the views of one set, and what becomes of rays that have passed all fragments.
+    /// A batch: some of the views of one set, and where the rays of a pixel begin and end.
     pub(in crate::methods) struct Batch {
         /// First view.
         first_view: u32,
@@ -48,20 +49,26 @@ mirrored! {
         shows_background: u32,
         /// Whether lost rays count as opaque black; otherwise they are left out of the mean.
         lost_are_black: u32,
+        /// Whether rays start from different parts of different pixels.
+        jitter_by_pixel: u32,
+        /// Extent of the rays' origins in a pixel, as a fraction of its width, if that is the same in all.
+        jitter: f32,
         /// Width of the picture.
         columns: i32,
-        /// First row of the background that is uploaded.
+        /// First row of the picture's pixels that is uploaded.
         top: i32,
-        /// Last row of the background that is uploaded.
+        /// Last row of the picture's pixels that is uploaded.
         bottom: i32,
         /// CoC radius at infinity in pixels.
         coc_infinity_px: f32,
     }
 }
 
-/// What becomes of rays that have passed all fragments: see [`Background`].
+/// Both ends of rays: where they begin in their pixel, and what becomes of those that have passed all fragments, see [`Background`].
 #[derive(Debug, Clone, Copy)]
 pub(in crate::methods) struct RayEnds<'a> {
+    /// The part of each pixel in which its rays begin.
+    pub jitter: &'a RayJitter,
     /// The background, where it is visible.
     pub background: Option<&'a Background>,
     /// What rays count as that end neither in a fragment nor in the background.
@@ -74,9 +81,14 @@ impl RayEnds<'_> {
         if self.background.is_some() { 6 } else { 5 }
     }
 
-    /// Bytes of the uploaded background per pixel.
-    fn background_bytes(self) -> usize {
-        if self.background.is_some() { size_of::<[f32; 2]>() } else { 0 }
+    /// Whether pixels differ in where their rays begin, or end.
+    fn differ(self) -> bool {
+        self.background.is_some() || self.jitter.everywhere().is_none()
+    }
+
+    /// Bytes of what is uploaded per pixel.
+    fn pixel_bytes(self) -> usize {
+        if self.differ() { size_of::<[f32; 4]>() } else { 0 }
     }
 
     /// The CoC radii at which rays read the stack or the background, if those of the fragments are `fragments_px`.
@@ -85,23 +97,25 @@ impl RayEnds<'_> {
         ends_px.map_or([near, far], |ends_px| [near.min(ends_px), far.max(ends_px)])
     }
 
-    /// Share and last CoC radius of each pixel of the background in the rows that `band` reads.
-    fn upload(self, gpu: &Gpu, band: &Band) -> Result<Buffer, Error> {
-        let pixel = |background: &Background, x, y| {
-            [background.share().get(x, y), background.last_coc_px().get(x, y)]
+    /// For each pixel in the rows that `band` of a picture of `width` columns reads: share and last CoC radius of the background, and extent
+    /// of the rays' origins; one texel without meaning if all pixels are alike.
+    fn upload(self, gpu: &Gpu, (width, band): (usize, &Band)) -> Result<Buffer, Error> {
+        let pixel = |x, y| {
+            let [share, last_coc_px] = self.background.map_or([0.0; 2], |background| {
+                [background.share().get(x, y), background.last_coc_px().get(x, y)]
+            });
+            [share, last_coc_px, self.jitter.at(x, y), 0.0]
         };
-        let pixels = self.background.map_or_else(
-            || vec![[0.0; 2]],
-            |background| {
-                let columns = background.share().width();
-                band.source.clone().flat_map(|y| (0..columns).map(move |x| pixel(background, x, y))).collect()
-            },
-        );
-        gpu.upload("the background", &pixels)
+        let pixels: Vec<[f32; 4]> = if self.differ() {
+            band.source.clone().flat_map(|y| (0..width).map(move |x| pixel(x, y))).collect()
+        } else {
+            vec![[0.0; 4]]
+        };
+        gpu.upload("the picture's pixels", &pixels)
     }
 }
 
-/// Batch, sums and background, with their binding numbers in [`RAY_SUMS`].
+/// Batch, sums and pixels, with their binding numbers in [`RAY_SUMS`].
 pub(in crate::methods) type RayBindings<'a> = [(u32, &'a Buffer); 3];
 
 /// Sums over the rays of a band's pixels, and the picture made from them.
@@ -110,7 +124,7 @@ pub(in crate::methods) struct Batches<'g> {
     gpu: &'g Gpu,
     resolve: Kernel,
     sums: Buffer,
-    background: Buffer,
+    pixels: Buffer,
     picture: Buffer,
     /// What all batches have in common.
     batch: Batch,
@@ -129,7 +143,7 @@ impl<'g> Batches<'g> {
             gpu,
             resolve: gpu.kernel(shader, "resolve")?,
             sums: gpu.zeros::<f32>("sums", ends.sums() * pixels)?,
-            background: ends.upload(gpu, band)?,
+            pixels: ends.upload(gpu, (width, band))?,
             picture: gpu.zeros::<[f32; 4]>("the picture", pixels)?,
             batch: Batch {
                 first_view: 0,
@@ -139,6 +153,8 @@ impl<'g> Batches<'g> {
                 pixels: pixels as u32,
                 shows_background: ends.background.is_some().into(),
                 lost_are_black: (ends.lost_rays == LostRays::Black).into(),
+                jitter_by_pixel: ends.jitter.everywhere().is_none().into(),
+                jitter: ends.jitter.everywhere().unwrap_or(1.0),
                 columns: width as i32,
                 top: band.source.start as i32,
                 bottom: band.source.end as i32 - 1,
@@ -148,7 +164,7 @@ impl<'g> Batches<'g> {
     }
 
     /// Maximum number of rows of `width` pixels in a band on `gpu`, if the method's largest buffer takes `largest` bytes per
-    /// pixel and all of its buffers together `all`, beside sums, background and picture.
+    /// pixel and all of its buffers together `all`, beside sums, what pixels show and picture.
     pub(in crate::methods) fn max_rows(
         gpu: &Gpu,
         width: usize,
@@ -158,12 +174,12 @@ impl<'g> Batches<'g> {
         let row = |bytes: usize| (bytes * width).max(1) as u64;
         let sum_bytes = size_of::<f32>() * ends.sums();
         let by_buffer = gpu.max_binding_bytes() / row(largest.max(sum_bytes).max(PIXEL_BYTES));
-        let by_all = gpu.max_working_bytes() / row(all + sum_bytes + ends.background_bytes() + PIXEL_BYTES);
+        let by_all = gpu.max_working_bytes() / row(all + sum_bytes + ends.pixel_bytes() + PIXEL_BYTES);
         by_buffer.min(by_all) as usize
     }
 
     /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch, sums
-    /// and background; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
+    /// and pixels; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
     /// iterations of a thread per view.
     pub(in crate::methods) fn follow(
         &self,
@@ -209,7 +225,7 @@ impl<'g> Batches<'g> {
     }
 
     fn bindings<'a>(&'a self, batch: &'a Buffer) -> RayBindings<'a> {
-        [(0, batch), (1, &self.sums), (BACKGROUND_BINDING, &self.background)]
+        [(0, batch), (1, &self.sums), (PIXELS_BINDING, &self.pixels)]
     }
 
     /// Copies the band's rows into `image`.

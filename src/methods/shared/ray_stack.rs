@@ -64,13 +64,13 @@ mirrored! {
 }
 
 mirrored! {
-    /// A lens sample, in samples.
+    /// A lens sample.
     pub(in crate::methods) struct View {
-        /// Position in the pixel.
+        /// Position in the pixel, as a fraction of the extent of the rays' origins.
         start_x: f32,
         /// Its vertical component.
         start_y: f32,
-        /// Step per pixel of CoC radius.
+        /// Step per pixel of CoC radius, in samples.
         step_x: f32,
         /// Its vertical component.
         step_y: f32,
@@ -78,10 +78,10 @@ mirrored! {
 }
 
 impl View {
-    /// Maximum vertical distance of the ray from its pixel, in samples, between the CoC radii `range_px`.
-    fn max_distance(&self, range_px: [f32; 2]) -> f32 {
-        let [near, far] = range_px.map(|coc| (self.start_y + coc * self.step_y).abs());
-        near.max(far)
+    /// Maximum vertical distance of a ray from its pixel, in samples, between the CoC radii `range_px`.
+    fn max_distance(&self, supersample: f32, range_px: [f32; 2]) -> f32 {
+        let [near, far] = range_px.map(|coc| (coc * self.step_y).abs());
+        supersample * self.start_y.abs() + near.max(far)
     }
 }
 
@@ -95,20 +95,19 @@ pub(in crate::methods) struct RayViews {
 }
 
 impl RayViews {
-    /// Uploads `views`, with pixel positions scaled by `jitter`, for rays between the CoC radii `range_px`.
+    /// Uploads `views` for rays between the CoC radii `range_px` through a stack of `supersample` samples per pixel along each axis.
     pub(in crate::methods) fn new<'v>(
         gpu: &Gpu,
         views: impl Iterator<Item = &'v lens::View>,
-        (jitter, supersample): (f32, f32),
+        supersample: f32,
         range_px: [f32; 2],
     ) -> Result<Self, Error> {
         let view = |view: &lens::View| {
-            let start = jitter * supersample * view.jitter;
             let step = supersample * view.lens;
-            View { start_x: start.x, start_y: start.y, step_x: step.x, step_y: step.y }
+            View { start_x: view.jitter.x, start_y: view.jitter.y, step_x: step.x, step_y: step.y }
         };
         let views: Vec<View> = views.map(view).collect();
-        let distance = views.iter().map(|view| view.max_distance(range_px)).fold(0.0, f32::max);
+        let distance = views.iter().map(|view| view.max_distance(supersample, range_px)).fold(0.0, f32::max);
         let words: Vec<u32> = views.iter().flat_map(View::words).collect();
         let buffer = gpu.upload("lens samples", &words)?;
         Ok(Self { buffer, reach_rows: (distance / supersample).ceil() as usize + 1 })

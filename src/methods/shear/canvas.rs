@@ -120,7 +120,8 @@ impl Step {
 /// One view: how far it moves each bin, the same for every row.
 #[derive(Debug)]
 pub(super) struct Shear {
-    view: View,
+    /// The lens point and the place in the pixel.
+    pub(super) view: View,
     /// The bins in the largest blocks that the view moves alike, nearest first.
     pub(super) steps: Vec<Step>,
 }
@@ -130,11 +131,6 @@ impl Shear {
     pub(super) fn new(view: &View, bins: &Bins) -> Self {
         let shifts: Vec<Shift> = bins.centers_px().iter().map(|&coc_px| shift(view, coc_px)).collect();
         Self { view: *view, steps: steps(&shifts, bins) }
-    }
-
-    /// The lens point.
-    pub(super) fn lens(&self) -> Vec2 {
-        self.view.lens
     }
 
     /// Where the ray of the view from `pixel` is at the CoC radius `coc_px`.

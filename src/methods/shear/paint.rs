@@ -387,7 +387,7 @@ impl WithSimd for AddViews<'_> {
         for shear in self.shears {
             let active_chunks = match self.canvas.barrel {
                 None => self.row.start_view(),
-                Some(barrel) => self.row.start_view_through(&barrel, shear.lens(), self.y),
+                Some(barrel) => self.row.start_view_through(&barrel, shear.view.lens, self.y),
             };
             self.row.hits.start_view();
             let mut painter = Painter { simd, active_chunks, row: self.row };

@@ -14,7 +14,7 @@ use crate::scene::Antialiasing;
 pub(super) type ShearSet = (Vec<Shear>, &'static [usize]);
 
 /// The sets of views that rows take turns with: row `y` has entry `y mod n` of `n`.
-type Turns = Vec<Vec<ShearSet>>;
+pub(super) type Turns = Vec<Vec<ShearSet>>;
 
 /// The views of all rows.
 #[derive(Debug)]
@@ -53,6 +53,15 @@ impl RowViews {
             None => {
                 Self::ByPixel { points: turns(0.0), averages: turns(1.0), antialiasing: antialiasing.clone() }
             }
+        }
+    }
+
+    /// The views of all rows: those that are painted first and, by pixel over them, those of averages.
+    #[cfg(feature = "gpu")]
+    pub(super) fn paintings(&self) -> Vec<&Turns> {
+        match self {
+            Self::Alike(turns) => vec![turns],
+            Self::ByPixel { points, averages, .. } => vec![points, averages],
         }
     }
 

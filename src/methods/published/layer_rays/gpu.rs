@@ -103,9 +103,9 @@ impl LayerTracer {
         }
     }
 
-    /// What becomes of rays that have passed all fragments.
+    /// Where rays begin and end.
     fn ends(&self) -> RayEnds<'_> {
-        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+        RayEnds { jitter: &self.jitter, background: self.background.as_deref(), lost_rays: self.lost_rays }
     }
 
     /// The lens samples of all sets.
@@ -113,7 +113,7 @@ impl LayerTracer {
         let [near, _] = self.spacing.interval(0);
         let [_, far] = self.spacing.interval(self.spacing.count - 1);
         let range_px = self.ends().range_px([near, far]);
-        RayViews::new(gpu, self.samples.sets.iter().flatten(), (self.jitter, self.supersample), range_px)
+        RayViews::new(gpu, self.samples.sets.iter().flatten(), self.supersample, range_px)
     }
 
     /// Maximum loop iterations per ray: for each layer, one N-buffer look-up, and the search with several look-ups in

@@ -45,7 +45,7 @@ use crate::image::Image;
 use crate::methods::contract::{LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{Fragments, RaySampler, RaySum, Tracer};
+use crate::methods::shared::{Fragments, RayJitter, RaySampler, RaySum, Tracer};
 use crate::scene::{Background, EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use cones::Cones;
@@ -132,8 +132,8 @@ struct LayerTracer {
     cull: Cull,
     cones: Option<Cones>,
     supersample: f32,
-    /// Extent of the ray origins in the pixel, as a share of the pixel's width.
-    jitter: f32,
+    /// Extent of the ray origins in each pixel.
+    jitter: RayJitter,
     iterations: usize,
     /// Whether rays that leave the frame are discarded.
     discard: bool,
@@ -148,7 +148,7 @@ impl Tracer for LayerTracer {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<LayerRaysParameters>();
         let supersample = scene.supersample as f32;
-        let (background, antialiased) = (plan.background(&scene), scene.antialiasing.mean() as f32);
+        let (background, jitter) = (plan.background(&scene), RayJitter::new(&scene, plan));
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
@@ -159,7 +159,7 @@ impl Tracer for LayerTracer {
             fragments,
             spacing,
             supersample,
-            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter(antialiased) },
+            jitter,
             iterations: parameters.iterations,
             discard: parameters.discard,
             background,
@@ -171,9 +171,10 @@ impl Tracer for LayerTracer {
         let samples = self.samples.at_pixel(x, y);
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
         self.cull.layers_in_reach(centre, layers);
+        let extent = self.jitter.at(x, y) * self.supersample;
         let mut sum = RaySum::default();
         for view in samples {
-            let start = centre + self.jitter * self.supersample * view.jitter;
+            let start = centre + extent * view.jitter;
             self.follow(Ray { start, step: self.supersample * view.lens }, layers, &mut sum);
         }
         let mean = sum.mean(samples.len(), self.lost_rays);

@@ -58,9 +58,9 @@ impl Marcher {
         }
     }
 
-    /// What becomes of rays that have passed all fragments.
+    /// Where rays begin and end.
     fn ends(&self) -> RayEnds<'_> {
-        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+        RayEnds { jitter: &self.jitter, background: self.background.as_deref(), lost_rays: self.lost_rays }
     }
 
     fn march_uniform(&self) -> March {
@@ -103,14 +103,13 @@ struct Tables<'g> {
 impl<'g> Tables<'g> {
     fn new(gpu: &'g Gpu, marcher: &'g Marcher) -> Result<Self, Error> {
         let range = &marcher.range;
-        let in_pixel = (marcher.jitter, marcher.supersample);
         let range_px = marcher.ends().range_px(range.full_px);
         let nbuffers = nbuffer_words(&[Some(&range.nearest), Some(&range.farthest)], Vec::new());
         Ok(Self {
             gpu,
             marcher,
             march: gpu.uniform(&marcher.march_uniform())?,
-            views: RayViews::new(gpu, marcher.samples.iter(), in_pixel, range_px)?,
+            views: RayViews::new(gpu, marcher.samples.iter(), marcher.supersample, range_px)?,
             nbuffers: gpu.upload("N-buffers", &nbuffers)?,
             follow: gpu.kernel(&SHADER, "follow")?,
         })

@@ -30,7 +30,7 @@ use crate::lens::{View, views};
 use crate::methods::contract::{LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{Blocks, Fragments, NBuffer, RaySampler, RaySum, Tracer};
+use crate::methods::shared::{Blocks, Fragments, NBuffer, RayJitter, RaySampler, RaySum, Tracer};
 use crate::scene::{Background, EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use glam::Vec2;
@@ -97,8 +97,8 @@ struct Marcher {
     fragments: Fragments,
     range: CocRange,
     supersample: f32,
-    /// Extent of the ray origins in the pixel, as a share of the pixel's width.
-    jitter: f32,
+    /// Extent of the ray origins in each pixel.
+    jitter: RayJitter,
     linear_steps: usize,
     binary_steps: usize,
     background: Option<Arc<Background>>,
@@ -189,14 +189,14 @@ impl Tracer for Marcher {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<PeelRaysParameters>();
         let supersample = scene.supersample as f32;
-        let (background, antialiased) = (plan.background(&scene), scene.antialiasing.mean() as f32);
+        let (background, jitter) = (plan.background(&scene), RayJitter::new(&scene, plan));
         let fragments = Fragments::new(scene);
         Self {
             samples: views(rays, plan.optics.aperture),
             range: CocRange::new(&fragments, plan.coc_range_px, supersample),
             fragments,
             supersample,
-            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter(antialiased) },
+            jitter,
             linear_steps: parameters.linear_steps,
             binary_steps: parameters.binary_steps,
             background,
@@ -207,9 +207,10 @@ impl Tracer for Marcher {
     fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.supersample;
         let range = self.range.bundle_px(centre, self.supersample);
+        let extent = self.jitter.at(x, y) * self.supersample;
         let mut sum = RaySum::default();
         for view in &self.samples {
-            let start = centre + self.jitter * self.supersample * view.jitter;
+            let start = centre + extent * view.jitter;
             self.march(Ray { start, step: self.supersample * view.lens }, range, &mut sum);
         }
         sum.mean(self.samples.len(), self.lost_rays)
@@ -341,7 +342,7 @@ mod tests {
             range: CocRange::new(&fragments, coc_range_px, 1.0),
             fragments,
             supersample: 1.0,
-            jitter: 1.0,
+            jitter: RayJitter::whole_pixels(),
             linear_steps: 100,
             binary_steps: 5,
             background: None,

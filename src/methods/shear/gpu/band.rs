@@ -1,22 +1,21 @@
 //! One band of rows: the stack is uploaded and indexed, then its views are painted in batches.
 
 use super::frame::Frame;
-use super::kernels::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE};
+use super::kernels::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE, View};
 use crate::error::Error;
-use crate::gpu::{Band, Buffer, Kernel, MAX_ROUNDS, Resource, Texels, Texture, tiles};
+use crate::gpu::{Band, Buffer, Kernel, MAX_ROUNDS, Mirrored, Resource, Texels, Texture, tiles};
+use crate::lens;
 use crate::methods::contract::Progress;
 use crate::methods::shear::canvas::Shear;
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
-use crate::scene::{Layer, OPAQUE_ALPHA};
+use crate::methods::shear::row_views::Turns;
+use crate::scene::{Background, Layer};
+use glam::IVec2;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Most views of a batch. Short batches limit the time of one dispatch and the rounding error of its sums.
 const MAX_BATCH_VIEWS: usize = 64;
-
-/// Length of the shader's `shifts`, in pairs of 16-bit numbers: the size that every adapter allows for a uniform buffer.
-const SHIFTS: usize = 16384;
 
 /// Largest size of the lists of groups, in bytes.
 const MAX_LISTS_BYTES: u64 = 256 << 20;
@@ -26,10 +25,11 @@ pub(super) struct BandBuffers<'a> {
     frame: &'a Frame<'a>,
     rows: usize,
     params: Params,
-    /// Whether some fragment is translucent.
-    translucent: bool,
     colors: Texture,
     keys: Texture,
+    /// What pixels show beside their fragments.
+    pixels: Texture,
+    bin_table: Buffer,
     window_bins: Buffer,
     square_window_bins: Buffer,
     window_occluders: Buffer,
@@ -38,7 +38,7 @@ pub(super) struct BandBuffers<'a> {
     picture: Buffer,
 }
 
-/// For each tile and view of a batch the groups of bins that may be visible, and the order of the views: see the shader.
+/// For each tile, turn and view of a batch the groups of bins that may be visible, and the order of the views: see the shader.
 struct Lists {
     groups: Buffer,
     ordered_views: Buffer,
@@ -48,7 +48,7 @@ struct Lists {
 impl<'a> BandBuffers<'a> {
     /// Uploads the rows that the band reads, prefiltered and sorted into bins.
     pub(super) fn new(frame: &'a Frame<'a>, Band { rows, source }: &Band) -> Result<Self, Error> {
-        let (gpu, (width, _), layers) = (frame.gpu, frame.size, frame.layers.len());
+        let (gpu, (width, _), layers) = (frame.gpu, frame.picture.size, frame.layers.len());
         let params = Params {
             source_start: source.start as u32,
             source_rows: source.len() as u32,
@@ -59,13 +59,20 @@ impl<'a> BandBuffers<'a> {
         let blocks = width.div_ceil(BLOCK) * source.len().div_ceil(BLOCK);
         let words = blocks * params.words as usize;
         let size = (width, source.len());
-        let mut band = Self {
+        let no_pixels = (1, 1);
+        let band = Self {
             frame,
             rows: rows.len(),
             params,
-            translucent: false,
             colors: gpu.texture("colours", Texels::FourFloats, size, layers)?,
-            keys: gpu.texture("keys", Texels::TwoWords, size, layers.div_ceil(LAYERS_PER_TEXEL))?,
+            keys: gpu.texture("keys", Texels::FourWords, size, layers.div_ceil(LAYERS_PER_TEXEL))?,
+            pixels: gpu.texture(
+                "pixels",
+                Texels::FourFloats,
+                if frame.has_pixels() { size } else { no_pixels },
+                1,
+            )?,
+            bin_table: gpu.uniform_of(&frame.bin_table())?,
             window_bins: gpu.zeros::<u32>("bins of windows", words)?,
             square_window_bins: gpu.zeros::<u32>("bins of windows of squares", words)?,
             window_occluders: gpu.zeros::<u32>("occluders of windows", blocks)?,
@@ -75,15 +82,19 @@ impl<'a> BandBuffers<'a> {
         band.fill_keys(source)?;
         band.index()?;
         band.fill_colors(source)?;
+        if frame.has_pixels() {
+            gpu.fill(&band.pixels, 0, |y, texels| frame.pixel_row(source.start + y, texels))?;
+        }
         Ok(band)
     }
 
     /// Uploads the keys of rows `source`, four layers to a texel.
     fn fill_keys(&self, source: &Range<usize>) -> Result<(), Error> {
-        let Frame { gpu, keys, layers, size: (width, _), .. } = self.frame;
+        let Frame { gpu, keys, layers, picture, .. } = self.frame;
+        let width = picture.size.0;
         for first in (0..layers.len()).step_by(LAYERS_PER_TEXEL) {
             gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, |y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
-                let mut row = KeyRow::new(*width);
+                let mut row = KeyRow::new(width);
                 texels.fill([NO_KEY; LAYERS_PER_TEXEL]);
                 for layer in first..layers.len().min(first + LAYERS_PER_TEXEL) {
                     keys.fill((layer, source.start + y), &mut row);
@@ -94,10 +105,10 @@ impl<'a> BandBuffers<'a> {
         Ok(())
     }
 
-    /// Uploads the colours of rows `source`, prefiltered if the plan has a prefilter, and records whether any fragment is
-    /// translucent.
-    fn fill_colors(&mut self, source: &Range<usize>) -> Result<(), Error> {
-        let Frame { gpu, layers, radius_per_coc, size: (width, _), .. } = self.frame;
+    /// Uploads the colours of rows `source`, prefiltered if the plan has a prefilter.
+    fn fill_colors(&self, source: &Range<usize>) -> Result<(), Error> {
+        let Frame { gpu, layers, radius_per_coc, picture, .. } = self.frame;
+        let width = picture.size.0;
         let values = source.start * width..source.end * width;
         let mut filtered = [const { Vec::new() }; 3];
         for (i, Layer { color, alpha, coc_px }) in layers.iter().enumerate() {
@@ -105,11 +116,10 @@ impl<'a> BandBuffers<'a> {
             let mut color = color.each_ref().map(|plane| &plane.values()[values.clone()]);
             if let Some(radius_per_coc) = radius_per_coc {
                 filtered.iter_mut().zip(color).for_each(|(copy, plane)| copy_to(copy, plane));
-                let surface = Surface { width: *width, alpha, coc_px };
+                let surface = Surface { width, alpha, coc_px };
                 smooth_surface(filtered.each_mut().map(Vec::as_mut_slice), &surface, *radius_per_coc);
                 color = filtered.each_ref().map(Vec::as_slice);
             }
-            let translucent = AtomicBool::new(self.translucent);
             gpu.fill(&self.colors, i, |y, texels: &mut [[f32; 4]]| {
                 let row = y * width..(y + 1) * width;
                 let [red, green, blue] = color.map(|plane| &plane[row.clone()]);
@@ -118,18 +128,14 @@ impl<'a> BandBuffers<'a> {
                 for (texel, (((&r, &g), &b), &a)) in texels.iter_mut().zip(pixels) {
                     *texel = [r, g, b, a];
                 }
-                if alpha.iter().fold(false, |any, &a| any | ((a > 0.0) & (a < OPAQUE_ALPHA))) {
-                    translucent.store(true, Ordering::Relaxed);
-                }
             })?;
-            self.translucent = translucent.into_inner();
         }
         Ok(())
     }
 
     /// Indexes the bins of each window, and the windows in which the first layer occludes all others.
     fn index(&self) -> Result<(), Error> {
-        let (gpu, (width, _)) = (self.frame.gpu, self.frame.size);
+        let (gpu, (width, _)) = (self.frame.gpu, self.frame.picture.size);
         let Params { words, source_rows, .. } = self.params;
         let kernel = |name| gpu.kernel(&SHADER, name);
         let params = &gpu.uniform(&self.params)?;
@@ -153,71 +159,91 @@ impl<'a> BandBuffers<'a> {
 
     /// Paints all views of all sets.
     pub(super) fn picture(mut self, progress: &Progress<'_>) -> Result<Buffer, Error> {
-        let total = (self.frame.sets.len() * self.frame.views) as f32;
-        for (set, (shears, channels)) in self.frame.sets.iter().enumerate() {
-            self.params.channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
-            let mut painted = 0;
-            while painted < shears.len() {
-                let end = shears.len().min(painted + self.batch_views()?);
-                painted += self.paint(shears, painted..end)?;
-                progress((set * self.frame.views + painted) as f32 / total);
+        let frame = self.frame;
+        let paintings = frame.row_views.paintings();
+        let total = paintings.iter().map(|turns| turns[0].len() * frame.views).sum::<usize>() as f32;
+        let mut painted_before = 0;
+        for (i, turns) in paintings.into_iter().enumerate() {
+            self.params.blends = u32::from(i > 0);
+            self.params.turns = turns.len() as u32;
+            for set in 0..turns[0].len() {
+                self.paint_set(turns, set, &|painted| progress((painted_before + painted) as f32 / total))?;
+                painted_before += frame.views;
             }
         }
         Ok(self.picture)
     }
 
-    fn tiles(&self) -> [u32; 3] {
-        tiles(self.frame.size.0, self.rows, TILE)
+    /// Paints all views of set `set` of the colours, in turns.
+    fn paint_set(&mut self, turns: &Turns, set: usize, progress: &dyn Fn(usize)) -> Result<(), Error> {
+        let channels = turns[0][set].1;
+        self.params.channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
+        let turns: Vec<&[Shear]> = turns.iter().map(|sets| sets[set].0.as_slice()).collect();
+        let mut painted = 0;
+        while painted < self.frame.views {
+            let end = self.frame.views.min(painted + self.batch_views()?);
+            painted += self.paint(&turns, painted..end)?;
+            progress(painted);
+        }
+        Ok(())
     }
 
-    /// Number of views of the next batch: its lists and shifts fit into a buffer, and a thread's loops below the driver's limit.
+    fn tiles(&self) -> [u32; 3] {
+        tiles(self.frame.picture.size.0, self.rows, TILE)
+    }
+
+    /// Number of views of the next batch: its lists fit into a buffer, and a thread's loops below the driver's limit.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Device`] if not even one view fits.
     fn batch_views(&self) -> Result<usize, Error> {
+        let Params { entries, bins, turns, .. } = self.params;
         let [columns, rows, _] = self.tiles();
-        let list_bytes = (columns * rows * self.params.entries) as usize * size_of::<[u32; 2]>();
+        let list_bytes = (columns * rows * turns * entries) as usize * size_of::<[u32; 2]>();
         let max_bytes = self.frame.gpu.max_binding_bytes().min(MAX_LISTS_BYTES) as usize;
         // For each entry, and for each translucent fragment, the four pixels of a thread read all texels of keys.
         let texels = self.frame.layers.len().div_ceil(LAYERS_PER_TEXEL);
-        let rounds = self.params.entries as usize * (1 + 8 * texels);
-        let views = (max_bytes / list_bytes).min(SHIFTS / self.params.bins as usize).min(MAX_ROUNDS / rounds);
+        let rounds = entries as usize * (1 + 8 * texels);
+        let views = (max_bytes / list_bytes).min(MAX_ROUNDS / rounds);
         if views == 0 {
             return Err(Error::device("the bins of one view are too large for the GPU")
-                .with("found", format!("{} bins, {columns} × {rows} tiles", self.params.bins))
+                .with("found", format!("{bins} bins, {columns} × {rows} tiles"))
                 .help("use `device = cpu`"));
         }
         Ok(views.min(MAX_BATCH_VIEWS))
     }
 
-    /// Adds the views `batch` of `shears` to those before and returns their number. Returns 0 if a list was too long: the lists
+    /// Adds the views `batch` of each of `turns` to those before and returns their number. Returns 0 if a list was too long: the lists
     /// of the next call are larger. The last batch writes the picture.
-    fn paint(&mut self, shears: &[Shear], batch: Range<usize>) -> Result<usize, Error> {
-        let (gpu, views, [is_first, is_last]) =
-            (self.frame.gpu, batch.len(), [batch.start == 0, batch.end == shears.len()]);
+    fn paint(&mut self, turns: &[&[Shear]], batch: Range<usize>) -> Result<usize, Error> {
+        let (gpu, views) = (self.frame.gpu, batch.len());
+        let [is_first, is_last] = [batch.start == 0, batch.end == self.frame.views];
         if !is_last && self.sums.is_none() {
-            self.sums = Some(gpu.zeros::<f32>("sums", SUMS * self.frame.size.0 * self.rows)?);
+            self.sums = Some(gpu.zeros::<f32>("sums", SUMS * self.frame.picture.size.0 * self.rows)?);
         }
-        let batch = &shears[batch];
+        let turns: Vec<&[Shear]> = turns.iter().map(|shears| &shears[batch.clone()]).collect();
         let params = &gpu.uniform(&Params { batch_views: views as u32, ..self.params })?;
-        let shifts = &gpu.uniform_of(&shifts(batch))?;
+        let shifts = &gpu.upload("shifts", &shifts(&turns))?;
         let (lists, longest) = self.lists(params, shifts, views)?;
         if longest > self.params.entries {
             self.params.entries = longest;
             return Ok(0);
         }
-        let lens: Vec<[f32; 2]> = batch.iter().map(|shear| shear.lens.to_array()).collect();
-        let lens = &gpu.upload("lens samples", &lens)?;
+        let infinity_px = self.frame.picture.background.as_deref().map_or(0.0, Background::coc_infinity_px);
+        let words: Vec<u32> =
+            turns.iter().copied().flatten().flat_map(|shear| view(shear, infinity_px).words()).collect();
+        let lens = &gpu.upload("lens samples", &words)?;
         let paint = self.paint_kernel(is_first, is_last)?;
         let no_sums = gpu.zeros::<f32>("no sums", 1)?;
         let [columns, rows, _] = self.tiles();
         gpu.submit(|work| {
-            let scene = [(2, (&self.keys).into()), (13, (&self.colors).into())];
+            let scene = [(2, (&self.keys).into()), (13, (&self.colors).into()), (18, (&self.pixels).into())];
             let order = [(10, Resource::from(&lists.ordered_views)), (11, (&lists.covered_views).into())];
             let views = [(0, Resource::from(params)), (9, (&lists.groups).into()), (14, lens.into())];
             let sums = self.sums.as_ref().unwrap_or(&no_sums);
             let output = [(15, Resource::from(sums)), (16, (&self.picture).into())];
-            work.pass(&paint, &[&views[..], &scene, &order, &output].concat(), [columns, rows, 1])
+            let bins = [(17, Resource::from(&self.bin_table))];
+            work.pass(&paint, &[&views[..], &scene, &order, &output, &bins].concat(), [columns, rows, 1])
         })?;
         Ok(views)
     }
@@ -227,20 +253,21 @@ impl<'a> BandBuffers<'a> {
         let gpu = self.frame.gpu;
         let [columns, rows, _] = self.tiles().map(|tiles| tiles as usize);
         let (square_columns, square_rows) = (columns.div_ceil(SQUARE), rows.div_ceil(SQUARE));
-        let square_words = square_columns * square_rows * views * self.params.words as usize;
+        let turns = self.params.turns as usize;
+        let square_words = square_columns * square_rows * turns * views * self.params.words as usize;
         let square_bins = &gpu.zeros::<u32>("bins of squares", square_words)?;
-        let tile_views = columns * rows * views;
+        let tile_views = columns * rows * turns * views;
         let lists = Lists {
             groups: gpu.zeros::<[u32; 2]>("groups of bins", tile_views * self.params.entries as usize)?,
             ordered_views: gpu.zeros::<[u32; 2]>("ordered views", tile_views)?,
-            covered_views: gpu.zeros::<u32>("covered views", columns * rows)?,
+            covered_views: gpu.zeros::<u32>("covered views", columns * rows * turns)?,
         };
         let longest = &gpu.zeros::<u32>("the longest list", 1)?;
         let kernel = |name| gpu.kernel(&SHADER, name);
         gpu.submit(|work| {
             let shared = [(0, params), (1, shifts), (8, square_bins)];
             let workgroups =
-                |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, views as u32];
+                |tiles: (usize, usize)| [tiles.0.div_ceil(64) as u32, tiles.1 as u32, (turns * views) as u32];
             let own = [(5, &self.square_window_bins)];
             work.pass(
                 &kernel("find_square_bins")?,
@@ -253,7 +280,7 @@ impl<'a> BandBuffers<'a> {
             let bound =
                 [(0, params), (9, &lists.groups), (10, &lists.ordered_views), (11, &lists.covered_views)];
             let [across, ..] = workgroups((columns, rows));
-            work.pass(&kernel("sort_views")?, &bound, [across, rows as u32, 1])
+            work.pass(&kernel("sort_views")?, &bound, [across, rows as u32, turns as u32])
         })?;
         let longest = gpu.read::<u32>(longest)?;
         Ok((lists, longest.first().copied().unwrap_or(0)))
@@ -261,10 +288,11 @@ impl<'a> BandBuffers<'a> {
 
     /// The kernel that paints a batch, specialised so that rays do not test for what the scene lacks.
     fn paint_kernel(&self, is_first: bool, is_last: bool) -> Result<Kernel, Error> {
-        let name = if self.translucent { "paint_translucent" } else { "paint" };
+        let name = if self.frame.translucent { "paint_translucent" } else { "paint" };
         let constants = [
             ("MANY_LAYERS", f64::from(self.params.layers > LAYERS_PER_TEXEL as u32)),
             ("BARREL", f64::from(self.params.cats_eye > 0.0)),
+            ("BACKGROUND", f64::from(self.frame.picture.background.is_some())),
             ("FIRST_BATCH", f64::from(is_first)),
             ("LAST_BATCH", f64::from(is_last)),
         ];
@@ -272,15 +300,41 @@ impl<'a> BandBuffers<'a> {
     }
 }
 
-/// Columns and rows by which each of `shears` moves each bin, in the shader's layout. 16 bits are enough, because past the
-/// border all samples are those of the border.
-fn shifts(shears: &[Shear]) -> Vec<[i16; 2]> {
+/// For each turn, view and bin the shift, and the first and the end of the bins that the view moves alike around it, in the shader's
+/// layout.
+fn shifts(turns: &[&[Shear]]) -> Vec<[u32; 2]> {
+    let alike = |shear: &Shear| -> Vec<[u32; 2]> {
+        let runs = shear.steps.chunk_by(|a, b| a.moved_alike_from == b.moved_alike_from);
+        let runs = runs.filter_map(|run| Some((run.first()?, run.last()?)));
+        runs.flat_map(|(first, last)| {
+            let (start, end) = (usize::from(first.bins[0]), usize::from(last.bins[1]) + 1);
+            let entry = [packed([first.shift.columns, first.shift.rows]), (start | end << 16) as u32];
+            std::iter::repeat_n(entry, end - start)
+        })
+        .collect()
+    };
+    turns.iter().copied().flatten().flat_map(alike).collect()
+}
+
+/// A shift of columns and rows in the shader's layout. 16 bits are enough, because past the border all samples are those of the border.
+fn packed(shift: [i32; 2]) -> u32 {
     let max = i32::from(i16::MAX);
-    let clamped = |shift: i32| shift.clamp(-max, max) as i16;
-    let shifts = shears.iter().flat_map(|shear| &shear.shifts).map(|s| [clamped(s.columns), clamped(s.rows)]);
-    let mut shifts: Vec<_> = shifts.collect();
-    shifts.resize(SHIFTS, [0; 2]);
-    shifts
+    let [columns, rows] = shift.map(|shift| u32::from(shift.clamp(-max, max) as i16 as u16));
+    columns | rows << 16
+}
+
+/// The lens sample of `shear`, for a background whose CoC radius at infinity is `infinity_px`.
+fn view(shear: &Shear, infinity_px: f32) -> View {
+    let lens::View { lens, jitter, shift } = shear.view;
+    View {
+        lens_x: lens.x,
+        lens_y: lens.y,
+        jitter_x: jitter.x,
+        jitter_y: jitter.y,
+        shift_x: shift.x,
+        shift_y: shift.y,
+        at_infinity: packed(shear.pixel_at(IVec2::ZERO, infinity_px).to_array()),
+    }
 }
 
 /// Copies the values of `plane` to `copy` and reuses its memory.

@@ -1,35 +1,38 @@
 //! A scene to be rendered on a GPU: the tables that the CPU computes once, and the limits that follow from the GPU's memory.
 
-use super::kernels::{LIST_ENTRIES, PLANES, Params, SUMS, TEXEL_BYTES};
+use super::kernels::{LIST_ENTRIES, MAX_TRANSLUCENT_LAYERS, PLANES, Params, SUMS, TEXEL_BYTES};
+use crate::error::Error;
 use crate::gpu::Gpu;
-use crate::methods::contract::Plan;
-use crate::methods::shear::bins::Bins;
+use crate::methods::contract::{LostRays, Plan};
+use crate::methods::shear::bins::{Bins, MAX_BINS};
 use crate::methods::shear::keys::{Key, Keys};
-use crate::methods::shear::prefilter;
-use crate::methods::shear::sampler::{ShearSet, barrel_softness, bins, shears};
-use crate::scene::{EffectKind, Layer, Scene};
+use crate::methods::shear::row_views::RowViews;
+use crate::methods::shear::sampler::{self, barrel_softness, bins};
+use crate::methods::shear::{prefilter, resolve};
+use crate::scene::{Background, EffectKind, Layer, OPAQUE_ALPHA, Scene};
 use std::ops::Range;
 
 /// Bytes of a fragment: its colour and its key.
 const FRAGMENT_BYTES: usize = TEXEL_BYTES + size_of::<Key>();
 
-/// Bytes of a pixel: sums, the picture and its readback, the lists of its tile, and two layers in upload.
-const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + 16 + 40;
+/// Bytes of a pixel: sums, the picture and its readback, what the pixel shows beside its fragments, the lists of its tile, and two layers
+/// in upload.
+const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + TEXEL_BYTES + 64 + 40;
 
 /// A scene to be rendered on a GPU.
 pub(super) struct Frame<'a> {
     pub(super) gpu: &'a Gpu,
-    pub(super) plan: &'a Plan,
+    /// What the picture is made of beside its layers.
+    pub(super) picture: sampler::Frame<'a>,
     /// The layers to paint, at picture resolution.
     pub(super) layers: &'a [Layer],
-    /// Width and height of the picture.
-    pub(super) size: (usize, usize),
+    /// Whether some fragment is translucent.
+    pub(super) translucent: bool,
     /// Number of views of each set of colours.
     pub(super) views: usize,
     pub(super) bins: Bins,
     pub(super) keys: Keys<'a>,
-    /// The views of each set of colours.
-    pub(super) sets: Vec<ShearSet>,
+    pub(super) row_views: RowViews,
     /// Radius of the prefilter's box per pixel of CoC radius, if the plan has a prefilter.
     pub(super) radius_per_coc: Option<f32>,
     /// The shader's parameters for one band that is the whole picture.
@@ -38,29 +41,50 @@ pub(super) struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     /// The frame of `layers`, which are those of `scene` after the passes before painting.
-    pub(super) fn new(gpu: &'a Gpu, scene: &Scene, layers: &'a [Layer], plan: &'a Plan) -> Self {
-        let (size, views) = (scene.picture_size(), plan.lens_samples());
+    ///
+    /// # Errors
+    /// [`crate::error::ErrorKind::Device`] if there are translucent fragments in more layers than a ray can remember.
+    pub(super) fn new(
+        gpu: &'a Gpu,
+        scene: &Scene,
+        layers: &'a [Layer],
+        plan: &'a Plan,
+    ) -> Result<Self, Error> {
+        let views = plan.lens_samples();
+        let translucent = layers.iter().any(is_translucent);
+        if translucent && layers.len() > MAX_TRANSLUCENT_LAYERS {
+            return Err(Error::device("the layers of a translucent scene are too many for the GPU")
+                .with("found", format!("{} layers", layers.len()))
+                .with(
+                    "expected",
+                    format!("{MAX_TRANSLUCENT_LAYERS} layers at most, or opaque fragments only"),
+                )
+                .help("use `device = cpu`"));
+        }
+        let picture = sampler::Frame::new(scene, plan);
         let bins = bins(plan, views);
-        let sets = shears(plan, &bins, views);
-        let params = params(scene, layers.len(), plan, (&bins, &sets));
         let strength = plan.strength(EffectKind::Prefilter).unwrap_or(0.0);
         let radius_per_coc =
             plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
-        let keys = Keys::new(layers, &bins);
-        Self { gpu, plan, layers, size, views, bins, keys, sets, radius_per_coc, params }
+        let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
+        let (keys, params) = (Keys::new(layers, &bins), params(&picture, layers.len(), &bins, views));
+        Ok(Self { gpu, picture, layers, translucent, views, bins, keys, row_views, radius_per_coc, params })
     }
 
-    /// Largest distance in rows between a pixel and the fragments that it depends on.
+    /// Largest distance in rows between a pixel and what it depends on.
     pub(super) fn reach(&self) -> usize {
-        let coc = self.bins.centers_px().iter().fold(0.0, |max: f32, coc| max.max(coc.abs()));
-        let filtered = prefilter::REACH_RADII * self.radius_per_coc.unwrap_or(0.0) * coc;
+        let fragments_px = self.bins.centers_px().iter().fold(0.0, |max: f32, coc| max.max(coc.abs()));
+        let filtered_px =
+            fragments_px + prefilter::REACH_RADII * self.radius_per_coc.unwrap_or(0.0) * fragments_px;
+        let infinity_px = self.picture.background.as_deref().map_or(0.0, Background::coc_infinity_px).abs();
         // 0.5: half a pixel of jitter.
-        (coc + self.plan.optics.longest_shift_px() + filtered + 0.5).ceil() as usize + 1
+        let reach_px = filtered_px.max(infinity_px) + self.picture.plan.optics.longest_shift_px() + 0.5;
+        reach_px.ceil() as usize + 1
     }
 
     /// The largest number of rows that fits into the GPU's memory and limits.
     pub(super) fn max_rows(&self) -> usize {
-        let (width, layers) = (self.size.0, self.layers.len());
+        let (width, layers) = (self.picture.size.0, self.layers.len());
         let largest = width * TEXEL_BYTES.max(SUMS * size_of::<f32>());
         let all = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
         let rows = |bytes: u64, row_bytes: usize| bytes as usize / row_bytes;
@@ -68,14 +92,46 @@ impl<'a> Frame<'a> {
             .min(rows(self.gpu.max_working_bytes(), all))
             .min(self.gpu.max_texels())
     }
+
+    /// For each bin how far it counts as in focus, as bits, and the nearest bin that may hold an earlier hit of the same translucent
+    /// surface.
+    pub(super) fn bin_table(&self) -> Vec<[u32; 2]> {
+        let centers_px = self.bins.centers_px().iter().enumerate();
+        let bins = centers_px.map(|(bin, &coc_px)| {
+            [resolve::focus(coc_px).to_bits(), u32::from(self.bins.same_hit_from(bin))]
+        });
+        let mut table: Vec<[u32; 2]> = bins.collect();
+        table.resize(MAX_BINS, [0; 2]);
+        table
+    }
+
+    /// Fills `texels` with what the pixels of row `y` show beside their fragments, in the layout of the shader's `pixels`.
+    pub(super) fn pixel_row(&self, y: usize, texels: &mut [[f32; 4]]) {
+        let (background, antialiasing) = (self.picture.background.as_deref(), &self.picture.antialiasing);
+        for (x, texel) in texels.iter_mut().enumerate() {
+            let [share, last_coc_px] = background.map_or([0.0; 2], |background| {
+                [background.share().get(x, y), background.last_coc_px().get(x, y)]
+            });
+            *texel = [share, last_coc_px, antialiasing.at(x, y), 0.0];
+        }
+    }
+
+    /// Whether pixels differ in what they show beside their fragments.
+    pub(super) fn has_pixels(&self) -> bool {
+        self.picture.background.is_some() || self.picture.antialiasing.plane().is_some()
+    }
+}
+
+/// Whether some fragment of `layer` is translucent.
+fn is_translucent(layer: &Layer) -> bool {
+    layer.alpha.values().iter().fold(false, |any, &alpha| any | ((alpha > 0.0) & (alpha < OPAQUE_ALPHA)))
 }
 
 /// The shader's parameters for one band that is the whole picture.
-fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[ShearSet])) -> Params {
-    let (width, height) = scene.picture_size();
-    let views = plan.lens_samples();
-    let focused = focused_bins(sets);
-    let (field, optics) = (&scene.field, &plan.optics);
+fn params(picture: &sampler::Frame<'_>, layers: usize, bins: &Bins, views: usize) -> Params {
+    let (width, height) = picture.size;
+    let focused = focused_bins(bins);
+    let (field, optics) = (&picture.field, &picture.plan.optics);
     Params {
         width: width as u32,
         height: height as u32,
@@ -91,8 +147,10 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
         focused_end: focused.end as u32,
         views: views as u32,
         batch_views: 0,
-        transparent_background: u32::from(plan.does(EffectKind::TransparentBackground)),
+        turns: 0,
+        lost_are_black: u32::from(picture.plan.lost_rays == LostRays::Black),
         channels: 0,
+        blends: 0,
         cats_eye: optics.cats_eye,
         axis_x_px: field.axis_px.x,
         axis_y_px: field.axis_px.y,
@@ -101,9 +159,9 @@ fn params(scene: &Scene, layers: usize, plan: &Plan, (bins, sets): (&Bins, &[She
     }
 }
 
-/// The bins that count as in focus. They are consecutive, because bins are sorted by CoC radius.
-fn focused_bins(sets: &[ShearSet]) -> Range<usize> {
-    let shifts = sets.first().and_then(|(shears, _)| shears.first()).map_or(&[][..], |shear| &shear.shifts);
-    let first = shifts.iter().position(|shift| shift.focused).unwrap_or(0);
-    first..shifts.iter().rposition(|shift| shift.focused).map_or(first, |last| last + 1)
+/// The bins that count as in focus, at least in part. They are consecutive, because bins are sorted by CoC radius.
+fn focused_bins(bins: &Bins) -> Range<usize> {
+    let is_focused = |&coc_px: &f32| resolve::focus(coc_px) > 0.0;
+    let first = bins.centers_px().iter().position(is_focused).unwrap_or(0);
+    first..bins.centers_px().iter().rposition(|coc_px| is_focused(coc_px)).map_or(first, |last| last + 1)
 }

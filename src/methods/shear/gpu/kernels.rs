@@ -1,22 +1,27 @@
 //! The shader of `shear`, and the constants and structures that it shares with the program.
 
 use crate::gpu::{Constant, Mirrored, Shader, mirrored};
-use crate::methods::shear::keys::{BIN_SHIFT, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
+use crate::methods::shear::bins::MAX_BINS;
+use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
 use crate::methods::shear::paint::{MIN_HIT_VIEWS, MIN_TRANSMITTANCE};
-use crate::scene::OPAQUE_ALPHA;
+use crate::methods::shear::spans::LEVELS;
 
 /// The shader.
 pub(super) static SHADER: Shader = Shader {
     name: "shear",
     constants: &[
-        ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("MIN_TRANSMITTANCE", Constant::Float(MIN_TRANSMITTANCE)),
         ("MIN_HIT_VIEWS", Constant::Float(MIN_HIT_VIEWS)),
         ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
         ("EXTRA_SHIFT", Constant::Uint(EXTRA_SHIFT)),
-        ("EXTRA_MASK", Constant::Uint(EXTRA_MASK as u32)),
-        ("OPAQUE", Constant::Uint(OPAQUE as u32)),
-        ("NO_KEY", Constant::Uint(NO_KEY as u32)),
+        ("EXTRA_MASK", Constant::Uint(EXTRA_MASK)),
+        ("OPAQUE", Constant::Uint(OPAQUE)),
+        ("CHANGES_PEEL", Constant::Uint(CHANGES_PEEL)),
+        ("NO_KEY", Constant::Uint(NO_KEY)),
+        ("BIN_BITS", Constant::Uint(MAX_BINS.ilog2())),
+        ("HALF_MAX_BINS", Constant::Uint((MAX_BINS / 2) as u32)),
+        ("LEVELS", Constant::Uint(LEVELS as u32)),
+        ("MAX_TRANSLUCENT_LAYERS", Constant::Uint(MAX_TRANSLUCENT_LAYERS as u32)),
         ("TILE", Constant::Uint(TILE as u32)),
         ("BLOCK", Constant::Uint(BLOCK as u32)),
         ("SQUARE", Constant::Uint(SQUARE as u32)),
@@ -25,7 +30,7 @@ pub(super) static SHADER: Shader = Shader {
         include_str!("../../../../shaders/methods/shear.wgsl"),
         include_str!("../../../../shaders/methods/shear_lists.wgsl"),
     ],
-    structs: &[Params::LAYOUT],
+    structs: &[Params::LAYOUT, View::LAYOUT],
 };
 
 /// Side of the shader's tiles, in pixels.
@@ -49,8 +54,12 @@ pub(super) const LAYERS_PER_TEXEL: usize = 4;
 /// Planes of the unfinished picture: red, green, blue, alpha, and the share of rays that hit something in focus.
 pub(super) const PLANES: usize = 5;
 
-/// Planes of sums: red, green, blue, rays that hit something in focus, rays that hit nothing, and rays that the barrel hides.
-pub(super) const SUMS: usize = 6;
+/// Planes of sums: red, green, blue, rays that hit something in focus, rays that end in the background, lost rays, and rays that the
+/// barrel hides.
+pub(super) const SUMS: usize = 7;
+
+/// Largest number of layers of a stack with translucent fragments: a thread remembers a hit for each.
+pub(super) const MAX_TRANSLUCENT_LAYERS: usize = 32;
 
 mirrored! {
     /// The parameters of all kernels, documented in the shader.
@@ -69,12 +78,27 @@ mirrored! {
         focused_end: u32,
         views: u32,
         batch_views: u32,
-        transparent_background: u32,
+        turns: u32,
+        lost_are_black: u32,
         channels: u32,
+        blends: u32,
         cats_eye: f32,
         axis_x_px: f32,
         axis_y_px: f32,
         half_diagonal_px: f32,
         softness: f32,
+    }
+}
+
+mirrored! {
+    /// A lens sample, documented in the shader.
+    pub(super) struct View {
+        lens_x: f32,
+        lens_y: f32,
+        jitter_x: f32,
+        jitter_y: f32,
+        shift_x: f32,
+        shift_y: f32,
+        at_infinity: u32,
     }
 }

@@ -4,15 +4,16 @@
 //! during the upload: bins, keys and the prefilter. It also computes the shifts of views, and draws the few discs of highlights
 //! while the GPU paints. The rows that a band ([`band`]) reads extend past it by the reach of views and prefilter.
 //!
-//! Memory: 18 bytes per fragment and 100 per pixel.
+//! Rows take turns with several sets of views, and lists are kept for each set. Where colours are averages in some places only, the
+//! picture is painted with both kinds of views and blended by pixel.
+//!
+//! Memory: 20 bytes per fragment and 190 per pixel. Translucent scenes have 32 layers at most.
 
 mod band;
 mod frame;
 mod kernels;
 
-use super::bokeh::Bokeh;
 use super::highlights::{self, Highlight, Occluders};
-use super::resolve::Resolve;
 use super::{prepare, spans};
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
@@ -31,14 +32,13 @@ pub(super) struct ShearGpu;
 impl GpuBackend for ShearGpu {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let (layers, highlights) = layers(scene, plan);
-        let frame = Frame::new(gpu, scene, &layers, plan);
-        let (painted, discs) =
-            rayon::join(|| paint(&frame, progress), || draw_discs(&frame, scene, &highlights));
+        let frame = Frame::new(gpu, scene, &layers, plan)?;
+        let (painted, discs) = rayon::join(|| paint(&frame, progress), || draw_discs(&frame, &highlights));
         let (mut image, focused_share) = painted?;
         if let Some(discs) = discs {
             add_light(&mut image, &discs);
         }
-        if let Some(resolve) = Resolve::new(plan, scene) {
+        if let Some(resolve) = &frame.picture.resolve {
             resolve.soften(&mut image, &focused_share);
         }
         Ok(image)
@@ -68,7 +68,7 @@ fn add_light(image: &mut Image, light: &Image) {
 
 /// Paints all bands. Returns the picture and, for each pixel, the share of rays that hit something in focus.
 fn paint(frame: &Frame<'_>, progress: &Progress<'_>) -> Result<(Image, Plane), Error> {
-    let (width, height) = frame.size;
+    let (width, height) = frame.picture.size;
     let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
     let bands = bands(height, frame.reach(), frame.max_rows())?;
     for (i, band) in bands.iter().enumerate() {
@@ -83,14 +83,15 @@ fn paint(frame: &Frame<'_>, progress: &Progress<'_>) -> Result<(Image, Plane), E
 }
 
 /// The discs of `highlights` on a transparent picture; `None` without highlights.
-fn draw_discs(frame: &Frame<'_>, scene: &Scene, highlights: &[Highlight]) -> Option<Image> {
+fn draw_discs(frame: &Frame<'_>, highlights: &[Highlight]) -> Option<Image> {
     if highlights.is_empty() {
         return None;
     }
-    let (bins, layers, (width, height)) = (&frame.bins, frame.layers, frame.size);
+    let (bins, layers, picture) = (&frame.bins, frame.layers, &frame.picture);
+    let (width, height) = picture.size;
     let spans = spans::find(layers, bins);
-    let mut discs = Image::from_fn(width, height, |_, _| [0.0; 4]);
-    let bokeh = Bokeh::new(&frame.plan.optics, scene.field, frame.plan.fragment_px);
-    highlights::draw(&mut discs, highlights, &bokeh, &Occluders { width, spans: &spans, bins, layers });
+    let mut discs = Image::transparent(width, height);
+    let occluders = Occluders { width, spans: &spans, bins, layers };
+    highlights::draw(&mut discs, highlights, (picture.plan, picture.field), &occluders);
     Some(discs)
 }
