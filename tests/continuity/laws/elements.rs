@@ -80,14 +80,14 @@ fn soft_discs(engine: &Engine) -> Vec<Figure> {
         .to_vec()
 }
 
-/// Layers of one colour with random alphas and holes, on surfaces of their own.
+/// Layers of one colour with random alphas and holes, on surfaces of their own. No alpha is so near 1 that it counts as opaque.
 fn one_color(engine: &Engine) -> Vec<Figure> {
     const SIZE: usize = 32;
     type Alpha = fn(usize, usize, usize) -> f32;
     let patterns: [(&str, Alpha); 4] = [
-        ("random alphas", |x, y, peel| noise(x, y, peel)),
+        ("random alphas", |x, y, peel| 0.99 * noise(x, y, peel)),
         ("random holes", |x, y, peel| f32::from(noise(x, y, peel) > 0.3)),
-        ("random alphas and holes", |x, y, peel| (2.0 * noise(x / 2, y / 3, peel) - 0.6).clamp(0.0, 1.0)),
+        ("random alphas and holes", |x, y, peel| (2.0 * noise(x / 2, y / 3, peel) - 0.6).clamp(0.0, 0.99)),
         ("a hole in one corner", |x, y, _| f32::from(x + y > 0)),
     ];
     let cases = patterns.into_iter().flat_map(|pattern| [1, 3].map(|peels| (pattern, peels))).collect();

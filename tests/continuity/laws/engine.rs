@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::OnceLock;
 use thinlens::gpu::{DeviceChoice, Gpu};
 use thinlens::image::Image;
-use thinlens::methods::{self, METHODS, Method, Registry};
+use thinlens::methods::{self, METHODS, Method, Registry, Role};
 use thinlens::scene::{EffectKind, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 
@@ -74,9 +74,10 @@ impl Engine {
         if self.is_gpu() { "GPU" } else { "CPU" }
     }
 
-    /// `cases` of the CPU; on a GPU, which parity ties to the CPU, every `stride`-th of them.
+    /// All of `cases` for the default and the reference on the CPU; for the others every `stride`-th, to save time.
     pub(crate) fn some_of<T>(&self, cases: Vec<T>, stride: usize) -> Vec<T> {
-        cases.into_iter().step_by(if self.is_gpu() { stride } else { 1 }).collect()
+        let is_main = matches!(self.method.info().role, Role::Default | Role::Reference);
+        cases.into_iter().step_by(if is_main && !self.is_gpu() { 1 } else { stride }).collect()
     }
 
     /// Whether the method has the pass `kind`.

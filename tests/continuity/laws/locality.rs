@@ -1,14 +1,15 @@
 //! A sample matters only to the pixels that its blur, before or after it changed, can reach.
 
 use super::engine::{Engine, Setup};
-use super::scenes::{EMPTY, Fragment, Pixel, differences, layer, noise};
-use super::{Figure, Measured, Promise, figure};
+use super::scenes::{EMPTY, Fragment, Pixel, differences, inner, layer, noise};
+use super::{Figure, Measured, Promise, figure, program};
+use thinlens::image::Image;
 use thinlens::methods::Law;
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::stack::StackKind;
 
 pub(crate) const LOCALITY: Measured =
-    Measured { law: Law::Locality, bound: 2e-6, promised_by: Promise::LensSampling, figures: changes };
+    Measured { law: Law::Locality, bound: 1e-6, promised_by: Promise::LensSampling, figures: changes };
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 44;
@@ -27,62 +28,115 @@ const CHANGES: [(&str, Change); 5] = [
     ("farther", |(color, _)| (color, 11.5)),
 ];
 
-/// Columns and rows of the samples that change: a square of one, two or three on a side.
-const PLACES: [(&str, [usize; 2], usize); 4] = [
-    ("in the corner", [0, 0], 1),
-    ("in the middle", [31, 21], 1),
-    ("at the border", [63, 20], 2),
-    ("in a corner", [0, 41], 3),
+/// The samples that change: a square.
+#[derive(Clone, Copy)]
+struct Square {
+    place: &'static str,
+    /// Column and row of its first sample.
+    corner: [usize; 2],
+    /// Samples on a side.
+    side: usize,
+}
+
+impl Square {
+    const fn new(place: &'static str, corner: [usize; 2], side: usize) -> Self {
+        Self { place, corner, side }
+    }
+
+    fn contains(self, x: usize, y: usize) -> bool {
+        self.pixels_away(x, y) == 0.0
+    }
+
+    fn pixels_away(self, x: usize, y: usize) -> f32 {
+        let axis = |at: usize, from: usize| at.abs_diff(at.clamp(from, from + self.side - 1)) as f32;
+        axis(x, self.corner[0]).hypot(axis(y, self.corner[1]))
+    }
+
+    /// Largest change of a pixel more than `reach_px` and one pixel away from the square.
+    fn change_beyond(self, reach_px: f32, before: &Image, after: &Image) -> f64 {
+        let beyond =
+            differences(before, after).filter(|&([x, y], _)| self.pixels_away(x, y) > reach_px + 1.0);
+        beyond.map(|(_, difference)| difference).fold(0.0, f64::max)
+    }
+}
+
+const SQUARES: [Square; 4] = [
+    Square::new("in the corner", [0, 0], 1),
+    Square::new("in the middle", [31, 21], 1),
+    Square::new("at the border", [62, 20], 2),
+    Square::new("in a corner", [0, 41], 3),
 ];
 
 fn changes(engine: &Engine) -> Vec<Figure> {
-    let scenes = [("points", points as fn() -> Scene), ("coverage", coverage), ("beauty + Z", beauty)];
-    scenes.into_iter().flat_map(|(name, scene)| changes_of(engine, name, &scene())).collect()
+    [changes_of_scenes(engine), changes_of_stacks(engine)].concat()
 }
 
-fn changes_of(engine: &Engine, name: &str, scene: &Scene) -> Vec<Figure> {
-    let passes = [(EffectKind::Resolve, true), (EffectKind::Fill, true)];
-    let settings = [("", &[][..]), (", resolved and filled", &passes[..])];
-    let cases = PLACES.into_iter().flat_map(|place| CHANGES.map(|change| (place, change))).collect();
+/// Changes of scenes that are of one kind.
+fn changes_of_scenes(engine: &Engine) -> Vec<Figure> {
+    let scenes = [
+        ("points", points as fn() -> Vec<Layer>, StackKind::PointSampled),
+        ("coverage", coverage, StackKind::Coverage),
+        ("beauty + Z", beauty, StackKind::BeautyDepth),
+    ];
+    scenes.into_iter().flat_map(|(name, layers, kind)| changes_of(engine, name, &layers(), kind)).collect()
+}
+
+fn changes_of(engine: &Engine, name: &str, layers: &[Layer], kind: StackKind) -> Vec<Figure> {
+    let filled = [(EffectKind::Resolve, true), (EffectKind::Fill, true)];
+    let settings =
+        [("", &[][..]), (", filled", &filled[..]), (", not filled", &[(EffectKind::Fill, false)][..])];
+    let cases = SQUARES.into_iter().flat_map(|square| CHANGES.map(|change| (square, change))).collect();
     let cases = engine.some_of(cases, 6);
-    let all = settings.into_iter().flat_map(|(forced, passes)| {
+    let with = |(forced, passes)| {
         let setup = Setup { views: 32, passes };
-        let before = engine.blur(scene.clone(), setup);
-        cases
-            .iter()
-            .map(move |&((place, [x0, y0], side), (how, change))| {
-                let square =
-                    move |x: usize, y: usize| (x0..x0 + side).contains(&x) && (y0..y0 + side).contains(&y);
-                let after = engine.blur(changed(scene, square, change), setup);
-                let away = |[x, y]: [usize; 2]| {
-                    let axis = |at: usize, from: usize| at.abs_diff(at.clamp(from, from + side - 1)) as f32;
-                    axis(x, x0).hypot(axis(y, y0))
-                };
-                // No CoC radius of the scenes is larger than that at infinity.
-                let beyond = differences(&before, &after).filter(|&(at, _)| away(at) > INFINITY_PX + 1.0);
-                let worst = beyond.map(|(_, difference)| difference).fold(0.0, f64::max);
-                figure(format!("{name}{forced}: {how} {place}"), worst)
-            })
-            .collect::<Vec<_>>()
-    });
-    all.collect()
+        let scene = |layers| Scene::new(layers, kind, 1, INFINITY_PX);
+        let before = engine.blur(scene(layers.to_vec()), setup);
+        let figure_of = |&(square, (how, change)): &(Square, (&str, Change))| {
+            let after = engine.blur(scene(changed(layers, square, change)), setup);
+            // No CoC radius of the scenes is larger than that at infinity.
+            let beyond = square.change_beyond(INFINITY_PX, &before, &after);
+            figure(format!("{name}{forced}: {how} {}", square.place), beyond)
+        };
+        cases.iter().map(figure_of).collect::<Vec<_>>()
+    };
+    settings.into_iter().flat_map(with).collect()
 }
 
-/// `scene` with the nearest fragment of each pixel in `square` changed; a fragment that becomes empty takes all behind it along.
-fn changed(scene: &Scene, square: impl Fn(usize, usize) -> bool + Copy, change: Change) -> Scene {
-    let fragment = |layer: &Layer, x, y| {
-        let [red, green, blue] = layer.color_at(x, y);
-        ([red, green, blue, layer.alpha.get(x, y)], layer.coc_px.get(x, y))
-    };
+/// `layers` with the nearest fragment of each pixel in `square` changed; one that becomes empty takes all behind it along.
+fn changed(layers: &[Layer], square: Square, change: Change) -> Vec<Layer> {
     let change_layer = |(i, old): (usize, &Layer)| {
         layer(WIDTH, HEIGHT, |x, y| {
-            let old = fragment(old, x, y);
-            let empties = change(old) == EMPTY;
-            if square(x, y) && (i == 0 || empties) { change(old) } else { old }
+            let [red, green, blue] = old.color_at(x, y);
+            let fragment = ([red, green, blue, old.alpha.get(x, y)], old.coc_px.get(x, y));
+            let changed = change(fragment);
+            if square.contains(x, y) && (i == 0 || changed == EMPTY) { changed } else { fragment }
         })
     };
-    let layers = scene.layers.iter().enumerate().map(change_layer).collect();
-    Scene::new(layers, scene.kind, 1, INFINITY_PX)
+    layers.iter().enumerate().map(change_layer).collect()
+}
+
+/// Changes of a stack, of which the program concludes what its samples stand for.
+fn changes_of_stacks(engine: &Engine) -> Vec<Figure> {
+    let before = program::render(engine, program::peels());
+    let figure_of = |square: Square| {
+        let mut peels = program::peels();
+        for (x, y) in
+            inner(program::SIZE[0], program::SIZE[1], 0).into_iter().filter(|&(x, y)| square.contains(x, y))
+        {
+            let nearest = &mut peels[0];
+            let planes = nearest.color.iter_mut().chain([&mut nearest.alpha]);
+            planes.for_each(|plane| plane.set(x, y, 0.5 * plane.get(x, y)));
+        }
+        let after = program::render(engine, peels);
+        let beyond = square.change_beyond(program::INFINITY_PX, &before, &after);
+        figure(format!("a stack: half covered {}", square.place), beyond)
+    };
+    let squares = [
+        Square::new("in the middle", [24, 22], 1),
+        Square::new("in the middle, two by two", [24, 22], 2),
+        Square::new("at the border", [24, 41], 3),
+    ];
+    engine.some_of(squares.to_vec(), 2).into_iter().map(figure_of).collect()
 }
 
 fn texture(x: usize, y: usize, seed: usize) -> Pixel {
@@ -97,26 +151,22 @@ fn fragments(x: usize, y: usize) -> [Fragment; 3] {
     if is_bar { [(texture(x, y, 1), -9.0), floor, wall] } else { [floor, wall, EMPTY] }
 }
 
-fn layers() -> Vec<Layer> {
+fn points() -> Vec<Layer> {
     (0..3).map(|peel| layer(WIDTH, HEIGHT, |x, y| fragments(x, y)[peel])).collect()
 }
 
-fn points() -> Scene {
-    Scene::new(layers(), StackKind::PointSampled, 1, INFINITY_PX)
+fn beauty() -> Vec<Layer> {
+    points().drain(..1).collect()
 }
 
-fn beauty() -> Scene {
-    Scene::new(layers().drain(..1).collect(), StackKind::BeautyDepth, 1, INFINITY_PX)
-}
-
-/// The same with a translucent rim around each bar.
-fn coverage() -> Scene {
-    let mut layers = layers();
+/// The same as points with a translucent rim around each bar.
+fn coverage() -> Vec<Layer> {
+    let mut layers = points();
     let is_bar = |x: usize| (x * 7 / WIDTH) % 3 == 1;
     layers[0] = layer(WIDTH, HEIGHT, |x, y| {
         let (color, coc_px) = fragments(x, y)[0];
         let is_rim = is_bar(x) && !(is_bar(x - 1) && is_bar(x + 1));
         (if is_rim { color.map(|value| 0.5 * value) } else { color }, coc_px)
     });
-    Scene::new(layers, StackKind::Coverage, 1, INFINITY_PX)
+    layers
 }

@@ -6,10 +6,10 @@ use super::{Figure, Measured, Promise, figure};
 use thinlens::methods::Law;
 use thinlens::scene::Layer;
 
-const SIZE: usize = 48;
+const SIZE: usize = 40;
 
 /// Pixels nearer to a side than this see what lies past the border, where a tilted plane goes on level.
-const MARGIN: usize = 16;
+const MARGIN: usize = 14;
 
 const ALPHAS: [f32; 3] = [0.9, 0.5, 0.1];
 
@@ -88,7 +88,7 @@ fn tilted_panes(engine: &Engine) -> Vec<Figure> {
 
 /// A pane behind focus and a wall; before them, near focus, an opaque bar, behind which the pane is the second peel.
 fn sheets(engine: &Engine) -> Vec<Figure> {
-    const BAR: std::ops::Range<usize> = 20..28;
+    const BAR: std::ops::Range<usize> = 18..22;
     /// The bar's CoC radius, and how far from the bar a pixel sees nothing of it.
     const BAR_PX: f32 = 1.0;
     const CLEAR_OF_BAR: usize = 3;
@@ -108,7 +108,7 @@ fn sheets(engine: &Engine) -> Vec<Figure> {
             })
         };
         let last = layer(SIZE, SIZE, |x, _| if BAR.contains(&x) { of_wall() } else { EMPTY });
-        let image = engine.blur(averaged(vec![peels(0), peels(1), last]), Setup::views(256));
+        let image = engine.blur(averaged(vec![peels(0), peels(1), last]), Setup::views(128));
         let off = (mean(&image, 0, &seen) - f64::from(1.0 - alpha)).abs();
         figure(format!("alpha {alpha}, {slope_px} px a row"), off)
     });

@@ -1,14 +1,12 @@
 //! Any number of peels, in any order.
 
 use super::engine::{Engine, Setup};
-use super::scenes::{EMPTY, averaged, difference, grey, layer, noise, point_sampled, veil};
+use super::program::{peels, render};
+use super::scenes::{EMPTY, averaged, difference, grey, layer, point_sampled, veil};
 use super::{Figure, Measured, Promise, figure};
-use thinlens::image::{Image, Plane};
+use thinlens::image::Image;
 use thinlens::methods::Law;
-use thinlens::render::{Job, render_stack};
 use thinlens::scene::{Layer, Scene};
-use thinlens::settings::{Effort, Focus, Values};
-use thinlens::stack::{Frame, Peel, ReadOptions, Stack};
 
 pub(crate) const MANY_PEELS: Measured =
     Measured { law: Law::ManyPeels, bound: 1e-4, promised_by: Promise::All, figures: many_peels };
@@ -62,40 +60,4 @@ fn orders(engine: &Engine) -> Vec<Figure> {
     [("farthest first", reversed), ("nearest last", turned(1)), ("second nearest last", turned(2))]
         .map(|(case, peels)| figure(case, difference(&render(engine, peels), &ordered)))
         .to_vec()
-}
-
-/// The picture of `peels` by the whole program, as a user would have it.
-fn render(engine: &Engine, peels: Vec<Peel>) -> Image {
-    let frame = Frame::from_size(peels[0].alpha.width(), peels[0].alpha.height());
-    let stack = Stack::from_peels(peels, frame, &ReadOptions::default()).unwrap();
-    let values = Values {
-        focal_length_mm: Some(135.0),
-        f_number: Some(1.0),
-        focus: Some(Focus::Distance(3.0)),
-        method: Some(engine.method.name().to_owned()),
-        effort: engine.method.samples_lens().then_some(Effort::Views(32)),
-        ..Values::default()
-    };
-    let job = Job { device: engine.device(), ..Job::default().with_values(values) };
-    render_stack(stack, &job, &|_| {}).unwrap().image
-}
-
-/// Bars, a floor that comes nearer downwards, and a wall, each a peel.
-fn peels() -> Vec<Peel> {
-    const SIZE: (usize, usize) = (64, 36);
-    let peel = |seed: usize, fragment: &dyn Fn(usize, usize) -> Option<f32>| {
-        let plane = |value: &dyn Fn(usize, usize) -> f32| {
-            Plane::from_fn(SIZE.0, SIZE.1, |x, y| if fragment(x, y).is_some() { value(x, y) } else { 0.0 })
-        };
-        Peel {
-            color: std::array::from_fn(|k| plane(&|x, y| noise(x / 2, y / 2, 3 * seed + k))),
-            alpha: plane(&|_, _| 1.0),
-            depth: Plane::from_fn(SIZE.0, SIZE.1, |x, y| fragment(x, y).unwrap_or(f32::INFINITY)),
-        }
-    };
-    vec![
-        peel(1, &|x, _| (x % 16 < 3).then_some(2.0)),
-        peel(2, &|_, y| (y > 12).then(|| 5.0 - 0.1 * (y as f32 - 12.0))),
-        peel(3, &|_, _| Some(8.0)),
-    ]
 }

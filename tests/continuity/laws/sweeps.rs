@@ -82,6 +82,11 @@ pub(super) struct Lens {
 }
 
 impl Lens {
+    /// Focused at the inverse distance `inverse`, with `scale_px` as the CoC radius at infinity when that is 1.
+    pub(super) fn focused(scale_px: f32, inverse: f32) -> Self {
+        Self { infinity_px: scale_px * inverse, scale_px }
+    }
+
     /// CoC radius at `inverse` of the distance, in units of the scene.
     pub(super) fn coc_px(self, inverse: f32) -> f32 {
         self.infinity_px - self.scale_px * inverse
@@ -90,14 +95,12 @@ impl Lens {
 
 /// Focused at 1, opened from 0.3 to 3 px in even ratios.
 fn f_number(share: f32) -> Lens {
-    let scale_px = 0.3 * 10f32.powf(share);
-    Lens { infinity_px: scale_px, scale_px }
+    Lens::focused(0.3 * 10f32.powf(share), 1.0)
 }
 
 /// Focused from the inverse distance 0.1 to 1.6.
 fn focus(share: f32) -> Lens {
-    let scale_px = 3.0;
-    Lens { infinity_px: scale_px * (0.1 + 1.5 * share), scale_px }
+    Lens::focused(3.0, 0.1 + 1.5 * share)
 }
 
 /// A plane at infinity with the colours `color`.

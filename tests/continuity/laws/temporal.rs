@@ -2,7 +2,7 @@
 
 use super::engine::{Engine, Setup};
 use super::rays::{Ray, rays};
-use super::scenes::{EMPTY, Fragment, layer};
+use super::scenes::{EMPTY, Fragment, layer, mean};
 use super::sweeps::{Lens, Steps};
 use rayon::prelude::*;
 use thinlens::image::Image;
@@ -13,51 +13,67 @@ const FRAMES: usize = 48;
 const WIDTH: usize = 64;
 const HEIGHT: usize = 40;
 
-/// Row from which on the floor is seen.
-const HORIZON: f32 = 12.0;
+/// Height from which on the floor is seen, in rows.
+const HORIZON: f32 = 11.5;
 
 /// Inverse distances of the bars and of the wall, and how much the floor's grows from row to row.
 const BARS: f32 = 2.0;
 const WALL: f32 = 0.3;
 const FLOOR_SLOPE: f32 = 0.05;
 
+/// Side of a block, in pixels: the eye sees a change of a block before that of a pixel.
+const BLOCK: usize = 4;
+
+/// A lens, and how far the scene has moved to the left, in pixels.
+type Moment = (Lens, f32);
+
 /// A moving picture.
 #[derive(Debug)]
 pub(crate) struct Sequence {
     pub(crate) name: &'static str,
+    moment: fn(f32) -> Moment,
+    kind: StackKind,
     truth: Vec<Image>,
-    frame: fn(f32) -> (Lens, f32),
 }
 
-/// How the changes of a sequence by one engine compare with the true ones.
+/// How the changes from frame to frame by one engine compare with the true ones.
 #[derive(Debug)]
 pub(crate) struct Changes {
-    /// Root mean square of the error of a change, over that of the true changes.
+    /// Root mean square of the error of a pixel's change, over that of the true changes.
     pub(crate) error: f64,
+    /// The same for the means over blocks of 4 × 4 pixels.
+    pub(crate) error_of_blocks: f64,
     /// Largest change over the mean.
     pub(crate) largest_over_mean: f64,
     /// Frames that do not change.
     pub(crate) frozen: usize,
 }
 
-/// A focus pull, an f-number sweep and a pan of an eighth of a pixel a frame.
-pub(crate) fn sequences() -> Vec<Sequence> {
-    let pull: fn(f32) -> (Lens, f32) =
-        |share| (Lens { infinity_px: 5.0 * (0.4 + 1.4 * share), scale_px: 5.0 }, 0.0);
-    let f_number: fn(f32) -> (Lens, f32) = |share| {
-        let scale_px = 0.3 * 20f32.powf(share);
-        (Lens { infinity_px: scale_px, scale_px }, 0.0)
-    };
-    let pan: fn(f32) -> (Lens, f32) =
-        |share| (Lens { infinity_px: 4.0, scale_px: 4.0 }, share * (FRAMES - 1) as f32 / 8.0);
-    let rays = rays(1024);
-    [("focus pull", pull), ("f-number sweep", f_number), ("pan", pan)]
-        .map(|(name, frame)| Sequence {
-            name,
-            truth: shares().map(|share| traced(&rays, frame(share))).collect(),
-            frame,
-        })
-        .into()
+/// A focus pull and an f-number sweep of point samples, and a pan of an eighth of a pixel a frame, of which point samples would jump
+/// from pixel to pixel, so of averages; their truth is traced with `count_of_rays` rays a pixel.
+pub(crate) fn sequences(count_of_rays: usize) -> Vec<Sequence> {
+    let moments: [(&str, fn(f32) -> Moment, StackKind); 3] = [
+        ("focus pull", focus_pull, StackKind::PointSampled),
+        ("f-number sweep", f_number_sweep, StackKind::PointSampled),
+        ("pan", pan, StackKind::Coverage),
+    ];
+    let rays = rays(count_of_rays);
+    let truth = |moment: fn(f32) -> Moment| shares().map(|share| traced(&rays, moment(share))).collect();
+    moments.map(|(name, moment, kind)| Sequence { name, moment, kind, truth: truth(moment) }).into()
+}
+
+/// From the inverse distance 0.4 to 1.8.
+fn focus_pull(share: f32) -> Moment {
+    (Lens::focused(5.0, 0.4 + 1.4 * share), 0.0)
+}
+
+/// From 0.3 to 6 px in even ratios.
+fn f_number_sweep(share: f32) -> Moment {
+    (Lens::focused(0.3 * 20f32.powf(share), 1.0), 0.0)
+}
+
+fn pan(share: f32) -> Moment {
+    (Lens::focused(4.0, 1.0), share * (FRAMES - 1) as f32 / 8.0)
 }
 
 fn shares() -> impl Iterator<Item = f32> {
@@ -65,36 +81,46 @@ fn shares() -> impl Iterator<Item = f32> {
 }
 
 impl Sequence {
+    /// The changes that `engine` makes of it with `views` lens samples a pixel.
+    pub(crate) fn changes(&self, engine: &Engine, views: usize) -> Changes {
+        let frame = |share| engine.blur(sampled((self.moment)(share), self.kind), Setup::views(views));
+        self.compared(&shares().map(frame).collect::<Vec<_>>())
+    }
+
     /// The true changes, compared with themselves: how even they are.
     pub(crate) fn true_changes(&self) -> Changes {
         self.compared(&self.truth)
     }
 
-    /// The changes that `engine` makes of it with `views` lens samples a pixel.
-    pub(crate) fn changes(&self, engine: &Engine, views: usize) -> Changes {
-        let frame = |share| engine.blur(sampled((self.frame)(share)), Setup::views(views));
-        self.compared(&shares().map(frame).collect::<Vec<_>>())
-    }
-
     fn compared(&self, frames: &[Image]) -> Changes {
-        let changes = |frames: &[Image]| -> Vec<f32> {
-            let of_plane = |k: usize, pair: &[Image]| {
-                let values = pair[1].planes[k].values().iter().zip(pair[0].planes[k].values());
-                values.map(|(after, before)| after - before).collect::<Vec<f32>>()
-            };
-            frames.windows(2).flat_map(|pair| (0..3).flat_map(move |k| of_plane(k, pair))).collect()
-        };
-        let (found, expected) = (changes(frames), changes(&self.truth));
-        let sum =
-            |values: &mut dyn Iterator<Item = f32>| values.map(|value| f64::from(value).powi(2)).sum::<f64>();
-        let off = sum(&mut found.iter().zip(&expected).map(|(found, expected)| found - expected));
         let steps = Steps::between(frames);
         Changes {
-            error: (off / sum(&mut expected.iter().copied())).sqrt(),
+            error: error(&changes(frames, 1), &changes(&self.truth, 1)),
+            error_of_blocks: error(&changes(frames, BLOCK), &changes(&self.truth, BLOCK)),
             largest_over_mean: steps.largest_over_mean,
             frozen: steps.frozen,
         }
     }
+}
+
+/// Changes from frame to frame of the mean of every colour over every block of `side × side` pixels.
+fn changes(frames: &[Image], side: usize) -> Vec<f64> {
+    let corners = (0..HEIGHT).step_by(side).flat_map(|y| (0..WIDTH).step_by(side).map(move |x| (x, y)));
+    let blocks: Vec<_> = corners.flat_map(|corner| (0..3).map(move |k| (corner, k))).collect();
+    let mean_of = |image: &Image, ((x0, y0), k): ((usize, usize), usize)| {
+        let pixels: Vec<_> = (y0..y0 + side).flat_map(|y| (x0..x0 + side).map(move |x| (x, y))).collect();
+        mean(image, k, &pixels)
+    };
+    let change = |pair: &[Image]| {
+        blocks.iter().map(|&block| mean_of(&pair[1], block) - mean_of(&pair[0], block)).collect::<Vec<f64>>()
+    };
+    frames.windows(2).flat_map(change).collect()
+}
+
+/// Root mean square of `found` less `expected`, over that of `expected`.
+fn error(found: &[f64], expected: &[f64]) -> f64 {
+    let off: f64 = found.iter().zip(expected).map(|(found, expected)| (found - expected).powi(2)).sum();
+    (off / expected.iter().map(|change| change.powi(2)).sum::<f64>()).sqrt()
 }
 
 /// Colour of surface `seed` at a place in its own picture, which moves with it.
@@ -112,22 +138,38 @@ fn floor_inverse(y: f32) -> f32 {
     WALL + FLOOR_SLOPE * (y - HORIZON)
 }
 
-/// The scene as a stack of point samples, moved left by `moved_px`.
-fn sampled((lens, moved_px): (Lens, f32)) -> Scene {
-    let fragments = |x: usize, y: usize| -> [Fragment; 3] {
-        let (x, y) = (x as f32 + moved_px, y as f32);
-        let bar = is_bar(x).then(|| (texture(x, y, 1.0), lens.coc_px(BARS)));
-        let floor = (y >= HORIZON).then(|| (texture(x, y, 2.0), lens.coc_px(floor_inverse(y))));
-        let wall = Some((texture(x, y, 3.0), lens.coc_px(WALL)));
-        let mut found = [bar, floor, wall].into_iter().flatten();
+/// The scene as a stack, moved left: at the centres of pixels, or averaged over them.
+fn sampled((lens, moved_px): Moment, kind: StackKind) -> Scene {
+    /// Columns and rows of the places over which a pixel is averaged.
+    const PLACES: usize = 8;
+    let places: Vec<f32> = match kind {
+        StackKind::PointSampled => vec![0.0],
+        _ => (0..PLACES).map(|i| (i as f32 + 0.5) / PLACES as f32 - 0.5).collect(),
+    };
+    // The floor begins at the upper side of a row of pixels, so that bars alone have parts of pixels.
+    let fragments = |column: usize, row: usize| -> [Fragment; 3] {
+        let (x, y) = (column as f32 + moved_px, row as f32);
+        let mean = |seed: f32, is_inside: fn(f32) -> bool| {
+            let mut sum = [0.0; 4];
+            for (x, y) in places.iter().flat_map(|dx| places.iter().map(move |dy| (x + dx, y + dy))) {
+                let weight = f32::from(is_inside(x)) / places.len().pow(2) as f32;
+                sum.iter_mut().zip(texture(x, y, seed)).for_each(|(sum, value)| *sum += weight * value);
+            }
+            Some(sum).filter(|[.., alpha]| *alpha > 0.0)
+        };
+        let bar = mean(1.0, is_bar).map(|pixel| (pixel, lens.coc_px(BARS)));
+        let floor = mean(2.0, |_| true).map(|pixel| (pixel, lens.coc_px(floor_inverse(y))));
+        let wall = mean(3.0, |_| true).map(|pixel| (pixel, lens.coc_px(WALL)));
+        let mut found = [bar, floor.filter(|_| y > HORIZON), wall].into_iter().flatten();
         std::array::from_fn(|_| found.next().unwrap_or(EMPTY))
     };
-    let peel = |at: usize| layer(WIDTH, HEIGHT, |x, y| fragments(x, y)[at]);
-    Scene::new((0..3).map(peel).collect(), StackKind::PointSampled, 1, lens.infinity_px)
+    let pixels: Vec<[Fragment; 3]> = (0..WIDTH * HEIGHT).map(|i| fragments(i % WIDTH, i / WIDTH)).collect();
+    let peel = |at: usize| layer(WIDTH, HEIGHT, |x, y| pixels[y * WIDTH + x][at]);
+    Scene::new((0..3).map(peel).collect(), kind, 1, lens.infinity_px)
 }
 
 /// The picture of the scene itself: the mean of `rays` from all over each pixel and the lens.
-fn traced(rays: &[Ray], (lens, moved_px): (Lens, f32)) -> Image {
+fn traced(rays: &[Ray], (lens, moved_px): Moment) -> Image {
     let pixel = |i: usize| {
         let (x, y) = ((i % WIDTH) as f32 + moved_px, (i / WIDTH) as f32);
         let mut sum = [0.0f64; 4];
