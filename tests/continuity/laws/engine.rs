@@ -21,7 +21,7 @@ pub(crate) struct Engine {
 pub(crate) struct Setup<'a> {
     /// Lens samples a pixel, for methods that sample the lens.
     pub(crate) views: usize,
-    /// Passes that are forced on or off; one that the method lacks stays off.
+    /// Effects that are forced on or off; a pass that the method lacks stays off.
     pub(crate) passes: &'a [(EffectKind, bool)],
 }
 
@@ -97,8 +97,9 @@ impl Engine {
         };
         let settings = Settings::resolve(&[(Origin::Flag, &values)], ParameterValues::default());
         let (scene, _, plan) = Registry::default().prepare(scene, &settings).unwrap();
-        let force =
-            |plan: methods::Plan, &(kind, on): &(EffectKind, bool)| plan.forced(kind, on && self.has(kind));
+        let force = |plan: methods::Plan, &(kind, on): &(EffectKind, bool)| {
+            plan.forced(kind, on && (self.has(kind) || !kind.is_pass()))
+        };
         let plan = setup.passes.iter().fold(plan, force);
         match self.gpu {
             None => methods::render(scene, &plan, &|_| {}).unwrap(),

@@ -5,7 +5,7 @@ use super::scenes::{difference, layer, noise};
 use super::{Figure, Measured, Promise, figure};
 use thinlens::image::Image;
 use thinlens::methods::Law;
-use thinlens::scene::Scene;
+use thinlens::scene::{EffectKind, Scene};
 use thinlens::stack::StackKind;
 
 pub(crate) const NEAR_FOCUS: Measured = Measured {
@@ -29,26 +29,38 @@ fn color(x: usize, y: usize) -> [f32; 4] {
     [0.25 + 0.5 * noise(x, y, 1), 0.25 + 0.5 * noise(x, y, 2), 0.25 + 0.5 * noise(x, y, 3), 1.0]
 }
 
+/// The program's own decisions, and blur where the plan leaves it out as too little to see.
+const SETTINGS: [(&str, &[(EffectKind, bool)]); 2] =
+    [("", &[]), (", blur forced", &[(EffectKind::Blur, true)])];
+
 /// Point samples in front of and behind focus, through a lens whose largest CoC radius is `coc_px`.
-fn blurred(engine: &Engine, coc_px: f32) -> Image {
+fn blurred(engine: &Engine, coc_px: f32, passes: &[(EffectKind, bool)]) -> Image {
     let plane =
         layer(WIDTH, HEIGHT, |x, y| (color(x, y), if x < WIDTH / 2 { -coc_px } else { 0.7 * coc_px }));
-    engine.blur(Scene::new(vec![plane], StackKind::PointSampled, 1, coc_px), Setup::views(256))
+    let scene = Scene::new(vec![plane], StackKind::PointSampled, 1, coc_px);
+    engine.blur(scene, Setup { views: 256, passes })
 }
 
 fn differences_from_input(engine: &Engine) -> Vec<Figure> {
     let input = Image::from_fn(WIDTH, HEIGHT, color);
-    [0.0, 1e-6, 0.001, 0.005, 0.01, 0.02]
-        .map(|coc_px| figure(format!("c = {coc_px} px"), difference(&blurred(engine, coc_px), &input)))
-        .to_vec()
+    let of = |(name, passes): (&str, &[(EffectKind, bool)])| {
+        [0.0, 1e-6, 0.001, 0.005, 0.01, 0.02].map(|coc_px| {
+            figure(format!("c = {coc_px} px{name}"), difference(&blurred(engine, coc_px, passes), &input))
+        })
+    };
+    SETTINGS.into_iter().flat_map(of).collect()
 }
 
 /// Largest changes from one CoC radius to the next. On a GPU the first of them.
 fn steps(engine: &Engine) -> Vec<Figure> {
     let last = if engine.is_gpu() { 6 } else { 60 };
-    let pictures: Vec<Image> = (0..=last).map(|i| blurred(engine, STEP_PX * i as f32)).collect();
-    let step = |(i, pair): (usize, &[Image])| {
-        figure(format!("c = {:.2} px", STEP_PX * (i + 1) as f32), difference(&pair[0], &pair[1]))
+    let of = |(name, passes): (&str, &[(EffectKind, bool)])| {
+        let pictures: Vec<Image> = (0..=last).map(|i| blurred(engine, STEP_PX * i as f32, passes)).collect();
+        let step = |(i, pair): (usize, &[Image])| {
+            let coc_px = STEP_PX * (i + 1) as f32;
+            figure(format!("c = {coc_px:.2} px{name}"), difference(&pair[0], &pair[1]))
+        };
+        pictures.windows(2).enumerate().map(step).collect::<Vec<_>>()
     };
-    pictures.windows(2).enumerate().map(step).collect()
+    SETTINGS.into_iter().flat_map(of).collect()
 }

@@ -58,19 +58,23 @@ fn measured(engine: &Engine) -> Vec<(String, Steps)> {
     measured.entry(engine.to_string()).or_insert_with(|| measure(engine)).clone()
 }
 
+/// Of exact pictures the largest step is 1.7 times the mean (sines, f-number), 1.3 (noise, f-number) and 1.6 (sines, focus).
 fn measure(engine: &Engine) -> Vec<(String, Steps)> {
-    let scenes =
-        [("sines", sines as fn(Lens) -> Scene), ("noise", white_noise), ("a scene with depth", world)];
-    let lenses = [("f-number", f_number as fn(f32) -> Lens), ("focus", focus)];
-    let at = |views| scenes.into_iter().flat_map(move |scene| lenses.map(|lens| (scene, lens, views)));
-    let cases: Vec<_> = at(64).chain(at(96)).collect();
-    let steps =
-        engine.some_of(cases, 5).into_iter().map(|((scene_name, scene), (lens_name, lens), views)| {
-            let share = |i: usize| i as f32 / (FRAMES - 1) as f32;
-            let frames: Vec<Image> =
-                (0..FRAMES).map(|i| engine.blur(scene(lens(share(i))), Setup::views(views))).collect();
-            (format!("{lens_name} of {scene_name}, {views} views"), Steps::between(&frames))
-        });
+    type Case = (&'static str, fn(f32) -> Lens, fn(Lens) -> Scene);
+    let sweeps: [Case; 5] = [
+        ("f-number of sines", f_number, sines),
+        ("f-number of noise", f_number, white_noise),
+        ("f-number of a scene with depth", f_number, world),
+        ("focus of sines", focus, sines),
+        ("focus of a scene with depth", focus, world),
+    ];
+    let cases = sweeps.into_iter().flat_map(|sweep| [64, 96].map(|views| (sweep, views))).collect();
+    let steps = engine.some_of(cases, 4).into_iter().map(|((name, lens, scene), views)| {
+        let share = |i: usize| i as f32 / (FRAMES - 1) as f32;
+        let frames: Vec<Image> =
+            (0..FRAMES).map(|i| engine.blur(scene(lens(share(i))), Setup::views(views))).collect();
+        (format!("{name}, {views} views"), Steps::between(&frames))
+    });
     steps.collect()
 }
 
