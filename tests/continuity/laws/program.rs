@@ -33,7 +33,7 @@ pub(super) fn render(engine: &Engine, peels: Vec<Peel>) -> Image {
 pub(super) fn peels() -> Vec<Peel> {
     let hits = |x: usize, y: usize| {
         let bar = (x % 16 < 3).then_some((1, 2.0));
-        let floor = (y > 12).then(|| (2, 5.0 - 0.08 * (y as f32 - 12.0)));
+        let floor = (y > 12).then_some((2, 5.0 - 0.08 * (y as f32 - 12.0)));
         [bar, floor, Some((3, 8.0))].into_iter().flatten()
     };
     (0..3).map(|at| peel(|x, y| hits(x, y).nth(at))).collect()

@@ -52,13 +52,14 @@ pub(crate) struct Changes {
 /// A focus pull and an f-number sweep of point samples, and a pan of an eighth of a pixel a frame, of which point samples would jump
 /// from pixel to pixel, so of averages; their truth is traced with `count_of_rays` rays a pixel.
 pub(crate) fn sequences(count_of_rays: usize) -> Vec<Sequence> {
-    let moments: [(&str, fn(f32) -> Moment, StackKind); 3] = [
+    type Moments = fn(f32) -> Moment;
+    let moments: [(&str, Moments, StackKind); 3] = [
         ("focus pull", focus_pull, StackKind::PointSampled),
         ("f-number sweep", f_number_sweep, StackKind::PointSampled),
         ("pan", pan, StackKind::Coverage),
     ];
     let rays = rays(count_of_rays);
-    let truth = |moment: fn(f32) -> Moment| shares().map(|share| traced(&rays, moment(share))).collect();
+    let truth = |moment: Moments| shares().map(|share| traced(&rays, moment(share))).collect();
     moments.map(|(name, moment, kind)| Sequence { name, moment, kind, truth: truth(moment) }).into()
 }
 
