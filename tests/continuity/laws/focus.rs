@@ -34,18 +34,21 @@ const SETTINGS: [(&str, &[(EffectKind, bool)]); 2] =
     [("", &[]), (", blur forced", &[(EffectKind::Blur, true)])];
 
 /// Point samples in front of and behind focus, through a lens whose largest CoC radius is `coc_px`.
-fn blurred(engine: &Engine, coc_px: f32, passes: &[(EffectKind, bool)]) -> Image {
+fn blurred(engine: &Engine, coc_px: f32, setup: Setup<'_>) -> Image {
     let plane =
         layer(WIDTH, HEIGHT, |x, y| (color(x, y), if x < WIDTH / 2 { -coc_px } else { 0.7 * coc_px }));
     let scene = Scene::new(vec![plane], StackKind::PointSampled, 1, coc_px);
-    engine.blur(scene, Setup { views: 256, passes })
+    engine.blur(scene, setup)
 }
 
 fn differences_from_input(engine: &Engine) -> Vec<Figure> {
     let input = Image::from_fn(WIDTH, HEIGHT, color);
     let of = |(name, passes): (&str, &[(EffectKind, bool)])| {
         [0.0, 1e-6, 0.001, 0.005, 0.01, 0.02].map(|coc_px| {
-            figure(format!("c = {coc_px} px{name}"), difference(&blurred(engine, coc_px, passes), &input))
+            figure(
+                format!("c = {coc_px} px{name}"),
+                difference(&blurred(engine, coc_px, Setup { views: 1024, passes }), &input),
+            )
         })
     };
     SETTINGS.into_iter().flat_map(of).collect()
@@ -55,7 +58,8 @@ fn differences_from_input(engine: &Engine) -> Vec<Figure> {
 fn steps(engine: &Engine) -> Vec<Figure> {
     let last = if engine.is_gpu() { 6 } else { 60 };
     let of = |(name, passes): (&str, &[(EffectKind, bool)])| {
-        let pictures: Vec<Image> = (0..=last).map(|i| blurred(engine, STEP_PX * i as f32, passes)).collect();
+        let pictures: Vec<Image> =
+            (0..=last).map(|i| blurred(engine, STEP_PX * i as f32, Setup { views: 256, passes })).collect();
         let step = |(i, pair): (usize, &[Image])| {
             let coc_px = STEP_PX * (i + 1) as f32;
             figure(format!("c = {coc_px:.2} px{name}"), difference(&pair[0], &pair[1]))
