@@ -155,6 +155,19 @@ impl Image {
     }
 }
 
+/// The pixels left, right, above and below `pixel` of a picture of `width` × `height` pixels, `y · width + x` each; past the border the
+/// border's own pixel.
+pub(crate) fn neighbours(pixel: usize, (width, height): (usize, usize)) -> [usize; 4] {
+    let (x, y) = (pixel % width, pixel / width);
+    let at = |x: usize, y: usize| y * width + x;
+    [
+        at(x.saturating_sub(1), y),
+        at((x + 1).min(width - 1), y),
+        at(x, y.saturating_sub(1)),
+        at(x, (y + 1).min(height - 1)),
+    ]
+}
+
 /// The sRGB transfer function: scene-linear to display value. Nothing is clipped: negative values follow the
 /// linear segment, values above 1 the curve.
 pub fn srgb_encode(linear: f32) -> f32 {
@@ -184,6 +197,13 @@ mod tests {
         let whole = Plane::from_fn(6, 5, place);
         assert_eq!(whole.clone().trimmed([2, 1]), Plane::from_fn(2, 3, |x, y| place(x + 2, y + 1)));
         assert_eq!(whole.clone().trimmed([0, 0]), whole);
+    }
+
+    #[test]
+    fn a_pixel_at_the_border_is_its_own_neighbour_beyond_it() {
+        assert_eq!(neighbours(4, (3, 3)), [3, 5, 1, 7], "in the middle");
+        assert_eq!(neighbours(0, (3, 3)), [0, 1, 0, 3], "at the first corner");
+        assert_eq!(neighbours(8, (3, 3)), [7, 8, 5, 8], "at the last corner");
     }
 
     #[test]

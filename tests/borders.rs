@@ -5,7 +5,7 @@
 use std::f32::consts::PI;
 use thinlens::image::{Image, Plane};
 use thinlens::methods::{self, METHODS, Method, Plan};
-use thinlens::probes::{self, ProbeSites, Probes, SEED};
+use thinlens::probes::{self, Basis, ProbeSites, Probes, SEED};
 use thinlens::scene::{Layer, Scene};
 use thinlens::settings::{Border, Effort, Origin, ParameterValues, Settings, Values};
 use thinlens::stack::StackKind;
@@ -155,7 +155,8 @@ fn probes_are_inside_the_frame() {
         (columns..columns + WIDTH).contains(&(pixel % width))
             && (rows..rows + HEIGHT).contains(&(pixel / width))
     };
-    let pixels = Probes::new(ProbeSites::new(&scene, &plan, 200, SEED), 1).pixels();
+    let basis = Basis::new(&scene, &plan);
+    let pixels = Probes::new(&basis, &ProbeSites::new(&basis, 200, SEED), 1).pixels();
     let outside: Vec<&usize> = pixels.iter().filter(|&&pixel| !within(pixel)).collect();
     assert!(
         pixels.len() >= 100 && outside.is_empty(),

@@ -333,14 +333,15 @@ mod the_report {
             },
             lens: report::LensReport::new(
                 &settings,
-                &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0 },
+                &ThinLens { coc_infinity_px: 12.5, focus_distance: 6.0, opening_px: 12.5 },
             ),
             picture: settings.picture.clone(),
             stack: report::StackReport {
                 width: 40,
                 height: 30,
                 peels: 4,
-                kind: StackKind::PointSampled,
+                kind: "point".to_owned(),
+                antialiased: 0.0,
                 supersample: 1,
                 convention: DepthConvention::Planar,
                 precision: Precision::Half,
@@ -389,7 +390,7 @@ mod the_report {
             serde_json::json!({"kind": "cpu", "name": "a processor", "reason": "requested"})
         );
         assert!(json["probe"].is_null());
-        assert_eq!(json["stack"]["kind"], "point-sampled");
+        assert_eq!(json["stack"]["kind"], "point");
     }
 
     #[test]

@@ -5,7 +5,6 @@
 //!
 //! * `blur`, if all CoC radii are within half a pixel: the change is compared with the share of rays that the plan states;
 //! * `fill`, if there are three layers or more and yet surfaces are missing behind the last one: estimated surfaces are added;
-//! * `open-background`, if every pixel has a fragment and yet rays may miss: they count as transparent, not as unknown;
 //! * `resolve`, if anti-aliased fragments are in focus: they are softened again;
 //! * `highlights`, if bright areas need more discs than the plan allows: discs and lens samples are two different estimates;
 //!   extrapolation makes such areas from a source that is clipped at white;
@@ -23,13 +22,8 @@ use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Mask, Origin, ParameterValues, Settings, Switches, Values};
 use thinlens::stack::{ColorRange, StackKind};
 
-const KINDS: [StackKind; 5] = [
-    StackKind::PointSampled,
-    StackKind::Coverage,
-    StackKind::BeautyDepth,
-    StackKind::Supersampled,
-    StackKind::RendererAntialiased,
-];
+const KINDS: [StackKind; 4] =
+    [StackKind::PointSampled, StackKind::Coverage, StackKind::BeautyDepth, StackKind::Supersampled];
 
 /// Number of stacks of each kind.
 const CASES: u64 = 10;
@@ -205,25 +199,19 @@ impl Case {
         if extrapolates { scene.extrapolated(&plan.extrapolation) } else { scene }
     }
 
-    /// Whether some sample has no fragment in any layer.
-    fn has_empty_samples(&self) -> bool {
-        let layers = &self.scene.layers;
-        let samples = layers[0].alpha.values().len();
-        (0..samples).any(|i| layers.iter().all(|layer| layer.alpha.values()[i] <= 0.0))
-    }
-
     /// Whether forcing `kind` changes the picture by design; see the head of this file.
     fn by_design(&self, kind: EffectKind) -> bool {
         let [min_size_px, _] = self.coc_sizes_px();
         match kind {
             EffectKind::Blur => !self.is_blurred(),
             EffectKind::Fill => !self.complete && self.scene.layers.len() > 2,
-            EffectKind::TransparentBackground => !self.complete && !self.has_empty_samples(),
-            EffectKind::Resolve => self.scene.kind != StackKind::PointSampled && min_size_px < 1.5,
+            EffectKind::Resolve => self.scene.antialiasing.mean() > 0.0 && min_size_px < 1.5,
             EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
             EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
             EffectKind::Merge | EffectKind::Translucency => true,
-            EffectKind::Prefilter
+            // Forced in a closed scene, it has no background to show.
+            EffectKind::TransparentBackground
+            | EffectKind::Prefilter
             | EffectKind::BladeCurvature
             | EffectKind::Squeeze
             | EffectKind::ApertureImage
@@ -238,10 +226,11 @@ impl Case {
 
     /// A description of the case for messages.
     fn name(&self) -> String {
-        let Scene { layers, kind, color_range, .. } = &self.scene;
+        let Scene { layers, antialiasing, color_range, .. } = &self.scene;
         format!(
-            "seed {}: {kind:?}, colours {color_range:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
+            "seed {}: {}, colours {color_range:?}, {} layers of {} × {}, CoC sizes {:?} px, complete: {}, bright area: {}",
             self.seed,
+            antialiasing.in_words(),
             layers.len(),
             layers[0].width(),
             layers[0].height(),
@@ -265,7 +254,7 @@ fn layers_of(
     (count, kind, supersample): (usize, StackKind, usize),
 ) -> (Vec<Layer>, bool) {
     let (columns, rows) = (width * supersample, height * supersample);
-    let soft = matches!(kind, StackKind::Coverage | StackKind::RendererAntialiased | StackKind::BeautyDepth);
+    let soft = matches!(kind, StackKind::Coverage | StackKind::BeautyDepth);
     let blank = || Layer {
         color: std::array::from_fn(|_| Plane::zeros(columns, rows)),
         alpha: Plane::zeros(columns, rows),

@@ -8,9 +8,11 @@ use fixtures::{Part, exr_bytes, exr_bytes_displayed, failure, failure_with, sour
 use half::f16;
 use std::path::Path;
 use thinlens::error::ErrorKind;
+use thinlens::render::{Job, prepare_stack};
 use thinlens::settings::{DepthConvention, Focus};
 use thinlens::stack::{
-    Carry, ColorRange, Precision, ReadOptions, Source, Stack, StackKind, Window, read, read_picture,
+    Antialiasing, Carry, ColorRange, Precision, ReadOptions, Source, Stack, StackKind, Window, read,
+    read_picture,
 };
 
 /// `[r, g, b, a, depth]` of every peel at the top left pixel.
@@ -78,7 +80,7 @@ fn depth_v_and_depth_z_read_the_same() {
         );
         let stack = stack_of(vec![Part::flat((2, 2), &channels)]);
         assert_eq!(first_pixels(&stack), [[0.5, 0.25, 0.125, 1.0, 7.0]], "{ending}");
-        assert_eq!(stack.kind, StackKind::BeautyDepth);
+        assert_eq!(stack.kind, Some(StackKind::BeautyDepth));
     }
 }
 
@@ -279,10 +281,10 @@ fn a_cropped_deeper_peel_is_placed_in_the_first_ones_window() {
 // Several files.
 
 #[test]
-fn files_ordered_far_to_near_are_kept_in_order_with_a_warning() {
+fn files_ordered_far_to_near_are_sorted_with_a_warning() {
     let peel = |z: usize| source(exr_bytes(vec![Part::flat((2, 2), &format!("R=1 G=1 B=1 A=1 Z={z}"))]));
     let stack = read(&[peel(9), peel(2)], &ReadOptions::default()).expect("it is read");
-    assert_eq!(first_pixels(&stack).map_depth(), [9.0, 2.0]);
+    assert_eq!(first_pixels(&stack).map_depth(), [2.0, 9.0]);
     assert!(warnings(&stack)[0].contains("nearest first"));
     assert!(warnings(&read(&[peel(2), peel(9)], &ReadOptions::default()).expect("it is read")).is_empty());
 }
@@ -353,13 +355,43 @@ fn a_supersampled_stack_is_detected_from_its_header_and_carries_no_channels() {
             .attribute("thinlens.supersample", AttributeValue::I32(s))
     };
     let stack = stack_of(vec![part(2)]);
-    assert_eq!((stack.kind, stack.supersample), (StackKind::Supersampled, 2));
+    assert_eq!((stack.kind, stack.supersample), (Some(StackKind::Supersampled), 2));
     assert!(stack.carried.channels.is_empty());
     assert!(stack.carried.attributes.is_empty(), "the output is not supersampled");
     assert_eq!(warnings(&stack).len(), 1);
     let error = failure(exr_bytes(vec![part(3)]));
     assert_eq!(error.kind(), ErrorKind::Settings);
     assert!(error.to_string().starts_with("3 samples per pixel do not divide a size of 4"), "{error}");
+}
+
+#[test]
+fn a_kind_in_the_header_holds_everywhere_unless_the_user_sets_another() {
+    let peels =
+        "peel0.R=1 peel0.G=1 peel0.B=1 peel0.A=1 peel0.Z=2 peel1.R=1 peel1.G=1 peel1.B=1 peel1.A=1 peel1.Z=5";
+    let part =
+        |kind: &str| Part::flat((4, 2), peels).attribute("thinlens.kind", AttributeValue::Text(kind.into()));
+    let stack = stack_of(vec![part("coverage")]);
+    assert_eq!((stack.kind, stack.antialiasing), (Some(StackKind::Coverage), Antialiasing::AVERAGES));
+    assert!(stack.carried.attributes.is_empty(), "the output is no stack");
+    let options = ReadOptions { kind: Some(StackKind::PointSampled), ..ReadOptions::default() };
+    let stack = read(&[source(exr_bytes(vec![part("coverage")]))], &options).expect("it is read");
+    assert_eq!(stack.antialiasing, Antialiasing::POINT_SAMPLES);
+    assert_eq!(stack_of(vec![part("auto")]).kind, None);
+    let error = failure(exr_bytes(vec![part("beauty")]));
+    assert_eq!(error.kind(), ErrorKind::Settings);
+    assert!(error.to_string().contains("2 peels"), "{error}");
+}
+
+#[test]
+fn three_hundred_peels_are_read_in_order() {
+    let channels = (0..300)
+        .map(|n| format!("peel{n}.R=1 peel{n}.G=1 peel{n}.B=1 peel{n}.A={} peel{n}.Z={}", n % 2, n + 1));
+    let stack = stack_of(vec![Part::flat((2, 1), &channels.collect::<Vec<_>>().join(" "))]);
+    assert_eq!(stack.peels.len(), 300);
+    assert!((0..300).all(|n| stack.peels[n].depth.get(1, 0) == (n + 1) as f32));
+    let prepared = prepare_stack(stack, &Job::default()).expect("it can be planned");
+    assert_eq!((prepared.stats.layers, prepared.summary.peels), (300, 300));
+    assert_eq!(prepared.stats.fragments, 300, "two samples in every second peel");
 }
 
 // Channels and attributes copied to the output.

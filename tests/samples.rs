@@ -9,7 +9,7 @@ use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare, render, render_stack};
 use thinlens::scene::EffectKind;
 use thinlens::settings::{Effort, Preset, Values};
-use thinlens::stack::{ReadOptions, Source, Stack, StackKind, read, read_picture};
+use thinlens::stack::{ReadOptions, Source, Stack, read, read_picture};
 
 fn folder(scene: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(scene)
@@ -29,26 +29,26 @@ fn job(scene: &str, input: &str, method: &str, views: usize) -> Job {
     }
 }
 
-/// Against the true lens, with the default method.
-fn psnr_db(scene: &str, input: &str, views: usize) -> (f64, StackKind) {
+/// Against the true lens, with the default method; and the share of the picture whose colours are averages over the pixel.
+fn psnr_db(scene: &str, input: &str, views: usize) -> (f64, f64) {
     let rendered = render(&job(scene, input, "shear", views), &|_| {}).unwrap();
     let reference = read_picture(&folder(scene).join("reference.exr")).unwrap();
-    (score(&rendered.image, &reference, 0).unwrap().psnr_db, rendered.stack.kind)
+    (score(&rendered.image, &reference, 0).unwrap().psnr_db, rendered.stack.antialiasing.mean())
 }
 
 #[test]
 fn the_default_method_is_as_near_the_true_lens_as_it_was() {
-    for (scene, input, kind, floor_db) in [
-        ("terrace", "stack.exr", StackKind::Coverage, 34.7),
-        ("terrace", "pinhole.exr", StackKind::BeautyDepth, 26.6),
-        ("fence", "stack.exr", StackKind::PointSampled, 32.5),
-        ("fence", "pinhole.exr", StackKind::BeautyDepth, 28.0),
-        ("table", "stack.exr", StackKind::PointSampled, 36.6),
-        ("table", "pinhole.exr", StackKind::BeautyDepth, 38.1),
+    for (scene, input, averages, floor_db) in [
+        ("terrace", "stack.exr", 0.98..=1.0, 34.7),
+        ("terrace", "pinhole.exr", 1.0..=1.0, 26.6),
+        ("fence", "stack.exr", 0.0..=0.0, 32.5),
+        ("fence", "pinhole.exr", 1.0..=1.0, 28.0),
+        ("table", "stack.exr", 0.0..=0.0, 36.6),
+        ("table", "pinhole.exr", 1.0..=1.0, 38.1),
     ] {
         let (db, found) = psnr_db(scene, input, 64);
         assert!(db > floor_db, "{scene}/{input}: {db:.2} dB, was over {floor_db}");
-        assert_eq!(found, kind, "{scene}/{input}");
+        assert!(averages.contains(&found), "{scene}/{input}: {found}");
     }
 }
 

@@ -10,13 +10,15 @@ use fixtures::{Part, stack_of};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use thinlens::image::Plane;
 use thinlens::lens::{Field, Optics};
-use thinlens::render::{Job, prepare};
+use thinlens::methods::METHODS;
+use thinlens::render::{Job, prepare, render_stack};
 use thinlens::settings::{
-    CommandLine, Focus, FocusKey, Kind, Origin, ParameterValues, Preset, SETTINGS, Setting, Settings, Value,
-    Values,
+    CommandLine, DepthConvention, Effort, Focus, FocusKey, Kind, Origin, ParameterValues, Preset, Range,
+    SETTINGS, Setting, Settings, Value, Values,
 };
-use thinlens::stack::{Source, camera_attributes};
+use thinlens::stack::{Frame, Peel, ReadOptions, Source, Stack, camera_attributes};
 
 /// Values, of which every kind with a range refuses some.
 fn candidates(setting: &Setting) -> Vec<Value> {
@@ -203,7 +205,11 @@ fn resolved_settings_are_listed_with_their_origins() {
     let resolved = lens.iter().chain(&picture).map(|listed| listed.setting.key);
     let missing: Vec<_> =
         SETTINGS.iter().map(|s| s.key).filter(|key| !resolved.clone().any(|k| k == *key)).collect();
-    assert_eq!(missing, ["convention", "supersample"], "these are about reading, and belong to the stack");
+    assert_eq!(
+        missing,
+        ["convention", "supersample", "kind"],
+        "these are about reading, and belong to the stack"
+    );
 }
 
 /// The rows of docs/settings.md, as the table of settings has them.
@@ -284,6 +290,118 @@ fn texts_of_the_library_name_no_flag() {
                 let flag = words.find(|word| word.starts_with("--") && word.len() > 2);
                 assert_eq!(flag, None, "{}: {line}", path.display());
             }
+        }
+    }
+}
+
+/// The values at the ends of what `setting` accepts.
+fn ends(setting: &Setting) -> Vec<Value> {
+    let least = f32::from_bits(1);
+    let numbers = |range: Range| match range {
+        Range::Any => vec![f32::MIN, -least, 0.0, f32::MAX],
+        Range::Positive => vec![least, f32::MIN_POSITIVE, f32::MAX],
+        Range::PositiveOrInfinite => vec![least, f32::MIN_POSITIVE, f32::MAX, f32::INFINITY],
+        Range::NotNegative => vec![0.0, least, f32::MAX],
+        Range::Within(min, max) => vec![min, max],
+    };
+    let pairs = |ends: Vec<f32>| {
+        let pair = |first: f32| ends.iter().map(move |&second| Value::Pair([first, second]));
+        ends.iter().flat_map(|&first| pair(first)).collect()
+    };
+    match setting.kind {
+        Kind::Number(range) => numbers(range).into_iter().map(Value::Number).collect(),
+        Kind::RedBlue(range) => pairs(numbers(range)),
+        Kind::Pixel => pairs(numbers(Range::Any)),
+        Kind::Whole(min, max) => [min, max].map(Value::Whole).into(),
+        Kind::Count { min, max, .. } => [0, min, max].map(Value::Whole).into(),
+        Kind::Word(words) => words.iter().map(|word| Value::Word(word.name)).collect(),
+        Kind::Name => vec![Value::Name(String::new())],
+        Kind::File => vec![Value::File(PathBuf::new())],
+    }
+}
+
+/// Two small peels whose depths, from 0.2 to 0.9, mean something in every convention, read as `values` say.
+fn small_stack(values: &Values, convention: DepthConvention) -> Result<Stack, thinlens::error::Error> {
+    let plane = |value: &dyn Fn(usize, usize) -> f32| Plane::from_fn(12, 8, value);
+    let peel = |alpha: f32, near: f32| Peel {
+        color: std::array::from_fn(|k| plane(&|x, y| alpha * ((x + y + k) % 3) as f32)),
+        alpha: plane(&|x, _| if x == 3 { 0.0 } else { alpha }),
+        depth: plane(&|x, y| if y == 0 { f32::INFINITY } else { near + 0.03 * x as f32 }),
+    };
+    let options = ReadOptions {
+        convention: values.convention.or(Some(convention)),
+        supersample: values.supersample,
+        kind: values.kind,
+        ..ReadOptions::default()
+    };
+    Stack::from_peels(vec![peel(0.5, 0.2), peel(1.0, 0.5)], Frame::from_size(12, 8), &options)
+}
+
+/// The picture of the small stack with `values` is finite, or it is refused with a reason.
+fn renders_or_is_refused(values: &Values, convention: DepthConvention, what: &str) {
+    let job = Job { flags: values.clone(), ..Job::default() };
+    let outcome = small_stack(values, convention).and_then(|stack| render_stack(stack, &job, &|_| {}));
+    match outcome {
+        Err(error) => assert!(error.to_string().len() > 20, "{what}: {error}"),
+        Ok(rendered) => {
+            let finite = |plane: &Plane| plane.values().iter().all(|value| value.is_finite());
+            assert!(rendered.image.planes.iter().all(finite), "{what}: not finite");
+        }
+    }
+}
+
+/// Lenses on which the ends of one setting are tried: without aberrations, and with all that there are.
+fn lenses() -> [Values; 2] {
+    let effort = Some(Effort::Views(8));
+    let strong = Values {
+        spherical_um: Some(5000.0),
+        axial_color_um: Some([5000.0, -5000.0]),
+        lateral_color_um: Some([-5000.0, 5000.0]),
+        cats_eye: Some(1.2),
+        vignetting: Some(1.0),
+        effort,
+        ..Values::default()
+    };
+    [Values { effort, ..Values::default() }, strong]
+}
+
+#[test]
+fn a_setting_at_either_end_of_its_range_renders_or_is_refused_with_a_reason() {
+    let conventions = [
+        DepthConvention::Planar,
+        DepthConvention::Ray,
+        DepthConvention::Inverse,
+        DepthConvention::Normalised,
+    ];
+    for setting in SETTINGS {
+        for value in ends(setting) {
+            for (lens, convention) in
+                lenses().into_iter().flat_map(|lens| conventions.map(|c| (lens.clone(), c)))
+            {
+                let mut values = lens;
+                setting.set(&mut values, &value);
+                let what = format!("{} = {value}, {convention:?}", setting.key);
+                renders_or_is_refused(&values, convention, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_method_renders_or_refuses_a_lens_at_the_ends_of_its_settings() {
+    for (method, setting) in
+        METHODS.iter().flat_map(|method| SETTINGS.iter().map(move |setting| (method, setting)))
+    {
+        for value in ends(setting) {
+            let name = method.info().name;
+            let effort = method.samples_lens().then_some(Effort::Views(4));
+            let mut values = Values { method: Some(name.to_owned()), effort, ..Values::default() };
+            setting.set(&mut values, &value);
+            renders_or_is_refused(
+                &values,
+                DepthConvention::Planar,
+                &format!("{name}, {} = {value}", setting.key),
+            );
         }
     }
 }

@@ -366,14 +366,13 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     }
     let centre = vec2f(f32(at.x), f32(frame.row + at.y)) + 0.5;
     let height = (centre - vec2f(frame.axis_x, frame.axis_y)) / frame.half_diagonal_px;
-    var sum = Sum(vec3f(0.0), 0.0, 0.0);
+    var sum = NO_RAYS;
     for (var i = batch.first_view; i < batch.end_view; i++) {
         let view = views[i];
         if passes_barrel(vec2f(view.lens_x, view.lens_y), height) {
-            let result = trace_ray(ray_of(view, centre));
-            sum.color += result.color;
-            sum.hit += 1.0 - result.transmittance;
-            sum.rays += 1.0;
+            let ray = ray_of(view, centre);
+            let result = trace_ray(ray);
+            sum = added(sum, ended_ray(result.color, result.transmittance, ray.start, ray.step, frame.supersample));
         }
     }
     add_batch(at.y * frame.width + at.x, sum);

@@ -31,7 +31,6 @@ struct LevelWeights {
 }
 
 struct PeelUniform {
-    has_alpha: u32,
     is_nearest: u32,
     first_row: i32,
     same_surface_px: f32,
@@ -105,8 +104,7 @@ fn contribution(index: i32) -> Sample {
     let weight = weight_of(coc_px);
     let in_finer = select(0.0, 1.0 - weight, weight > 0.0 && coc_px * coc_px < level_weights.peak_px2);
     let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
-    let content = vec4f(colors, select(0.0, coverage, peel.has_alpha == 1u));
-    return Sample(weight * content, coverage * vec2f(weight, in_finer));
+    return Sample(weight * vec4f(colors, 0.0), coverage * vec2f(weight, in_finer));
 }
 
 fn contributed_pair(x: i32, y: i32) -> Pair {
@@ -154,9 +152,6 @@ fn splat(@builtin(global_invocation_id) at: vec3u) {
     let block = block_of(upper, lower);
     for (var k = 0; k < 3; k++) {
         add_coarse(k, x, y, block.content[k]);
-    }
-    if frame.channels > 3 {
-        add_coarse(3, x, y, block.content[3]);
     }
     add_coarse(frame.channels, x, y, block.rest[0]);
     if level_weights.sign > 0.0 {
@@ -289,6 +284,5 @@ fn composite_in_focus(@builtin(global_invocation_id) at: vec3u) {
     let index = row * frame.width + i32(at.x);
     let coverage = peel_rest[source];
     let colors = vec3f(peel_colors[source], peel_colors[plane + source], peel_colors[2 * plane + source]);
-    let alpha = select(0.0, coverage, peel.has_alpha == 1u);
-    lay_over(index, Pixel(vec4f(colors, alpha), coverage));
+    lay_over(index, Pixel(vec4f(colors, 0.0), coverage));
 }

@@ -294,12 +294,13 @@ fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> RayTrace {
     return trace;
 }
 
-// `trace` as a part of a sum; discarded rays add nothing.
-fn part_of_sum(trace: RayTrace) -> Sum {
+// The sum of `ray`; discarded rays add nothing.
+fn sum_of_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> Sum {
+    let trace = follow_ray(ray, slabs, has_cones);
     if !trace.counts {
-        return Sum(vec3f(0.0), 0.0, 0.0);
+        return NO_RAYS;
     }
-    return Sum(trace.color, 1.0 - trace.transmittance, 1.0);
+    return ended(ray, trace.color, trace.transmittance);
 }
 
 // Adds the rays of a batch of views through pixel `at` of the band.
@@ -311,10 +312,9 @@ fn add_rays(at: vec2u, has_cones: bool) {
     let centre = centre_of(pixel);
     let slabs = slabs_around(centre);
     let first_view = hash(pixel) % frame.sets * frame.views;
-    var sum = Sum(vec3f(0.0), 0.0, 0.0);
+    var sum = NO_RAYS;
     for (var i = batch.first_view; i < batch.end_view; i++) {
-        let part = part_of_sum(follow_ray(ray_of(first_view + i, centre), slabs, has_cones));
-        sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
+        sum = added(sum, sum_of_ray(ray_of(first_view + i, centre), slabs, has_cones));
     }
     add_batch(at.y * stack.width + at.x, sum);
 }
@@ -336,10 +336,9 @@ fn central(@builtin(global_invocation_id) at: vec3u) {
     }
     let index = at.y * stack.width + at.x;
     let sum = saved_sum(index);
-    let shows_transparency = batch.transparent_background != 0u && sum.rays > 0.0;
-    if shows_transparency || !shows_nothing(sum) {
+    if sum.transparent > 0.0 || !shows_nothing(sum) {
         return;
     }
     let centre = centre_of(vec2u(at.x, stack.row + at.y));
-    save_sum(index, part_of_sum(follow_ray(Ray(centre, vec2f(0.0)), slabs_around(centre), true)));
+    save_sum(index, sum_of_ray(Ray(centre, vec2f(0.0)), slabs_around(centre), true));
 }

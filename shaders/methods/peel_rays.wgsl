@@ -195,7 +195,7 @@ fn follow_ray(ray: Ray, bundle: vec2f) -> Sum {
     // The ray may pass over fragments outside of the bundle's range, which it cannot hit.
     range = vec2f(max(range.x, bundle.x), min(range.y, bundle.y));
     if range.x > range.y {
-        return Sum(color_sum, 0.0, 1.0);
+        return ended(ray, color_sum, 1.0);
     }
     var walk = first_walk(ray, range);
     // Steps have a loop of their own: this minimizes the time for which threads that search wait for threads that
@@ -224,7 +224,7 @@ fn follow_ray(ray: Ray, bundle: vec2f) -> Sum {
             walk.next_index = candidate.index + 1u;
         }
     }
-    return Sum(color_sum, 1.0 - transmittance, 1.0);
+    return ended(ray, color_sum, transmittance);
 }
 
 @compute @workgroup_size(8, 8)
@@ -234,10 +234,9 @@ fn follow(@builtin(global_invocation_id) at: vec3u) {
     }
     let centre = centre_of(vec2u(at.x, stack.row + at.y));
     let bundle = range_of_bundle(centre);
-    var sum = Sum(vec3f(0.0), 0.0, 0.0);
+    var sum = NO_RAYS;
     for (var view = batch.first_view; view < batch.end_view; view++) {
-        let part = follow_ray(ray_of(view, centre), bundle);
-        sum = Sum(sum.color + part.color, sum.hit + part.hit, sum.rays + part.rays);
+        sum = added(sum, follow_ray(ray_of(view, centre), bundle));
     }
     add_batch(at.y * stack.width + at.x, sum);
 }

@@ -29,8 +29,8 @@ struct Params {
     // Blocks per row, and regions per row.
     blocks_across: u32,
     regions_across: i32,
-    // Number of content planes: 3, or 4 with alpha.
-    channels: u32,
+    // Number of planes of the picture: red, green, blue and, where the background is visible, alpha and coverage.
+    planes: u32,
 }
 
 // Sums of the points in one layer of two neighbouring pixels.
@@ -50,7 +50,7 @@ struct Layers {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-// Content of each point: red, green, blue and, with a transparent background, alpha; premultiplied.
+// Content of each point: red, green, blue and, where the background is visible, alpha; premultiplied.
 @group(0) @binding(1) var<storage, read> lights: array<vec4f>;
 // Per point: bits of CoC radius and alpha, index of the weight of its own pixel, and the bits that `weight` unpacks.
 @group(0) @binding(2) var<storage, read> shapes: array<vec4u>;
@@ -64,7 +64,7 @@ struct Layers {
 @group(0) @binding(6) var<storage, read> bounds: array<vec2f>;
 // [row of the strip][pair of columns]
 @group(0) @binding(7) var<storage, read_write> sums: array<Layers>;
-// [channel][row of the band][column]
+// [plane][row of the band][column]
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
 // From the program: BLOCK and REGION, the sides of both in pixels.
@@ -148,6 +148,12 @@ fn blended(sum: Sum, k: u32, behind: vec4f, has_content: ptr<function, bool>) ->
     return (content + transmittance * behind) / (alpha + transmittance);
 }
 
+// Share of pixel `k` of a thread's two that no layer covers.
+fn uncovered(layers: Layers, k: u32) -> f32 {
+    let left = max(1.0 - vec3f(layers.front.alpha[k], layers.same.alpha[k], layers.behind.alpha[k]), vec3f(0.0));
+    return left.x * left.y * left.z;
+}
+
 // Writes pixel `k` of a thread's two.
 fn write_pixel(layers: Layers, k: u32, at: vec2i) {
     if at.x >= params.width {
@@ -158,8 +164,12 @@ fn write_pixel(layers: Layers, k: u32, at: vec2i) {
     content = blended(layers.same, k, content, &has_content);
     content = blended(layers.front, k, content, &has_content);
     let plane = u32(params.band_rows * params.width);
-    for (var channel = 0u; channel < params.channels; channel++) {
-        picture[channel * plane + u32(at.y * params.width + at.x)] = content[channel];
+    let pixel = u32(at.y * params.width + at.x);
+    for (var channel = 0u; channel < min(params.planes, 4u); channel++) {
+        picture[channel * plane + pixel] = content[channel];
+    }
+    if params.planes > 4u {
+        picture[4u * plane + pixel] = 1.0 - uncovered(layers, k);
     }
 }
 

@@ -22,7 +22,6 @@ struct Matting {
     fall_from: f32,
     fall_to: f32,
     fall_slope: f32,
-    shows: u32,
     first: u32,
 }
 
@@ -112,8 +111,7 @@ fn add_share(@builtin(global_invocation_id) at: vec3u) {
     }
     let layer_share = (1.0 - layer.coverage) * share_of(peel_rest[plane + index], alpha, visibility[index]);
     let colors = vec3f(peel_colors[index], peel_colors[plane + index], peel_colors[2 * plane + index]);
-    let content = vec4f(colors, select(0.0, alpha, matting.shows == 1u));
-    set_other_pixel(index, Pixel(layer.content + layer_share * content, layer.coverage + layer_share * alpha));
+    set_other_pixel(index, Pixel(layer.content + layer_share * vec4f(colors, 0.0), layer.coverage + layer_share * alpha));
 }
 
 @compute @workgroup_size(16, 16)

@@ -1,8 +1,7 @@
 // Coverage planes of a band: content, premultiplied by coverage, and coverage.
 // CPU version: src/methods/shared/content.rs.
 //
-// Layout [plane][row][column]: colour in one buffer; in the other coverage, after the alpha of content if the background is
-// transparent.
+// Layout [plane][row][column]: colour in one buffer; in the other coverage, after the alpha of content if it has one.
 //
 // normalise: divides content by coverage.
 
@@ -27,7 +26,7 @@ fn source_plane() -> i32 {
     return frame.source_rows * frame.width;
 }
 
-// A pixel of coverage planes; the fourth component of content is 0 where the background is closed.
+// A pixel of coverage planes; the fourth component of content is 0 without an alpha.
 struct Pixel {
     content: vec4f,
     coverage: f32,
@@ -35,7 +34,7 @@ struct Pixel {
 
 fn result_pixel(index: i32) -> Pixel {
     let plane = frame.made_rows * frame.width;
-    // Where the background is closed this value is coverage, and is not used.
+    // Without an alpha of content this value is coverage, and is not used.
     let alpha = result_rest[index];
     let colors = vec3f(result_colors[index], result_colors[plane + index], result_colors[2 * plane + index]);
     let coverage = result_rest[(frame.channels - 3) * plane + index];

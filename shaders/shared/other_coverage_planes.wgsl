@@ -6,7 +6,7 @@
 
 fn other_pixel(index: i32) -> Pixel {
     let plane = source_plane();
-    // Where the background is closed this value is coverage, and is not used.
+    // Without an alpha of content this value is coverage, and is not used.
     let alpha = other_rest[index];
     let colors = vec3f(other_colors[index], other_colors[plane + index], other_colors[2 * plane + index]);
     let coverage = other_rest[(frame.channels - 3) * plane + index];

@@ -72,6 +72,11 @@ fn ray_at(ray: Ray, c: f32) -> vec2f {
     return ray.start + c * ray.step;
 }
 
+// The sum of `ray`, which has collected `color` and has the transmittance `left` after all fragments.
+fn ended(ray: Ray, color: vec3f, left: f32) -> Sum {
+    return ended_ray(color, left, ray.start, ray.step, stack.supersample);
+}
+
 // Index where the list of the sample at `position` begins; past the border, the nearest border sample's.
 fn list_at(position: vec2f) -> u32 {
     let first = vec2f(0.0, f32(stack.top));

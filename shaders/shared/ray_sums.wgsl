@@ -5,7 +5,7 @@
 // A batch has some of the views. Its sum is computed separately and then added to the sum of the batches before it, so that each
 // sum has few terms and single precision suffices.
 
-// Some of the views of one set.
+// Some of the views of one set, and what becomes of rays that have passed all fragments.
 struct Batch {
     // First view, and end of the range of views (exclusive).
     first_view: u32,
@@ -14,10 +14,17 @@ struct Batch {
     begins: u32,
     // Bit k is set where these views render channel k of the picture.
     channels: u32,
-    // Whether rays that hit nothing are transparent; otherwise they are left out of the mean.
-    transparent_background: u32,
     // Number of pixels of the band.
     pixels: u32,
+    // Whether the background is visible.
+    shows_background: u32,
+    // Whether lost rays count as opaque black; otherwise they are left out of the mean.
+    lost_are_black: u32,
+    // Width of the picture; first and last row of the background that is uploaded; CoC radius at infinity in pixels.
+    columns: i32,
+    top: i32,
+    bottom: i32,
+    coc_infinity_px: f32,
 }
 
 // Sum over some rays.
@@ -26,21 +33,32 @@ struct Sum {
     color: vec3f,
     // Rays that hit something; translucent fragments count fractions of a ray.
     hit: f32,
-    // Rays that are part of the mean.
+    // Rays that end in the background, weighted by transmittance.
+    transparent: f32,
+    // All rays that were not discarded. Those that neither hit anything nor end in the background are lost.
     rays: f32,
 }
 
 @group(0) @binding(0) var<uniform> batch: Batch;
-// [red, green, blue, hit, rays][row][column].
+// [red, green, blue, hit, rays, transparent][row][column]; without the last where the background is not visible.
 @group(0) @binding(1) var<storage, read_write> sums: array<f32>;
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
+
+// [row][column]: share of the background in the pixel, and CoC radius of the pixel's last fragment.
+@group(0) @binding(14) var<storage, read> background: array<vec2f>;
+
+const NO_RAYS: Sum = Sum(vec3f(0.0), 0.0, 0.0, 0.0);
 
 // Constant from the program: MIN_HIT, the fraction of rays above which a pixel counts as hit.
 
 fn saved_sum(pixel: u32) -> Sum {
     let color = vec3f(sums[pixel], sums[batch.pixels + pixel], sums[2u * batch.pixels + pixel]);
-    return Sum(color, sums[3u * batch.pixels + pixel], sums[4u * batch.pixels + pixel]);
+    var transparent = 0.0;
+    if batch.shows_background != 0u {
+        transparent = sums[5u * batch.pixels + pixel];
+    }
+    return Sum(color, sums[3u * batch.pixels + pixel], transparent, sums[4u * batch.pixels + pixel]);
 }
 
 fn save_sum(pixel: u32, sum: Sum) {
@@ -49,6 +67,13 @@ fn save_sum(pixel: u32, sum: Sum) {
     sums[2u * batch.pixels + pixel] = sum.color.b;
     sums[3u * batch.pixels + pixel] = sum.hit;
     sums[4u * batch.pixels + pixel] = sum.rays;
+    if batch.shows_background != 0u {
+        sums[5u * batch.pixels + pixel] = sum.transparent;
+    }
+}
+
+fn added(a: Sum, b: Sum) -> Sum {
+    return Sum(a.color + b.color, a.hit + b.hit, a.transparent + b.transparent, a.rays + b.rays);
 }
 
 // Adds the sum of a batch to the sums of the batches before it.
@@ -57,20 +82,48 @@ fn add_batch(pixel: u32, sum: Sum) {
         save_sum(pixel, sum);
         return;
     }
-    let before = saved_sum(pixel);
-    save_sum(pixel, Sum(before.color + sum.color, before.hit + sum.hit, before.rays + sum.rays));
+    save_sum(pixel, added(saved_sum(pixel), sum));
+}
+
+// The background's pixel below a ray that at CoC radius c is at sample position `start + c·step`; past the border, the border's
+// pixel.
+fn background_below(start: vec2f, step: vec2f, supersample: f32, c: f32) -> vec2f {
+    // Half a sample more keeps the division away from whole numbers, where it may round down.
+    let pixel = vec2i(floor((floor(start + c * step) + 0.5) / supersample));
+    let kept = clamp(pixel, vec2i(0, batch.top), vec2i(batch.columns - 1, batch.bottom));
+    return background[(kept.y - batch.top) * batch.columns + kept.x];
+}
+
+// The sum of a ray that has collected `color`, has the transmittance `left` after all fragments, and at CoC radius c is at sample
+// position `start + c·step`. CPU version: `Background::met_by`.
+fn ended_ray(color: vec3f, left: f32, start: vec2f, step: vec2f, supersample: f32) -> Sum {
+    var transparent = 0.0;
+    if batch.shows_background != 0u && left > 0.0 {
+        let at_infinity = background_below(start, step, supersample, batch.coc_infinity_px);
+        var share = at_infinity.x;
+        if share < 1.0 {
+            share = max(share, background_below(start, step, supersample, at_infinity.y).x);
+        }
+        transparent = min(left, share);
+    }
+    return Sum(color, 1.0 - left, transparent, 1.0);
+}
+
+// Rays that count as covered in the mean.
+fn covered(sum: Sum) -> f32 {
+    return select(sum.hit, sum.rays - sum.transparent, batch.lost_are_black != 0u);
 }
 
 fn shows_nothing(sum: Sum) -> bool {
-    return sum.hit <= MIN_HIT * sum.rays;
+    return covered(sum) <= MIN_HIT * sum.rays;
 }
 
 fn mean(sum: Sum) -> vec4f {
     if shows_nothing(sum) {
         return vec4f(0.0);
     }
-    let weight = select(sum.hit, sum.rays, batch.transparent_background != 0u);
-    return vec4f(sum.color, sum.hit) / weight;
+    let weight = select(sum.hit + sum.transparent, sum.rays, batch.lost_are_black != 0u);
+    return vec4f(sum.color, covered(sum)) / weight;
 }
 
 @compute @workgroup_size(64)

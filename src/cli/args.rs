@@ -105,13 +105,13 @@ pub(super) struct EffectArgs {
     /// samples render it as separate dots.
     ///
     /// fill: disocclusion fill. Forced, a surface is estimated behind every stack, complete ones included; without it, rays that
-    /// pass all peels are left out of the mean, or count as transparent with open-background.
+    /// meet neither a surface nor the background are left out of the mean.
     ///
     /// translucency: cannot be switched. The alpha of fragments always counts.
     ///
-    /// open-background: transparent background; transparent-background is another name of it. Forced, rays that hit nothing make the
-    /// picture transparent; without it, they are left out of the mean. Its extent differs between methods: each applies it to the
-    /// rays or layers that it has.
+    /// open-background: transparent background; transparent-background is another name of it. The picture is transparent where lens
+    /// rays end in the background, which is behind pixels that let light through all peels. Forced, nothing changes where no pixel
+    /// does; without it, such rays are left out of the mean.
     ///
     /// prefilter, resolve: forced, they run with their strength from the preset or --set, or with the default strength if that is 0.
     ///

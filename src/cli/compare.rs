@@ -13,7 +13,7 @@ use thinlens::image::Image;
 use thinlens::methods::Registry;
 use thinlens::metrics::check_size;
 use thinlens::output::png;
-use thinlens::probes::{MANY_RAYS, MIN_PROBES, ProbeSites, Probes, SEED};
+use thinlens::probes::{MIN_PROBES, ProbeSet};
 use thinlens::render::{Job, Prepared};
 use thinlens::stack::{Carry, read_picture};
 
@@ -74,8 +74,7 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
     }
     let calibration = console.calibration(false)?;
     let Prepared { scene, plan, .. } = &prepared;
-    let places = ProbeSites::new(scene, plan, args.probes as usize, SEED);
-    let probes = Probes::new(places, MANY_RAYS);
+    let probes = ProbeSet::new(scene, plan, args.probes as usize);
     let comparison = Comparison {
         prepared: &prepared,
         reference: reference.as_ref(),

@@ -142,7 +142,7 @@ fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::
     let window = |Window { x, y, width, height }: Window| format!("{width}×{height} at {x},{y}");
     writeln!(text, "stack")?;
     line(text, "peels", summary.peels)?;
-    line(text, "kind", kebab(&stack.kind))?;
+    line(text, "kind", &summary.kind)?;
     line(text, "depth", kebab(&stack.convention))?;
     line(text, "data window", window(stack.frame.data))?;
     line(text, "display window", window(stack.frame.display))?;

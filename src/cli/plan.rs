@@ -15,7 +15,7 @@ use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::error::Error;
 use thinlens::methods::{Method, Plan, Registry, Target};
-use thinlens::probes::{ErrorEstimate, MANY_RAYS, ProbeSites, Probes, SEED, with_fill};
+use thinlens::probes::{ErrorEstimate, ProbeSet};
 use thinlens::render::{Job, Prepared};
 use thinlens::sample_budget;
 use thinlens::scene::EffectKind;
@@ -117,10 +117,7 @@ fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<()
 /// The requested settings, and the quality levels of their method or of every method.
 fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Result<Vec<Row>, Error> {
     let Prepared { scene, stats, plan, .. } = prepared;
-    let filled = with_fill(scene, plan);
-    let probes = plan
-        .does(EffectKind::Blur)
-        .then(|| Probes::new(ProbeSites::new(&filled, plan, PROBES, SEED), MANY_RAYS));
+    let probes = plan.does(EffectKind::Blur).then(|| ProbeSet::new(scene, plan, PROBES).filled());
     let chosen = prepared.methods.iter().filter(|method| all_methods || *method == plan.method);
     let mut rows = Vec::new();
     for method in chosen {
@@ -129,14 +126,13 @@ fn rows(prepared: &Prepared, calibration: &Calibration, all_methods: bool) -> Re
             levels.insert(0, (setting_name(plan), plan.clone()));
         }
         for (name, level) in levels {
-            let predicted = probes.as_ref().map(|probes| probes.predict(scene, &level)).transpose()?;
             rows.push(Row {
                 name,
                 method: level.method.name(),
                 views: level.views,
                 chosen: is_same(&level, plan),
                 cost: predict(stats, &level, calibration),
-                sampling_error: predicted.flatten(),
+                sampling_error: probes.as_ref().and_then(|probes| probes.predict(&level)),
             });
         }
     }

@@ -31,7 +31,7 @@ use crate::methods;
 use crate::methods::Plan;
 use crate::metrics::{Pair, Score};
 use crate::output::report::{LensReport, Report, StackReport};
-use crate::probes::{ErrorEstimate, Probes};
+use crate::probes::{ErrorEstimate, ProbeSet};
 use crate::render::Prepared;
 use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
@@ -154,7 +154,7 @@ pub struct Comparison<'a> {
     /// Number of runs of each candidate; at least one run is made.
     pub repeats: usize,
     /// The expected colours at some pixels, from many lens rays through the stack.
-    pub probes: &'a Probes,
+    pub probes: &'a ProbeSet<'a>,
     /// The calibration of this machine, to predict costs; `None` for no predictions.
     pub calibration: Option<&'a Calibration>,
     /// The command-line words for inputs, lens and effects.
@@ -187,7 +187,7 @@ impl Comparison<'_> {
             runs.push(Cost { cpu_seconds: watch.cpu_seconds(), seconds: watch.seconds() });
         }
         let blurred = picture.unwrap_or_default();
-        let sampling = self.probes.estimate_image(&blurred);
+        let sampling = self.probes.estimate_image(&blurred, &plan);
         let image = finish(blurred, &plan, scene.field).trimmed(scene.outside_px);
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
@@ -227,7 +227,7 @@ impl Comparison<'_> {
             warnings: Report::warnings(&stack.findings),
             machine: Machine::this(),
             repeats: self.repeats,
-            probes: self.probes.pixels().len(),
+            probes: self.probes.of(&self.prepared.plan).pixels().len(),
             prepared: self.prepared_cost(),
             entries: Vec::new(),
             baseline: None,
@@ -280,7 +280,7 @@ mod tests {
     use super::*;
     use crate::lens::{LensSpec, ThinLens};
     use crate::settings::{DepthConvention, ParameterValues, SensorDistance, Settings};
-    use crate::stack::{Precision, StackKind};
+    use crate::stack::Precision;
 
     /// An entry of `shear` that took `cpu_seconds`, with this sampling error.
     pub(super) fn entry(cpu_seconds: f64, psnr_db: f64) -> Entry {
@@ -328,7 +328,8 @@ mod tests {
                 width: 100,
                 height: 80,
                 peels: 2,
-                kind: StackKind::PointSampled,
+                kind: "point".to_owned(),
+                antialiased: 0.0,
                 supersample: 1,
                 convention: DepthConvention::Planar,
                 precision: Precision::Half,
@@ -384,6 +385,6 @@ mod tests {
         let read: Machine = serde_json::from_value(json["machine"].clone()).unwrap();
         assert_eq!(read, results.machine);
         let (kind, stop) = (&json["stack"]["kind"], json["lens"]["f_number"]["value"].as_f64());
-        assert_eq!((kind, stop.map(|stop| stop as f32)), (&"point-sampled".into(), Some(2.8)));
+        assert_eq!((kind, stop.map(|stop| stop as f32)), (&"point".into(), Some(2.8)));
     }
 }

@@ -50,9 +50,32 @@ pub struct ThinLens {
     pub coc_infinity_px: f32,
     /// Planar distance in focus, in depth units.
     pub focus_distance: f32,
+    /// How open the lens is: the CoC radius at infinity, or where focus lies beyond a hundred focal lengths that of a point at a hundred,
+    /// in picture pixels, positive.
+    pub opening_px: f32,
 }
 
+/// Distance at which [`ThinLens::opening_px`] is taken where focus lies farther, in focal lengths.
+const OPENING_FOCAL_LENGTHS: f64 = 100.0;
+
+/// Smallest and largest focal length in sensor widths: all but flat fields of view, and telescopes.
+const FOCAL_LENGTHS: [f32; 2] = [1e-3, 1e6];
+
 impl LensSpec {
+    /// Refuses a focal length that is out of proportion to the sensor.
+    fn check_angle(&self) -> Result<(), Error> {
+        let sensor_widths = self.focal_length_mm / self.sensor_width_mm;
+        let [shortest, longest] = FOCAL_LENGTHS;
+        if (shortest..=longest).contains(&sensor_widths) {
+            return Ok(());
+        }
+        Err(Error::settings(format!(
+            "the focal length must be from {shortest} to {longest} times the width of the sensor"
+        ))
+        .with("found", format!("{} mm and {} mm", self.focal_length_mm, self.sensor_width_mm))
+        .help("correct `focal_length_mm` or `sensor_width_mm`"))
+    }
+
     /// The spec as a layer of settings.
     fn values(&self) -> Values {
         Values {
@@ -73,13 +96,15 @@ impl ThinLens {
     /// `½ · f² / (N (z_f − f)) · W / s`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for a value out of its range, and for a focus distance not beyond the focal
-    /// length: such a lens forms no image.
+    /// [`crate::error::ErrorKind::Settings`] for a value out of its range, for a focal length that no lens for the sensor has, for a
+    /// focus distance not beyond the focal length, where a lens forms no image, and for a blur too large to be a number.
     pub fn new(spec: &LensSpec, width_px: f32) -> Result<Self, Error> {
         spec.values().check()?;
-        let focal_length = spec.focal_length_mm * 1e-3 / spec.metres_per_unit;
-        let focus = spec.focus_distance;
-        if focus <= focal_length {
+        spec.check_angle()?;
+        // Products of the ends of the settings' ranges fit into 64 bits.
+        let focal_length = f64::from(spec.focal_length_mm) * 1e-3 / f64::from(spec.metres_per_unit);
+        let focus = f64::from(spec.focus_distance);
+        if spec.focus_distance <= focal_length as f32 {
             return Err(Error::settings(
                 "the lens cannot focus this near: the focus distance must exceed the focal length",
             )
@@ -91,12 +116,25 @@ impl ThinLens {
             // 1/v = 1/f − 1/z_f; for z_f → ∞ both models meet in v = f.
             SensorDistance::ThinLens => 1.0 / (1.0 / focal_length - 1.0 / focus),
         };
-        let aperture_radius = 0.5 * focal_length / spec.f_number;
-        let pixels_per_unit = width_px / (spec.sensor_width_mm * 1e-3 / spec.metres_per_unit);
+        let aperture_radius = 0.5 * focal_length / f64::from(spec.f_number);
+        let sensor_width = f64::from(spec.sensor_width_mm) * 1e-3 / f64::from(spec.metres_per_unit);
         // Focused at infinity, c_inf is 0 and the law is c = −k / z; a large finite focus distance gives the same radii.
         let focus_distance = focus.min(1e12);
-        let coc_infinity_px = aperture_radius * image_distance / focus_distance * pixels_per_unit;
-        Ok(Self { coc_infinity_px, focus_distance })
+        let pixels_per_unit = f64::from(width_px) / sensor_width;
+        let coc_infinity_px = (aperture_radius * image_distance / focus_distance * pixels_per_unit) as f32;
+        if !coc_infinity_px.is_finite() {
+            return Err(Error::settings(
+                "the lens blurs too much: the CoC radius at infinity is not a finite number",
+            )
+            .with("found", format!("`f_number = {}`, focus distance {focus}", spec.f_number))
+            .help("raise `f_number` or `focus_distance`, or lower `focal_length_mm`"));
+        }
+        let near_focus = (focus_distance / (OPENING_FOCAL_LENGTHS * focal_length)).max(1.0) as f32;
+        Ok(Self {
+            coc_infinity_px,
+            focus_distance: focus_distance as f32,
+            opening_px: coc_infinity_px * near_focus,
+        })
     }
 
     /// Signed radius of the circle of confusion at planar depth `z`, in picture pixels.
@@ -104,7 +142,12 @@ impl ThinLens {
     /// Negative in front of the focus plane; `z = ∞`, NaN, 0 and below count as background and give
     /// `coc_infinity_px`.
     pub fn coc_radius_px(&self, z: f32) -> f32 {
-        if z > 0.0 { self.coc_infinity_px * (1.0 - self.focus_distance / z) } else { self.coc_infinity_px }
+        if z > 0.0 {
+            // The ratio is infinite for the smallest depths, and no blur at all times that would be NaN.
+            self.coc_infinity_px * (1.0 - (self.focus_distance / z).min(f32::MAX))
+        } else {
+            self.coc_infinity_px
+        }
     }
 
     /// Planar depth whose CoC radius is `coc_radius_px`; `None` from `coc_infinity_px` on, which no depth has.
@@ -201,6 +244,23 @@ mod tests {
     }
 
     #[test]
+    fn a_lens_at_the_ends_of_numbers_has_finite_radii_or_is_refused() {
+        let base = spec(SensorDistance::FocalLength);
+        let refused = ThinLens::new(&LensSpec { f_number: 1e-40, ..base }, WIDTH_PX).unwrap_err().to_string();
+        assert!(refused.contains("raise `f_number`"), "{refused}");
+        for spec in [
+            LensSpec { metres_per_unit: 1e38, ..base },
+            LensSpec { f_number: f32::INFINITY, ..base },
+            LensSpec { focus_distance: f32::MAX, ..base },
+        ] {
+            let lens = ThinLens::new(&spec, WIDTH_PX).unwrap();
+            for z in [1e-45, 1.0, f32::MAX, f32::INFINITY] {
+                assert!(!lens.coc_radius_px(z).is_nan(), "{spec:?} at {z}");
+            }
+        }
+    }
+
+    #[test]
     fn impossible_lenses_are_refused() {
         let base = spec(SensorDistance::FocalLength);
         for (spec, word) in [
@@ -210,6 +270,8 @@ mod tests {
             (LensSpec { focus_distance: f32::NAN, ..base }, "focus"),
             (LensSpec { focal_length_mm: -1.0, ..base }, "`focal_length_mm`"),
             (LensSpec { sensor_width_mm: 0.0, ..base }, "`sensor_width_mm`"),
+            (LensSpec { sensor_width_mm: 1e-6, ..base }, "times the width of the sensor"),
+            (LensSpec { focal_length_mm: 1e-3, ..base }, "times the width of the sensor"),
             (LensSpec { metres_per_unit: f32::INFINITY, ..base }, "`metres_per_unit`"),
         ] {
             let error = ThinLens::new(&spec, WIDTH_PX).unwrap_err().to_string();

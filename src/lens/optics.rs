@@ -16,7 +16,7 @@
 //! blue pictures are larger or smaller than the green one, and the *falloff* of brightness towards the corners: the fourth power of the
 //! cosine of the field angle, times the share of the aperture's light that passes the barrel.
 
-use super::views::{moved_views, views};
+use super::views::{moved_views, row_sets, views};
 use super::{Aperture, ApertureImage, Field, View};
 use crate::error::Error;
 use crate::settings::Settings;
@@ -67,6 +67,13 @@ impl Rays {
         self.sets.iter().map(Vec::as_slice).zip(channels.iter().copied())
     }
 
+    /// The views in set `set` of [`row_sets`].
+    #[must_use]
+    pub fn in_row_set(&self, set: usize) -> Self {
+        let views = |views: &Vec<View>| views.iter().map(|view| view.in_row_set(set)).collect();
+        Self { sets: self.sets.iter().map(views).collect() }
+    }
+
     /// Only view `i` of every set.
     pub fn single(&self, i: usize) -> Self {
         Self { sets: self.sets.iter().map(|views| vec![views[i]]).collect() }
@@ -82,27 +89,42 @@ impl Optics {
     /// The lens of `settings`, for a picture with this position in its `field`.
     ///
     /// # Errors
-    /// [`crate::error::ErrorKind::Settings`] for a setting out of its range, and for a black aperture image.
+    /// [`crate::error::ErrorKind::Settings`] for a setting out of its range, for aberrations that displace light by more than the
+    /// picture, and for a black aperture image.
     pub fn new(settings: &Settings, field: &Field) -> Result<Self, Error> {
         let lens = &settings.lens;
         lens.check()?;
         let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
         let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
         let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
-        let px_per_um = 1e-3 * field.focal_length_px / lens.focal_length_mm.value;
+        let px_per_um = 1e-3 * f64::from(field.focal_length_px) / f64::from(lens.focal_length_mm.value);
         // A defocus of 1 µm along the axis at the sensor blurs to a CoC diameter of 1 µm over the f-number.
-        let coc_px_per_um = 0.5 / lens.f_number.value * px_per_um;
+        let coc_px_per_um = 0.5 / f64::from(lens.f_number.value) * px_per_um;
+        let px = |um: f32, px_per_um: f64| (f64::from(um) * px_per_um) as f32;
         let colors = |[red, blue]: [f32; 2]| [red, 0.0, blue];
-        Ok(Self {
+        let optics = Self {
             aperture,
             image: image.transpose()?.map(Arc::new),
             cats_eye: lens.cats_eye.value,
-            spherical_px: lens.spherical_um.value * coc_px_per_um,
+            spherical_px: px(lens.spherical_um.value, coc_px_per_um),
             // A colour that focuses farther behind the lens is blurred like a nearer object: its CoC is negative.
-            axial_px: colors(lens.axial_color_um.value).map(|farther| -farther * coc_px_per_um),
-            lateral_px: colors(lens.lateral_color_um.value).map(|farther| farther * px_per_um),
+            axial_px: colors(lens.axial_color_um.value).map(|farther| px(-farther, coc_px_per_um)),
+            lateral_px: colors(lens.lateral_color_um.value).map(|farther| px(farther, px_per_um)),
             vignetting: lens.vignetting.value,
-        })
+        };
+        optics.check_displacement(field)?;
+        Ok(optics)
+    }
+
+    /// Refuses aberrations that displace light by more than the picture's half diagonal.
+    fn check_displacement(&self, field: &Field) -> Result<(), Error> {
+        let displacement_px = self.max_displacement_px();
+        if displacement_px == 0.0 || displacement_px < field.half_diagonal_px {
+            return Ok(());
+        }
+        Err(Error::settings("the aberrations displace light by more than half of the picture's diagonal")
+            .with("found", format!("{displacement_px} px of {} px", field.half_diagonal_px))
+            .help("lower `spherical_um`, `axial_color_um` or `lateral_color_um`, or raise `f_number`"))
     }
 
     /// A lens with this aperture and without aberrations.
@@ -121,6 +143,12 @@ impl Optics {
     /// `count` views, evenly spread over the aperture's light.
     pub fn rays(&self, count: usize) -> Rays {
         self.aberrated(&views(count, Aperture::DISC))
+    }
+
+    /// `count` rays for every row of a picture: row `y` has set `y mod n` of the `n` sets.
+    pub fn rays_in_turns(&self, count: usize) -> Vec<Rays> {
+        let rays = self.rays(count);
+        (0..row_sets(count)).map(|set| rays.in_row_set(set)).collect()
     }
 
     /// `count` views rotated by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].

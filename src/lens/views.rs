@@ -25,6 +25,9 @@ const SIZES: [usize; 15] = [8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 5
 /// The tables, one after the other; a point is `u_x, u_y, j_x, j_y`, little-endian.
 static TABLES: &[u8] = include_bytes!("view_tables.bin");
 
+/// Step of a sequence that is evenly spread over the pixel.
+const KRONECKER: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+
 /// Bytes of a point.
 const POINT: usize = 4 * size_of::<f32>();
 
@@ -60,14 +63,35 @@ fn turn(view: View, round: usize) -> View {
         return view;
     }
     let golden_angle = std::f32::consts::PI * (3.0 - 5f32.sqrt());
-    let shift = Vec2::new(0.754_877_7, 0.569_840_3) * round as f32;
-    moved(view, golden_angle * round as f32, shift)
+    moved(view, golden_angle * round as f32, KRONECKER * round as f32)
 }
 
 /// `view` with its lens point rotated by `angle`, and its pixel point moved by `shift` with wrap-around.
 fn moved(view: View, angle: f32, shift: Vec2) -> View {
+    if (angle, shift) == (0.0, Vec2::ZERO) {
+        return view;
+    }
     let jitter = (view.jitter + 0.5 + shift).fract_gl() - 0.5;
     View { lens: Vec2::from_angle(angle).rotate(view.lens), jitter, ..view }
+}
+
+/// Numbers of views for which the rows of a picture take turns with several sets of views: fewer would lose their even spread, and more
+/// have steps too small to be seen.
+const IN_TURNS: std::ops::RangeInclusive<usize> = 32..=1024;
+
+/// Number of sets of views with which the rows of a picture take turns, for `count` views.
+///
+/// As the CoC radius changes, each view moves a whole picture by a pixel at a time. In turns a step moves a quarter of the rows.
+pub(super) fn row_sets(count: usize) -> usize {
+    if IN_TURNS.contains(&count) { 4 } else { 1 }
+}
+
+impl View {
+    /// The view in set `set` of [`row_sets`]: its pixel point is shifted by a Kronecker sequence, its lens point is the same.
+    #[must_use]
+    pub(super) fn in_row_set(self, set: usize) -> Self {
+        moved(self, 0.0, KRONECKER * set as f32)
+    }
 }
 
 /// `count` views of a disc, all rotated by `angle` and moved by `shift` within the pixel. Random `angle` and `shift` give independent

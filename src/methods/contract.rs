@@ -10,6 +10,7 @@ use crate::lens::Optics;
 use crate::scene::{Background, Effect, EffectKind, Extrapolation, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use serde::{Serialize, Serializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
@@ -202,15 +203,43 @@ pub trait LensSampling {
     fn gain_db(&self) -> [f64; 2] {
         [15.0, 1.8]
     }
+
+    /// The part of `scene` that the lens samples of `plan` render: all of it, except for lights that the method adds to its picture
+    /// exactly ([`LensSampling::exact_lights`]).
+    fn sampled<'s>(&self, scene: &'s Scene, _plan: &Plan) -> Cow<'s, Scene> {
+        Cow::Borrowed(scene)
+    }
+
+    /// The lights that are not in [`LensSampling::sampled`], as the picture of `scene` by `plan` has them before
+    /// [`LensSampling::filter`]; `None` where there are none.
+    fn exact_lights(&self, _scene: &Scene, _plan: &Plan) -> Option<Image> {
+        None
+    }
+
+    /// The filter that ends the picture of `scene` by `plan`, if there is one.
+    fn filter(&self, _scene: &Scene, _plan: &Plan) -> Option<Box<dyn PixelFilter>> {
+        None
+    }
+}
+
+/// A filter over each pixel of a picture and its four neighbours. It is part of the method and no error of its lens samples, so that the
+/// truth that they are measured against is filtered too.
+pub trait PixelFilter: fmt::Debug + Send + Sync {
+    /// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: 0 … 1.
+    fn focus(&self, coc_px: f32) -> f32;
+
+    /// The value of `pixel`, `y · width + x`, from its `own` value and those `around` it ([`crate::image::neighbours`]); `share` is the
+    /// mean over its rays of how far what they hit is in focus. Equal to `own` where `share` is 0.
+    fn filtered(&self, pixel: usize, share: f32, own: [f32; 4], around: [[f32; 4]; 4]) -> [f32; 4];
 }
 
 /// A lens-sampling method with a scene.
 pub trait Sampler {
-    /// Values at `pixels`, each `y · width + x`, of the picture with `views` lens samples, to within rounding. Intermediate
-    /// results are cached for the next call with the same `views`.
+    /// Values at `pixels`, each `y · width + x`, of the picture of [`LensSampling::sampled`] with `views` lens samples, to within
+    /// rounding. Intermediate results are cached for the next call with the same `views`.
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
 
-    /// Renders the picture with `views` lens samples.
+    /// Renders the picture with `views` lens samples, with its lights.
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image;
 }
 
@@ -241,12 +270,12 @@ pub struct Plan {
     pub target: Option<Target>,
     /// Reason for the number of views or the target.
     pub views_reason: String,
-    /// Extent of the views' positions in the pixel, as a fraction of its width: 1 for point samples, less for colours that are
-    /// already averages over the pixel.
-    pub jitter: f32,
-    /// Width of the square that a fragment represents, in picture pixels; 0 where its colour is an average over the pixel, so
-    /// that edges are already antialiased.
-    pub fragment_px: f32,
+    /// Extent of the views' positions in a pixel whose colours are averages over it, as a fraction of its width: less than the 1 of point
+    /// samples, because averages are filtered already. See [`Plan::jitter`].
+    pub averages_jitter: f32,
+    /// Width of the square that such an average represents, in picture pixels: 0, because its edges are antialiased already, or the width
+    /// of a sample of a supersampled stack. A point sample represents a pixel.
+    pub averages_px: f32,
     /// Lens properties that rays use beside focus: aperture shape, barrel, aberrations.
     pub optics: Optics,
     /// The same as requested, including effects too small to be visible.
@@ -294,6 +323,12 @@ impl Plan {
     /// The background of `scene`, where the plan simulates it and it is visible.
     pub fn background(&self, scene: &Scene) -> Option<Arc<Background>> {
         scene.background.clone().filter(|_| self.does(EffectKind::TransparentBackground))
+    }
+
+    /// Extent of the views' positions in a pixel, as a fraction of its width, where the share `antialiased` of its colours are averages
+    /// ([`crate::scene::Antialiasing`]).
+    pub fn jitter(&self, antialiased: f32) -> f32 {
+        1.0 - antialiased * (1.0 - self.averages_jitter)
     }
 
     /// Whether `kind` is on.

@@ -7,7 +7,6 @@ use crate::error::Error;
 use crate::lens::Optics;
 use crate::scene::{Effect, EffectKind, Extrapolation, Inputs, Scene, SceneStats, effects};
 use crate::settings::{Effort, Origin, Parameters, Quality, Settings};
-use crate::stack::StackKind;
 
 /// Makes the plan of `method` for a scene with the statistics `stats`. The method that `settings` name is not used.
 ///
@@ -22,7 +21,8 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         "auto" => "auto: no known method is as accurate in as little time".to_owned(),
         _ => format!("requested by {}", settings.method.origin),
     };
-    let jitter = if stats.kind == StackKind::PointSampled { 1.0 } else { 0.5 };
+    let averages_jitter = averages_jitter(stats);
+    let jitter = 1.0 - stats.antialiased as f32 * (1.0 - averages_jitter);
     let optics = Optics::new(settings, &stats.field)?;
     let extrapolation = Extrapolation::new(&settings.picture)?;
     let known_views = if target.is_none() { views } else { None };
@@ -35,11 +35,8 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         views,
         target,
         views_reason,
-        jitter,
-        fragment_px: match stats.kind {
-            StackKind::PointSampled | StackKind::Supersampled => 1.0 / stats.supersample as f32,
-            StackKind::BeautyDepth | StackKind::Coverage | StackKind::RendererAntialiased => 0.0,
-        },
+        averages_jitter,
+        averages_px: if stats.supersample > 1 { 1.0 / stats.supersample as f32 } else { 0.0 },
         optics: optics.clone(),
         effects: in_order(method, effects::decide(&inputs), own),
         optics_requested: optics,
@@ -49,6 +46,18 @@ pub fn plan_for(method: &'static dyn Method, stats: &SceneStats, settings: &Sett
         lost_rays: LostRays::LeftOut,
     };
     switches::apply(plan.with_lens_effects(), &settings.switches, stats)
+}
+
+/// Extent of the views' positions in a pixel whose colours are averages over it. A full pixel would average twice, and none would show the
+/// samples as squares: half of it, and more where the average is coarse or only that of colour.
+fn averages_jitter(stats: &SceneStats) -> f32 {
+    match (stats.supersample, stats.layers) {
+        // The mean of S × S point samples is itself aliased, as far as a sample is wide.
+        (2.., _) => 0.5 + 0.5 / stats.supersample as f32,
+        // Colour is averaged, and depth is a point sample.
+        (_, 1) => 0.75,
+        _ => 0.5,
+    }
 }
 
 /// The decisions of the scene and the method's `own`, in the order of [`EffectKind::ALL`]; passes that the method lacks are off.
@@ -163,7 +172,7 @@ mod tests {
         SceneStats {
             picture_size: (100, 100),
             layers: 4,
-            kind: StackKind::PointSampled,
+            antialiased: 0.0,
             supersample: 1,
             coc_range_px: [-8.0, 3.0],
             fragments: 20_000,
@@ -197,29 +206,25 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_within_half_a_pixel_of_focus_is_not_blurred() {
+    fn a_scene_within_a_hundredth_of_a_pixel_of_focus_is_not_blurred() {
         let blurs = |range| plan(&SceneStats { coc_range_px: range, ..stats() }).does(EffectKind::Blur);
         assert_eq!(
-            [blurs([-0.5, 0.5]), blurs([-0.6, 0.0]), blurs([0.0, 0.51])],
+            [blurs([-0.01, 0.01]), blurs([-0.02, 0.0]), blurs([0.0, 0.011])],
             [false, true, true],
-            "half a pixel"
+            "a hundredth of a pixel"
         );
     }
 
     #[test]
     fn only_point_samples_are_jittered_over_the_whole_pixel_and_resolved() {
-        for (kind, jitter, fragment_px) in [
-            (StackKind::PointSampled, 1.0, 1.0),
-            (StackKind::Coverage, 0.5, 0.0),
-            (StackKind::BeautyDepth, 0.5, 0.0),
-            (StackKind::RendererAntialiased, 0.5, 0.0),
-        ] {
-            let plan = plan(&SceneStats { kind, ..stats() });
-            assert_eq!((plan.jitter, plan.fragment_px), (jitter, fragment_px), "{kind:?}");
-            assert_eq!(plan.does(EffectKind::Resolve), kind == StackKind::PointSampled, "{kind:?}");
+        for (antialiased, jitter) in [(0.0, 1.0), (0.5, 0.75), (1.0, 0.5)] {
+            let plan = plan(&SceneStats { antialiased, ..stats() });
+            assert_eq!((plan.jitter(antialiased as f32), plan.averages_px), (jitter, 0.0), "{antialiased}");
+            assert_eq!(plan.does(EffectKind::Resolve), antialiased < 1.0, "{antialiased}");
         }
-        let supersampled = plan(&SceneStats { kind: StackKind::Supersampled, supersample: 4, ..stats() });
-        assert_eq!(supersampled.fragment_px, 0.25, "a sample is a quarter of a pixel wide");
+        let supersampled = plan(&SceneStats { antialiased: 1.0, supersample: 4, ..stats() });
+        assert_eq!(supersampled.jitter(1.0), 0.625, "half a pixel, and half a sample");
+        assert_eq!(supersampled.averages_px, 0.25, "a sample is a quarter of a pixel wide");
         assert!(supersampled.does(EffectKind::Merge), "samples become coverage");
     }
 

@@ -27,6 +27,14 @@ pub enum Law {
     Veil,
     /// The picture of an object without a background has the coverage of the object.
     Transparency,
+    /// A clear pixel in a closed picture changes nothing beyond the largest blur of it.
+    Locality,
+    /// A translucent element alone keeps its alpha and its colour.
+    Element,
+    /// A constant colour, divided by alpha, stays constant whatever the alpha.
+    ConstantColor,
+    /// The edge of an object without a background has the coverage of its blur.
+    Edge,
     /// A mirrored or rotated scene gives the mirrored or rotated picture.
     Symmetry,
     /// A small change of focus changes the picture little.
@@ -86,6 +94,10 @@ impl Law {
             Self::Sharpness => "largest difference in a focused background behind a blurred foreground",
             Self::Veil => "largest difference behind a layer of alpha 0.5",
             Self::Transparency => "coverage of an object without a background, after over before",
+            Self::Locality => "largest difference beyond the blur of pixels that become clear",
+            Self::Element => "largest difference in a lone element of constant alpha and colour",
+            Self::ConstantColor => "largest difference of a constant colour, times alpha",
+            Self::Edge => "largest difference of the edge of a lone object from the integral of its disc",
             Self::Symmetry => "dB between the picture of a mirrored scene and the mirrored picture",
             Self::Continuity => "dB between two pictures whose focus differs by 0.02 px",
             Self::NoCracks | Self::NoCracksAcrossCorners => {

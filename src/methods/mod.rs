@@ -22,7 +22,9 @@ mod shared;
 mod shear;
 
 pub(crate) use accumulate::Volume;
-pub use contract::{GpuBackend, LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
+pub use contract::{
+    GpuBackend, LensSampling, LostRays, Method, MethodInfo, PixelFilter, Plan, Progress, Role, Sampler,
+};
 pub use cost::{Cost, Term, WorkKind, term};
 pub use decide::plan_for;
 pub(crate) use execute::cpu_only_reason;

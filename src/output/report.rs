@@ -8,7 +8,7 @@ use crate::lens::ThinLens;
 use crate::methods::Plan;
 use crate::scene::Effect;
 use crate::settings::{DepthConvention, LensSettings, PictureSettings, Settings};
-use crate::stack::{Precision, Stack, StackKind};
+use crate::stack::{Precision, Stack};
 use crate::usage::Seconds;
 use serde::Serialize;
 use std::path::Path;
@@ -113,7 +113,7 @@ pub struct PlanReport {
 }
 
 /// The properties of the stack.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StackReport {
     /// Width of the data window in samples.
     pub width: usize,
@@ -121,8 +121,10 @@ pub struct StackReport {
     pub height: usize,
     /// Number of peels.
     pub peels: usize,
-    /// What the fragments represent.
-    pub kind: StackKind,
+    /// What the fragments represent, in words: the kind that applies everywhere, or the shares of the picture.
+    pub kind: String,
+    /// Share of the picture whose colours are averages over the pixel; the rest are point samples.
+    pub antialiased: f64,
     /// Samples per picture pixel along each axis.
     pub supersample: usize,
     /// The depth convention.
@@ -158,7 +160,8 @@ impl From<&Stack> for StackReport {
             width: stack.width(),
             height: stack.height(),
             peels: stack.peels.len(),
-            kind: stack.kind,
+            kind: stack.kind_in_words(),
+            antialiased: stack.antialiasing.mean(),
             supersample: stack.supersample,
             convention: stack.convention,
             precision: stack.precision,

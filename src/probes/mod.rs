@@ -1,11 +1,11 @@
 //! PROBES: estimates of a picture's sampling error, from the stack's own truth at a few hundred pixels.
 //!
-//! The truth at a pixel is the colour of [`crate::methods::Volume`] for a very large number of rays. The mean squared error of the
-//! whole picture, and its PSNR, are estimated from squared differences to the truth at a few hundred pixels. Pixels with a high variance
-//! are probed more often and have a lower weight.
+//! The truth at a pixel ([`truth`]) is the colour of [`crate::methods::Volume`] for a very large number of rays. The mean squared error
+//! of the whole picture, and its PSNR, are estimated from squared differences to the truth at a few hundred pixels. Pixels with a high
+//! variance are probed more often and have a lower weight.
 //!
-//! *Reuse.* The probed pixels and their truth depend on the stack alone: one set of [`Probes`] serves any number of
-//! pictures of a scene, by any method.
+//! *Reuse.* The probed pixels and their truth depend on the [`Basis`] alone: one set of [`Probes`] serves any number of pictures that are
+//! measured against it. [`ProbeSet`] has a set for each basis that occurs among several methods.
 //!
 //! *No bias.* Truth from finitely many rays has an error of its own, which would add to every difference. So the rays are split into two
 //! halves `A`, `B`, independent of each other and of any method's samples, and the squared error of value `x` is estimated as
@@ -28,23 +28,21 @@
 //! Cost: the rays. Memory: negligible.
 
 mod peels;
+mod truth;
 
 #[cfg(feature = "cli")]
 pub(crate) use peels::PEELS_ENOUGH_DB;
 pub use peels::{PeelsSeen, peels_seen};
+pub use truth::Basis;
 
-use crate::error::Error;
 use crate::image::Image;
-use crate::lens::Rays;
-use crate::methods::{Plan, Volume};
-use crate::metrics::displayed;
-use crate::scene::{EffectKind, Layer, Scene};
+use crate::methods::Plan;
+use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
-use glam::Vec2;
 use rayon::prelude::*;
-use std::borrow::Cow;
-use std::f32::consts::TAU;
 use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+use truth::{PixelTracer, Truth};
 
 /// Seed of every report, so that the same pixels of a scene are probed each time.
 pub const SEED: u64 = 1;
@@ -108,31 +106,37 @@ impl fmt::Display for ErrorEstimate {
 }
 
 /// The pixels of a scene's pictures that are probed, before their truth is known.
+///
+/// Each pixel has a random number of its own, by which it is chosen and which its rays begin with: where most of a scene stays as it was, so
+/// do the probes and their noise.
 #[derive(Debug)]
-pub struct ProbeSites<'a> {
-    tracer: PixelTracer<'a>,
+pub struct ProbeSites {
     /// For each stratum, its size in pixels and the pixels that are probed.
-    strata: Vec<(f64, Vec<usize>)>,
+    strata: Vec<(f64, Vec<Site>)>,
     spread: f64,
-    rng: Rng,
 }
 
-impl<'a> ProbeSites<'a> {
-    /// About `count` pixels of `scene`, rendered by `plan`. The same `seed` chooses the same pixels.
-    pub fn new(scene: &'a Scene, plan: &'a Plan, count: usize, seed: u64) -> Self {
-        let mut rng = Rng::with_seed(seed);
+/// A pixel, `y · width + x`, and its random number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Site {
+    pixel: usize,
+    random: u64,
+}
+
+impl ProbeSites {
+    /// About `count` pixels of the pictures that are measured against `basis`. The same `seed` chooses the same pixels.
+    pub fn new(basis: &Basis<'_>, count: usize, seed: u64) -> Self {
         let count = count.max(MIN_PROBES);
-        let tracer = PixelTracer { scene, volume: Volume::new(scene, plan), plan };
-        let candidates = tracer.candidates(count * CANDIDATES, &mut rng);
+        let candidates = candidates(&basis.tracer(), count * CANDIDATES, &mut Rng::with_seed(seed));
         let sum: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
         let spread = sum / (3 * candidates.len().max(1)) as f64;
-        let mut strata = strata(candidates, scene);
+        let mut strata = strata(candidates, &basis.scene);
         let each = count.div_ceil(strata.len().max(1));
-        for (_, pixels) in &mut strata {
-            rng.shuffle(pixels);
-            pixels.truncate(each);
+        for (_, sites) in &mut strata {
+            sites.sort_by_key(|site| site.random);
+            sites.truncate(each);
         }
-        Self { tracer, strata, spread, rng }
+        Self { strata, spread }
     }
 
     /// Variance of the colours of single rays of a pixel, the mean over the picture and its channels. It is
@@ -150,63 +154,56 @@ pub struct Probes {
 }
 
 /// A stratum of pixels, some of which are probed.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone)]
 struct Stratum {
     /// Number of its pixels, as estimated from the candidates.
     size: f64,
-    /// The probed pixels: `y · width + x`.
-    pixels: Vec<usize>,
-    /// The truth at each of these, from two halves of rays, display-encoded.
-    truths: Vec<[[f32; 3]; 2]>,
+    /// The truth at each of the probed pixels.
+    truths: Vec<Truth>,
 }
 
 impl Probes {
-    /// Computes the truth at `sites`, with two times `rays_per_half` rays each.
-    pub fn new(sites: ProbeSites<'_>, rays_per_half: usize) -> Self {
-        let ProbeSites { tracer, strata, mut rng, .. } = sites;
-        let stratum = |(size, pixels): (f64, Vec<usize>)| {
-            let seeds: Vec<(usize, u64)> = pixels.iter().map(|&pixel| (pixel, rng.u64(..))).collect();
-            let truth = |(pixel, seed)| tracer.truth(pixel, rays_per_half, seed);
-            Stratum { size, truths: seeds.into_par_iter().map(truth).collect(), pixels }
+    /// Computes the truth of `basis` at `sites`, with two times `rays_per_half` rays each.
+    pub fn new(basis: &Basis<'_>, sites: &ProbeSites, rays_per_half: usize) -> Self {
+        let tracer = basis.tracer();
+        // Other rays than those by which the pixel was chosen.
+        let truth = |site: &Site| tracer.truth(site.pixel, rays_per_half, !site.random);
+        let stratum = |(size, sites): &(f64, Vec<Site>)| Stratum {
+            size: *size,
+            truths: sites.par_iter().map(truth).collect(),
         };
-        Self { strata: strata.into_iter().map(stratum).collect(), rays_per_half }
+        Self { strata: sites.strata.iter().map(stratum).collect(), rays_per_half }
     }
 
     /// The probed pixels, `y · width + x` each.
     pub fn pixels(&self) -> Vec<usize> {
-        self.strata.iter().flat_map(|stratum| stratum.pixels.iter().copied()).collect()
+        self.strata.iter().flat_map(|stratum| stratum.truths.iter().map(Truth::pixel)).collect()
     }
 
-    /// The error estimate for a picture whose [`Probes::pixels`] have these `values`: scene-linear red, green, blue, alpha.
+    /// The error estimate for a picture whose [`Probes::pixels`] have these `values`: scene-linear red, green, blue, alpha, without the
+    /// lights that the method draws exactly ([`crate::methods::LensSampling::sampled`]).
     pub fn estimate(&self, values: &[[f32; 4]]) -> ErrorEstimate {
+        self.estimate_lit(values, None)
+    }
+
+    /// The error estimate for `values` that have `lights`, which are taken as exact.
+    fn estimate_lit(&self, values: &[[f32; 4]], lights: Option<&Image>) -> ErrorEstimate {
         let mut rest = values;
         let errors = self.strata.iter().map(|stratum| {
-            let (own, others) = rest.split_at(stratum.pixels.len());
+            let (own, others) = rest.split_at(stratum.truths.len());
             rest = others;
-            StratumErrors { size: stratum.size, errors: stratum.errors(own) }
+            StratumErrors { size: stratum.size, errors: stratum.errors(own, lights) }
         });
         let (psnr_db, interval_db) = interval(&errors.collect::<Vec<_>>());
         ErrorEstimate { psnr_db, interval_db, pixels: values.len(), rays_per_pixel: 2 * self.rays_per_half }
-    }
-
-    /// The error estimate for the picture that `plan` would render from `scene`, from the probed pixels alone; `None` for a method that
-    /// cannot render single pixels.
-    ///
-    /// # Errors
-    /// An unknown method.
-    pub fn predict(&self, scene: &Scene, plan: &Plan) -> Result<Option<ErrorEstimate>, Error> {
-        let Some(sampling) = plan.method.lens_sampling() else {
-            return Ok(None);
-        };
-        let values = sampling.begin(scene.clone(), plan).pixels(plan.lens_samples(), &self.pixels());
-        Ok(Some(self.estimate(&values)))
     }
 
     /// Approximate number of rays per pixel with which the truth itself reaches `target_db`, if its squared error falls with the power
     /// `power` of that number.
     pub fn rays_for(&self, target_db: f64, power: f64) -> usize {
         let errors = self.strata.iter().map(|stratum| {
-            let differences = stratum.truths.iter().map(|[a, b]| {
+            let differences = stratum.truths.iter().map(|truth| {
+                let [a, b] = truth.shown(None);
                 let squares = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2));
                 // Divided by two, as the difference has the errors of both halves, and by three channels.
                 squares.sum::<f64>() / 6.0
@@ -219,103 +216,122 @@ impl Probes {
         (rays.ceil() as usize).next_power_of_two()
     }
 
-    /// The error estimate for `image`.
-    pub(crate) fn estimate_image(&self, image: &Image) -> ErrorEstimate {
+    /// The error estimate for `image`, which has `lights` that are taken as exact.
+    fn estimate_image(&self, image: &Image, lights: Option<&Image>) -> ErrorEstimate {
         let width = image.width();
         let value =
             |pixel: usize| image.planes.each_ref().map(|plane| plane.get(pixel % width, pixel / width));
-        self.estimate(&self.pixels().into_iter().map(value).collect::<Vec<_>>())
+        self.estimate_lit(&self.pixels().into_iter().map(value).collect::<Vec<_>>(), lights)
     }
 }
 
-/// `scene` with the disocclusion fill, if `plan` has it on: an estimated surface is not a sampling error.
-pub fn with_fill<'a>(scene: &'a Scene, plan: &Plan) -> Cow<'a, Scene> {
-    if plan.does(EffectKind::Fill) { Cow::Owned(scene.clone().filled()) } else { Cow::Borrowed(scene) }
+/// The probes of one scene for plans of several methods. Plans that are measured against the same truth share theirs.
+#[derive(Debug)]
+pub struct ProbeSet<'a> {
+    scene: &'a Scene,
+    tracing: &'a Plan,
+    /// Whether the truth has the disocclusion fill of `tracing`.
+    fills: bool,
+    count: usize,
+    known: Mutex<Vec<(BasisKey, Arc<Probes>)>>,
+}
+
+/// What two plans have in common that are measured against the same truth: the strengths of the passes that the truth follows.
+type BasisKey = [Option<f32>; 2];
+
+impl<'a> ProbeSet<'a> {
+    /// About `count` probes for each truth of `scene`, traced through the lens of `tracing`.
+    pub fn new(scene: &'a Scene, tracing: &'a Plan, count: usize) -> Self {
+        Self { scene, tracing, fills: false, count, known: Mutex::new(Vec::new()) }
+    }
+
+    /// The same with the disocclusion fill of the lens's plan, if that has it on.
+    #[must_use]
+    pub fn filled(self) -> Self {
+        Self { fills: true, ..self }
+    }
+
+    /// The probes for pictures by `plan`, whose truth is computed the first time.
+    pub fn of(&self, plan: &Plan) -> Arc<Probes> {
+        let key = [EffectKind::Highlights, EffectKind::Resolve].map(|kind| plan.strength(kind));
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, probes)) = known.iter().find(|(other, _)| *other == key) {
+            return probes.clone();
+        }
+        let basis = Basis::for_picture(self.scene, self.tracing, plan);
+        let basis = if self.fills { basis.filled() } else { basis };
+        let sites = ProbeSites::new(&basis, self.count, SEED);
+        let probes = Arc::new(Probes::new(&basis, &sites, MANY_RAYS));
+        known.push((key, probes.clone()));
+        probes
+    }
+
+    /// The error estimate for the picture that `plan` would render, from the probed pixels alone; `None` for a method that cannot
+    /// render single pixels.
+    pub fn predict(&self, plan: &Plan) -> Option<ErrorEstimate> {
+        let sampling = plan.method.lens_sampling()?;
+        let probes = self.of(plan);
+        let mut sampler = sampling.begin(self.scene.clone(), plan);
+        Some(probes.estimate(&sampler.pixels(plan.lens_samples(), &probes.pixels())))
+    }
+
+    /// The error estimate for `image`, rendered by `plan`.
+    pub(crate) fn estimate_image(&self, image: &Image, plan: &Plan) -> ErrorEstimate {
+        self.of(plan).estimate_image(image, truth::exact_lights(self.scene, plan).as_ref())
+    }
 }
 
 /// The error estimate for `image`, rendered from `scene` by `plan`, from about `probes` pixels. The truth includes the plan's disocclusion
 /// fill. The same `seed` probes the same pixels.
 pub fn verify(image: &Image, scene: &Scene, plan: &Plan, probes: usize, seed: u64) -> ErrorEstimate {
-    let scene = &*with_fill(scene, plan);
-    Probes::new(ProbeSites::new(scene, plan, probes, seed), MANY_RAYS).estimate_image(image)
+    let basis = Basis::new(scene, plan);
+    let probes = Probes::new(&basis, &ProbeSites::new(&basis, probes, seed), MANY_RAYS);
+    probes.estimate_image(image, truth::exact_lights(scene, plan).as_ref())
 }
 
-/// The display values of a colour.
-fn to_display([r, g, b, _]: [f32; 4]) -> [f32; 3] {
-    [r, g, b].map(displayed)
+/// `count` pixels of the frame, spread over all of it; all pixels if the frame has no more.
+fn candidates(tracer: &PixelTracer<'_>, count: usize, rng: &mut Rng) -> Vec<Candidate> {
+    let scene = tracer.scene;
+    let (width, height) = scene.frame_size();
+    let (stride, [columns, rows]) = (scene.picture_size().0, scene.outside_px);
+    let in_picture = |pixel: usize| (pixel / width + rows) * stride + pixel % width + columns;
+    let all = width * height;
+    let count = count.min(all);
+    // One from each of `count` ranges of pixels of equal length.
+    let seeds = (0..count).map(|i| {
+        let (from, to) = (i * all / count, (i + 1) * all / count);
+        (in_picture(rng.usize(from..to)), rng.u64(..))
+    });
+    let seeds: Vec<(usize, u64)> = seeds.collect();
+    let candidate = |(pixel, random): (usize, u64)| Candidate {
+        site: Site { pixel, random },
+        spread: spread(tracer, pixel, &mut Rng::with_seed(random)),
+        in_focus: in_focus(scene, pixel % stride, pixel / stride),
+    };
+    seeds.into_par_iter().map(candidate).collect()
 }
 
-/// Traces rays of single pixels.
-#[derive(Debug)]
-struct PixelTracer<'a> {
-    scene: &'a Scene,
-    volume: Volume<&'a Layer>,
-    plan: &'a Plan,
-}
-
-impl PixelTracer<'_> {
-    /// `count` pixels of the frame, spread over all of it; all pixels if the frame has no more.
-    fn candidates(&self, count: usize, rng: &mut Rng) -> Vec<Candidate> {
-        let (width, height) = self.scene.frame_size();
-        let (stride, [columns, rows]) = (self.scene.picture_size().0, self.scene.outside_px);
-        let in_picture = |pixel: usize| (pixel / width + rows) * stride + pixel % width + columns;
-        let all = width * height;
-        let count = count.min(all);
-        // One from each of `count` ranges of pixels of equal length.
-        let seeds = (0..count).map(|i| {
-            let (from, to) = (i * all / count, (i + 1) * all / count);
-            (in_picture(rng.usize(from..to)), rng.u64(..))
-        });
-        let seeds: Vec<(usize, u64)> = seeds.collect();
-        let candidate = |(pixel, seed): (usize, u64)| Candidate {
-            pixel,
-            spread: self.spread(pixel, &mut Rng::with_seed(seed)),
-            in_focus: in_focus(self.scene, pixel % stride, pixel / stride),
-        };
-        seeds.into_par_iter().map(candidate).collect()
-    }
-
-    /// Variance of the colours of single rays of a pixel, summed over the channels.
-    fn spread(&self, pixel: usize, rng: &mut Rng) -> f32 {
-        let rays = self.rays(SPREAD_RAYS, rng);
-        let width = self.scene.picture_size().0;
-        let passes = |i: &usize| self.volume.passes_barrel(pixel % width, pixel / width, &rays.green()[*i]);
-        let passing = (0..SPREAD_RAYS).filter(passes);
-        let colors: Vec<[f32; 3]> = passing.map(|i| self.color(pixel, &rays.single(i))).collect();
-        let mean = |value: &dyn Fn(&[f32; 3]) -> f32| {
-            colors.iter().map(value).sum::<f32>() / colors.len().max(1) as f32
-        };
-        let variance = |k: usize| {
-            let centre = mean(&|color| color[k]);
-            mean(&|color| (color[k] - centre).powi(2))
-        };
-        variance(0) + variance(1) + variance(2)
-    }
-
-    /// The display colour of a pixel by `rays`.
-    fn color(&self, pixel: usize, rays: &Rays) -> [f32; 3] {
-        let width = self.scene.picture_size().0;
-        to_display(self.volume.pixel(pixel % width, pixel / width, rays))
-    }
-
-    /// The colours of pixel `pixel` by two independent sets of rays.
-    fn truth(&self, pixel: usize, rays_per_half: usize, seed: u64) -> [[f32; 3]; 2] {
-        let mut rng = Rng::with_seed(seed);
-        std::array::from_fn(|_| self.color(pixel, &self.rays(rays_per_half, &mut rng)))
-    }
-
-    /// Rays with a random rotation and shift, independent of all others.
-    fn rays(&self, count: usize, rng: &mut Rng) -> Rays {
-        let (angle, shift) = (rng.f32() * TAU, Vec2::new(rng.f32(), rng.f32()));
-        self.plan.optics.moved_rays(count, angle, shift)
-    }
+/// Variance of the colours of single rays of a pixel, summed over the channels.
+fn spread(tracer: &PixelTracer<'_>, pixel: usize, rng: &mut Rng) -> f32 {
+    let rays = tracer.rays(SPREAD_RAYS, rng);
+    let width = tracer.scene.picture_size().0;
+    let passes = |i: &usize| tracer.volume.passes_barrel(pixel % width, pixel / width, &rays.green()[*i]);
+    let passing = (0..SPREAD_RAYS).filter(passes);
+    let colors: Vec<[f32; 3]> = passing.map(|i| tracer.color(pixel, &rays.single(i))).collect();
+    let mean =
+        |value: &dyn Fn(&[f32; 3]) -> f32| colors.iter().map(value).sum::<f32>() / colors.len().max(1) as f32;
+    let variance = |k: usize| {
+        let centre = mean(&|color| color[k]);
+        mean(&|color| (color[k] - centre).powi(2))
+    };
+    variance(0) + variance(1) + variance(2)
 }
 
 impl Stratum {
-    /// Unbiased estimates of the squared error of `values`, one for each probed pixel: means over the three channels.
-    fn errors(&self, values: &[[f32; 4]]) -> Vec<f64> {
-        let squared_error = |(&value, [a, b]): (&[f32; 4], &[[f32; 3]; 2])| {
-            let shown = to_display(value);
+    /// Unbiased estimates of the squared error of `values`, which have `lights`, one for each probed pixel: means over the three channels.
+    fn errors(&self, values: &[[f32; 4]], lights: Option<&Image>) -> Vec<f64> {
+        let squared_error = |(&value, truth): (&[f32; 4], &Truth)| {
+            let (shown, [a, b]) = (truth::to_display(value), truth.shown(lights));
             let channel = |k: usize| f64::from(shown[k] - a[k]) * f64::from(shown[k] - b[k]);
             (channel(0) + channel(1) + channel(2)) / 3.0
         };
@@ -326,7 +342,7 @@ impl Stratum {
 /// A pixel that may be probed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Candidate {
-    pixel: usize,
+    site: Site,
     /// Variance of its rays.
     spread: f32,
     in_focus: bool,
@@ -341,17 +357,17 @@ fn in_focus(scene: &Scene, x: usize, y: usize) -> bool {
 
 /// `candidates` in strata, in focus and out of focus, of falling variance and about equal total variance: for each its size in pixels of
 /// the frame, in proportion to its number of candidates, and its candidates.
-fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<usize>)> {
+fn strata(candidates: Vec<Candidate>, scene: &Scene) -> Vec<(f64, Vec<Site>)> {
     let (width, height) = scene.frame_size();
     let pixels_each = (width * height) as f64 / candidates.len().max(1) as f64;
     let (focused, blurred): (Vec<_>, Vec<_>) =
         candidates.into_iter().partition(|candidate| candidate.in_focus);
     let strata = [focused, blurred].into_iter().flat_map(strata_of_equal_spread);
-    strata.map(|pixels| (pixels.len() as f64 * pixels_each, pixels)).collect()
+    strata.map(|sites| (sites.len() as f64 * pixels_each, sites)).collect()
 }
 
 /// `candidates` in half of [`STRATA`] strata of falling variance and about equal total variance.
-fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<usize>> {
+fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<Site>> {
     const COUNT: usize = STRATA / 2;
     let total: f64 = candidates.iter().map(|candidate| f64::from(candidate.spread)).sum();
     let floor = (f64::from(SPREAD_FLOOR) * total / candidates.len().max(1) as f64).max(f64::MIN_POSITIVE);
@@ -360,12 +376,12 @@ fn strata_of_equal_spread(mut candidates: Vec<Candidate>) -> Vec<Vec<usize>> {
     let whole = total + floor * candidates.len() as f64;
     let mut strata = vec![Vec::new(); COUNT];
     let mut sum = 0.0;
-    for Candidate { pixel, spread, .. } in candidates {
+    for Candidate { site, spread, .. } in candidates {
         let stratum = (sum / whole * COUNT as f64) as usize;
-        strata[stratum.min(COUNT - 1)].push(pixel);
+        strata[stratum.min(COUNT - 1)].push(site);
         sum += f64::from(spread) + floor;
     }
-    strata.retain(|pixels| !pixels.is_empty());
+    strata.retain(|sites| !sites.is_empty());
     strata
 }
 
@@ -466,8 +482,12 @@ mod tests {
     #[test]
     fn strata_have_every_pixel_once_and_about_equal_spread() {
         let spread = |pixel: usize| if pixel / 50 == 3 { 1.0 } else { (pixel % 50) as f32 * 1e-3 };
-        let candidate = |pixel| Candidate { pixel, spread: spread(pixel), in_focus: false };
-        let strata = strata_of_equal_spread((0..1000).map(candidate).collect());
+        let site = |pixel| Site { pixel, random: 0 };
+        let candidate = |pixel| Candidate { site: site(pixel), spread: spread(pixel), in_focus: false };
+        let strata: Vec<Vec<usize>> = strata_of_equal_spread((0..1000).map(candidate).collect())
+            .into_iter()
+            .map(|sites| sites.into_iter().map(|site| site.pixel).collect())
+            .collect();
         let mut all: Vec<usize> = strata.iter().flatten().copied().collect();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>(), "every pixel once");

@@ -10,9 +10,10 @@
 //!
 //! Cost: the rays, once for each number of layers. Memory: negligible. Limits: errors that occur in few places are partly missed.
 
-use super::{PixelTracer, ProbeSites, SEED, StratumErrors, mean_error};
+use super::truth::PixelTracer;
+use super::{Basis, ProbeSites, SEED, Site, StratumErrors, mean_error};
 use crate::lens::Rays;
-use crate::methods::{Plan, Volume};
+use crate::methods::Plan;
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
 use rayon::prelude::*;
@@ -63,16 +64,14 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
     if layers < 2 || !plan.does(EffectKind::Blur) {
         return None;
     }
-    let ProbeSites { tracer, strata, mut rng, .. } = ProbeSites::new(scene, plan, PIXELS, SEED);
-    let fewer: Vec<PixelTracer<'_>> = (1..layers)
-        .map(|count| PixelTracer { scene, plan, volume: Volume::from_first_layers(count, scene, plan) })
-        .collect();
+    let basis = Basis::of_stack(scene, plan);
+    let (tracer, ProbeSites { strata, .. }) = (basis.tracer(), ProbeSites::new(&basis, PIXELS, SEED));
+    let fewer: Vec<PixelTracer<'_>> = (1..layers).map(|count| basis.tracer_of_first_layers(count)).collect();
     let strata: Vec<(f64, Vec<PixelStats>)> = strata
         .into_iter()
-        .map(|(size, pixels)| {
-            let seeds: Vec<(usize, u64)> = pixels.into_iter().map(|pixel| (pixel, rng.u64(..))).collect();
-            let stats = |(pixel, seed)| pixel_stats(&tracer, &fewer, pixel, seed);
-            (size, seeds.into_par_iter().map(stats).collect())
+        .map(|(size, sites)| {
+            let stats = |site: Site| pixel_stats(&tracer, &fewer, site.pixel, site.random);
+            (size, sites.into_par_iter().map(stats).collect())
         })
         .collect();
     let mean = |value: &dyn Fn(&PixelStats) -> f64| {
@@ -211,6 +210,6 @@ mod tests {
     fn a_single_layer_or_a_picture_without_blur_is_not_measured() {
         assert_eq!(peels_seen(&[NEAR_HALF]), None);
         assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), BEHIND_THE_WALL]).map(|seen| seen.needed), Some(1));
-        assert_eq!(peels_seen(&[|_| Some((0.5, 0.1)), |_| Some((0.5, 0.2))]), None);
+        assert_eq!(peels_seen(&[|_| Some((0.5, 0.001)), |_| Some((0.5, 0.002))]), None);
     }
 }

@@ -113,6 +113,7 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
     for (_, values) in user_layers(job) {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);
+        options.kind = values.kind.or(options.kind);
     }
     let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
     options.objects |= focus.is_some_and(Focus::needs_mattes);

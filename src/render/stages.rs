@@ -39,7 +39,7 @@ pub(super) fn decide(
         stack.findings.push(Finding::warning(
             "coc",
             format!(
-                "{} fragments lie so near the lens that their CoC was limited to {limit} px",
+                "the CoC radius of {} fragments, so near the lens or of so much blur, was limited to {limit} px",
                 scene.limited_fragments
             ),
         ));

@@ -56,9 +56,10 @@ impl Scene {
         };
         let layers: Vec<Layer> = self.layers.into_iter().map(layer).collect();
         let background = Background::behind(&layers, self.supersample, self.coc_infinity_px).map(Arc::new);
+        let antialiasing = self.antialiasing.changed(|plane| mirror_padded(plane, outside_px));
         let mut field = self.field;
         field.axis_px += Vec2::from(outside_px.map(|pixels| pixels as f32));
-        Self { layers, field, outside_px, background, ..self }
+        Self { layers, antialiasing, field, outside_px, background, ..self }
     }
 }
 

@@ -2,10 +2,11 @@
 //!
 //! A lens ray that passes all known fragments should hit something plausible: a farther surface from the neighbourhood. A
 //! pyramid over the nearest layer keeps in each cell only the farthest cluster of CoC radii below it. Each pixel takes
-//! the finest cell around it that lies behind its own last fragment, unless the cell is so coarse that no ray reaches that far.
+//! the finest cell around it that lies behind its own last fragment, unless the cell is so coarse that no ray reaches that far. The estimate
+//! fades where the pixel shows the background ([`Background`]): nothing is behind its fragments there.
 
 use super::surface::CELL_PX;
-use super::{Layer, Scene};
+use super::{Background, Layer, Scene};
 use crate::image::Plane;
 use rayon::prelude::*;
 
@@ -20,6 +21,13 @@ struct Cell {
     weight: f32,
 }
 
+impl Cell {
+    /// The cell with `share` of its weight, its colour premultiplied by it.
+    fn faded(self, share: f32) -> Self {
+        Self { color: self.color.map(|value| value * share), weight: self.weight * share, ..self }
+    }
+}
+
 /// One level: `width × height` cells, row by row.
 struct Level {
     width: usize,
@@ -32,13 +40,13 @@ impl Scene {
     #[must_use]
     pub fn filled(self) -> Self {
         let mut scene = self.merged();
-        scene.layers.extend(estimated_layer(&scene.layers));
+        scene.layers.extend(estimated_layer(&scene.layers, scene.background.as_deref()));
         scene
     }
 }
 
 /// The estimated surface, empty where no farther surface is near; `None` without layers.
-fn estimated_layer(layers: &[Layer]) -> Option<Layer> {
+fn estimated_layer(layers: &[Layer], background: Option<&Background>) -> Option<Layer> {
     let nearest = layers.first()?;
     let (width, height) = (nearest.width(), nearest.height());
     let mut levels = vec![base(nearest)];
@@ -52,7 +60,9 @@ fn estimated_layer(layers: &[Layer]) -> Option<Layer> {
         .into_par_iter()
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            last_coc(layers, x, y).map_or(Cell::default(), |coc| cell_behind(&levels, x, y, coc))
+            let hidden = background.map_or(1.0, |background| 1.0 - background.share().get(x, y));
+            let behind = last_coc(layers, x, y).filter(|_| hidden > 0.0);
+            behind.map_or(Cell::default(), |coc| cell_behind(&levels, x, y, coc).faded(hidden))
         })
         .collect();
     let plane =
@@ -182,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_near_stripe_is_filled_with_the_surface_around_it() {
-        let fill = estimated_layer(&[stripe()]).unwrap();
+        let fill = estimated_layer(&[stripe()], None).unwrap();
         for x in 28..36 {
             assert_eq!(fill.alpha.get(x, 16), 1.0, "column {x} is filled");
             assert!((fill.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
@@ -193,7 +203,7 @@ mod tests {
 
     #[test]
     fn nothing_is_filled_behind_the_farthest_surface() {
-        let fill = estimated_layer(&[stripe()]).unwrap();
+        let fill = estimated_layer(&[stripe()], None).unwrap();
         assert_eq!(fill.alpha.get(5, 16), 0.0, "no fill behind the wall");
     }
 
@@ -205,7 +215,7 @@ mod tests {
         let color = [0, 1, 2].map(|_| plane(&|_| 1.0));
         let layer =
             Layer { color, alpha: plane(&|_| 1.0), coc_px: plane(&|x| if near(x) { 0.0 } else { 3.0 }) };
-        let fill = estimated_layer(&[layer]).unwrap();
+        let fill = estimated_layer(&[layer], None).unwrap();
         assert_eq!(fill.alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
     }
 }

@@ -1,8 +1,10 @@
 //! ANALYZE: the distance of what the lens is focused on.
 //!
-//! The distance of a pixel is that of its visible surface. The distance of an object is the median over its pixels: those that it covers at
-//! least by half, weighted by its coverage, so that neither its edges nor surfaces seen through it count. A focus pull takes the distances
-//! of its two keys in this frame's stack and interpolates between them as [`FocusPull`] says.
+//! The distance of a pixel is that of its visible surface: of the fragment at which alpha, accumulated front to back, reaches a half, so
+//! that dust and glass before a surface do not count. Where all fragments together stay below a half, it is the one that adds most to the
+//! pixel, because nothing else is there to focus on. The distance of an object is the median over its pixels: those that it covers at least
+//! by half, weighted by its coverage, so that neither its edges nor surfaces seen through it count. A focus pull takes the distances of its
+//! two keys in this frame's stack and interpolates between them as [`FocusPull`] says.
 
 use crate::error::Error;
 use crate::lens::FocusPull;
@@ -10,6 +12,8 @@ use crate::settings::{Focus, FocusKey};
 use crate::stack::depth::DepthScale;
 use crate::stack::{ObjectMatte, Stack, Window};
 
+/// Accumulated alpha from which on a surface is visible.
+const VISIBLE_ALPHA: f32 = 0.5;
 /// Coverage from which on a pixel belongs to an object.
 const OBJECT_COVERAGE: f32 = 0.5;
 /// For an object that covers no pixel by [`OBJECT_COVERAGE`]: the share of its largest coverage from which on pixels belong to it.
@@ -91,10 +95,26 @@ fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32
 /// Planar depth of the visible surface at a sample of the data window; `+∞` for background.
 fn visible_depth(stack: &Stack, scale: &DepthScale, column: usize, row: usize) -> f32 {
     let [x0, y0] = stack.frame.data_origin_from_centre();
-    let visible = stack.peels.iter().find(|peel| peel.alpha.get(column, row) > 0.0);
-    visible.map_or(f32::INFINITY, |peel| {
-        scale.planar(peel.depth.get(column, row), x0 + column as f32, y0 + row as f32)
+    let visible = visible_fragment(stack.peels.iter().map(|peel| peel.alpha.get(column, row)));
+    visible.map_or(f32::INFINITY, |i| {
+        scale.planar(stack.peels[i].depth.get(column, row), x0 + column as f32, y0 + row as f32)
     })
+}
+
+/// Index of the fragment that a pixel shows, of fragments of these alphas, nearest first; `None` if all are empty.
+fn visible_fragment(alphas: impl Iterator<Item = f32>) -> Option<usize> {
+    let (mut transmittance, mut most, mut visible) = (1.0, 0.0, None);
+    for (i, alpha) in alphas.enumerate() {
+        let share = transmittance * alpha;
+        transmittance -= share;
+        if 1.0 - transmittance >= VISIBLE_ALPHA {
+            return Some(i);
+        }
+        if share > most {
+            (most, visible) = (share, Some(i));
+        }
+    }
+    visible
 }
 
 fn distance_of_object(stack: &Stack, scale: &DepthScale, name: &str) -> Result<Focused, Error> {
@@ -172,6 +192,23 @@ fn no_frame_number() -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pixel_shows_the_fragment_at_which_accumulated_alpha_reaches_a_half() {
+        let shown = |alphas: &[f32]| visible_fragment(alphas.iter().copied());
+        assert_eq!(shown(&[0.004, 1.0]), Some(1), "behind dust");
+        assert_eq!(shown(&[0.0, 0.5, 1.0]), Some(1));
+        assert_eq!(shown(&[0.3, 0.3, 1.0]), Some(1), "0.3 and 0.7 · 0.3 make 0.51");
+        assert_eq!(shown(&[0.25, 0.25, 1.0]), Some(2), "0.25 and 0.75 · 0.25 make 0.4375");
+    }
+
+    #[test]
+    fn a_translucent_pixel_shows_the_fragment_that_adds_most_to_it() {
+        let shown = |alphas: &[f32]| visible_fragment(alphas.iter().copied());
+        assert_eq!(shown(&[0.1, 0.3, 0.0]), Some(1));
+        assert_eq!(shown(&[0.2, 0.2]), Some(0), "0.8 · 0.2 is less");
+        assert_eq!(shown(&[0.0, 0.0]), None);
+    }
 
     #[test]
     fn the_median_is_where_half_of_the_weight_is_reached() {

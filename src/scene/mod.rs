@@ -34,6 +34,7 @@ pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
 
 use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
+pub use crate::stack::Antialiasing;
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -75,14 +76,16 @@ impl Layer {
 pub struct Scene {
     /// The layers, nearest first, all of one size.
     pub layers: Vec<Layer>,
-    /// What the fragments stand for.
-    pub kind: StackKind,
+    /// Which colours are point samples, and which are averages over the pixel: by pixel of the picture.
+    pub antialiasing: Antialiasing,
     /// Samples per picture pixel along each axis.
     pub supersample: usize,
     /// CoC radius at infinity in picture pixels. With it a CoC radius gives the depth in units of the focus distance,
     /// `1 / (1 − c / c_inf)`; the papers' equations need no other depth.
     pub coc_infinity_px: f32,
-    /// Number of fragments so near the lens that their CoC was limited to [`coc_limit_px`].
+    /// How open the lens is, in picture pixels: see [`ThinLens::opening_px`].
+    pub opening_px: f32,
+    /// Number of fragments whose CoC was limited to [`coc_limit_px`]: so near the lens, or behind focus of a lens that blurs so much.
     pub limited_fragments: usize,
     /// Position of the picture in the lens's field.
     pub field: Field,
@@ -101,7 +104,7 @@ pub fn coc_limit_px(width: usize, height: usize) -> f32 {
 }
 
 impl Scene {
-    /// The scene of `layers`, nearest first, with the lens's axis at the picture's centre.
+    /// The scene of `layers`, nearest first, which are of this `kind` everywhere, with the lens's axis at the picture's centre.
     pub fn new(layers: Vec<Layer>, kind: StackKind, supersample: usize, coc_infinity_px: f32) -> Self {
         let size = layers.first().map_or([0; 2], |layer| [layer.width(), layer.height()]);
         let [width, height] = size.map(|samples| samples / supersample);
@@ -109,9 +112,10 @@ impl Scene {
         let background = Background::behind(&layers, supersample, coc_infinity_px).map(Arc::new);
         Self {
             layers,
-            kind,
+            antialiasing: kind.into(),
             supersample,
             coc_infinity_px,
+            opening_px: coc_infinity_px,
             limited_fragments: 0,
             field,
             color_range: ColorRange::Unbounded,
@@ -122,7 +126,7 @@ impl Scene {
 
     /// Takes the peels out of `stack` and turns their depth into the CoC radius of `lens`, in place.
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
-        let (kind, supersample) = (stack.kind, stack.supersample);
+        let supersample = stack.supersample;
         let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
         let mut limited_fragments = 0;
         let mut layers = Vec::with_capacity(stack.peels.len());
@@ -136,7 +140,9 @@ impl Scene {
             limited_fragments,
             field,
             color_range,
-            ..Self::new(layers, kind, supersample, lens.coc_infinity_px)
+            opening_px: lens.opening_px,
+            antialiasing: stack.antialiasing.clone(),
+            ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px.min(limit))
         }
     }
 
@@ -249,8 +255,7 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
             let mut limited = 0;
             for (depth, &alpha) in depth.iter_mut().zip(alpha) {
                 let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
-                // Only the near side is unbounded: behind focus |c| is below c_inf, which the lens has checked.
-                limited += usize::from(coc < -limit);
+                limited += usize::from(coc.abs() > limit);
                 *depth = coc.clamp(-limit, limit);
             }
             limited

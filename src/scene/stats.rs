@@ -8,7 +8,7 @@ use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Background, Layer, OPAQUE_ALPHA, Scene};
 use crate::lens::Field;
-use crate::stack::{ColorRange, StackKind};
+use crate::stack::ColorRange;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -32,8 +32,8 @@ pub struct SceneStats {
     pub picture_size: (usize, usize),
     /// Number of layers.
     pub layers: usize,
-    /// What the fragments stand for.
-    pub kind: StackKind,
+    /// Mean of [`Scene::antialiasing`]: 0 for point samples everywhere, 1 for averages over the pixel.
+    pub antialiased: f64,
     /// Samples per picture pixel along each axis.
     pub supersample: usize,
     /// Smallest and largest signed CoC radius of any fragment in picture pixels; `0, 0` without fragments.
@@ -117,7 +117,7 @@ impl Scene {
         SceneStats {
             picture_size: self.picture_size(),
             layers: self.layers.len(),
-            kind: self.kind,
+            antialiased: self.antialiasing.mean(),
             supersample: self.supersample,
             coc_range_px: tally.coc_range_px(),
             fragments: tally.fragments,

@@ -4,11 +4,27 @@
 //! the use, so each use has its own limit here, and shaders get the same constants. Differences are of signed CoC radii in picture
 //! pixels: for a difference of `d` px, any lens ray shifts the two samples against each other by at most `d` px.
 
-/// Upper limit of the difference in CoC radius between neighbouring samples of one surface, in picture pixels.
+/// Difference in CoC radius, in picture pixels, below which neighbouring samples always belong to one surface.
 ///
-/// A larger limit would thicken edges. It decides in `shear` which bins a fragment joins, in `accumulate` how far a fragment extends
-/// towards its neighbours, in `peel-rays` along which samples a ray continues, and in the focus map where a line may be drawn.
+/// Where more is known of a surface than the two samples, [`join_limit_px`] may be larger. This is the limit from peel to peel.
 pub(crate) const JOIN_PX: f32 = 0.5;
+
+/// Difference in CoC radius, in picture pixels, from which on neighbouring samples never belong to one surface.
+pub(crate) const MAX_JOIN_PX: f32 = 2.0;
+
+/// [`join_limit_px`] as a multiple of the sum of the differences on both sides.
+pub(crate) const ROUGHNESS: f32 = 2.0;
+
+/// The difference in CoC radius below which two neighbouring samples of a peel belong to one surface, in picture pixels. `before` is the
+/// difference between the first of them and the sample before it, `after` that between the second and the sample after it, in the same
+/// direction; 0 where there is none.
+///
+/// A surface goes on as far as its roughness does. On a slope all three differences are equal, on grass or gravel they are all large; at
+/// a silhouette between two smooth surfaces the outer two are small, so that the two stay separate and no edge thickens.
+#[inline(always)]
+pub(crate) fn join_limit_px(before: f32, after: f32) -> f32 {
+    (ROUGHNESS * (before + after)).min(MAX_JOIN_PX).max(JOIN_PX)
+}
 
 /// Whether neighbouring samples of these CoC radii, in picture pixels, belong to one surface.
 #[inline(always)]
@@ -21,14 +37,27 @@ pub(crate) fn joins(coc_px: f32, other_coc_px: f32) -> bool {
 /// On a plane in space the CoC radius is affine over the picture, because `1/z` is. Its steps are equal, whatever their size.
 const STEP_CHANGE_SHARE: f32 = 0.25;
 
-/// Whether the two middle pixels of four in a row, of these CoC radii in picture pixels, belong to one surface: the step between
-/// them is small, or similar to the step before or after it. NaN stands for no pixel. Used by the focus map, which has one radius per
-/// pixel.
-pub(crate) fn continues([before, from, to, after]: [f32; 4]) -> bool {
+/// Whether the two middle samples of four in a row of a peel, of these CoC radii in picture pixels, belong to one surface. NaN stands for
+/// no sample.
+#[inline(always)]
+pub(crate) fn goes_on([before, from, to, after]: [f32; 4]) -> bool {
+    // The maximum of NaN and 0 is 0.
+    let [back, ahead] = [(from - before).abs().max(0.0), (after - to).abs().max(0.0)];
+    (to - from).abs() < join_limit_px(back, ahead)
+}
+
+/// [`goes_on`], also where the step between the two is similar to the step before or after it, however large. Used by the focus map,
+/// which has one radius per pixel and draws a line where a surface passes focus between two of them.
+pub(crate) fn continues(row: [f32; 4]) -> bool {
+    let [before, from, to, after] = row;
     let step = to - from;
     let is_similar = |other: f32| (other - step).abs() <= STEP_CHANGE_SHARE * step.abs();
-    step.abs() <= JOIN_PX || is_similar(from - before) || is_similar(after - to)
+    goes_on(row) || is_similar(from - before) || is_similar(after - to)
 }
+
+/// Difference in CoC depth, in picture pixels, within which a ray that hits a translucent surface again is still in the same surface: the
+/// surface is not composited a second time.
+pub(crate) const SAME_HIT_PX: f32 = 1.0;
 
 /// Upper limit of the difference in CoC radius between neighbours whose colours may be averaged, in picture pixels.
 ///
@@ -93,8 +122,18 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_goes_on_where_its_roughness_does() {
+        assert!(goes_on([0.0, 1.0, 2.0, 3.0]), "a slope of a pixel a sample");
+        assert!(goes_on([f32::NAN, 1.0, 2.0, 3.0]), "at its end as well");
+        assert!(goes_on([0.0, 1.0, -0.9, 0.3]), "relief");
+        assert!(!goes_on([1.0, 1.1, 2.0, 2.1]), "a silhouette between smooth surfaces");
+        assert!(!goes_on([-3.0, 0.0, 2.0, 5.0]), "never by two pixels");
+        assert!(!goes_on([1.0, f32::NAN, 2.0, 2.0]), "nor over no sample");
+    }
+
+    #[test]
     fn a_surface_continues_over_small_steps_and_along_slopes() {
-        assert!(continues([f32::NAN, 1.0, 1.5, f32::NAN]), "a small step needs no neighbours");
+        assert!(continues([f32::NAN, 1.0, 1.4, f32::NAN]), "a small step needs no neighbours");
         assert!(continues([1.0, 3.0, 5.0, f32::NAN]) && continues([f32::NAN, 3.0, 5.0, 7.4]), "a slope");
         assert!(!continues([3.0, 3.0, 5.0, 5.0]) && !continues([1.0, 1.0, f32::NAN, f32::NAN]), "an edge");
     }

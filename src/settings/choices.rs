@@ -42,6 +42,26 @@ pub enum DepthConvention {
     Normalised,
 }
 
+/// What the colours and the alpha of a stack's fragments represent.
+///
+/// As a setting it overrules what is found in the stack, everywhere. Unset, each place of the picture is decided by itself: see
+/// [`crate::stack::Antialiasing`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum StackKind {
+    /// Peels with one sample per pixel: alpha is 0, 1 or an opacity.
+    #[serde(rename = "point")]
+    PointSampled,
+    /// Peels whose colours are averages over the pixel and whose alpha is the share of the pixel that they cover.
+    Coverage,
+    /// Point-sampled peels at a multiple of the picture's resolution.
+    Supersampled,
+    /// One anti-aliased picture with one depth sample per pixel, without surfaces behind it.
+    #[serde(rename = "beauty")]
+    BeautyDepth,
+}
+
 /// Declares the words of an enum for presets, headers and command lines. `open` is a word that leaves the setting unset.
 macro_rules! words {
     ($type:ident $(, open: $open:literal $open_meaning:literal)?; $($variant:ident $name:literal $meaning:literal),+) => {
@@ -90,6 +110,13 @@ words! { DepthConvention, open: "auto" "From the file";
     Normalised "normalised" "0 at `near` to 1 at `far`"
 }
 
+words! { StackKind, open: "auto" "From the edges around each pixel";
+    PointSampled "point" "Peels with one sample a pixel",
+    Coverage "coverage" "Peels of averages over the pixel",
+    Supersampled "supersampled" "Peels with `supersample` samples a pixel",
+    BeautyDepth "beauty" "One anti-aliased picture with depth"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,6 +137,11 @@ mod tests {
             DepthConvention::Normalised,
         ] {
             assert_eq!(json(value), value.name());
+        }
+        for value in
+            [StackKind::PointSampled, StackKind::Coverage, StackKind::Supersampled, StackKind::BeautyDepth]
+        {
+            assert_eq!(serde_json::to_value(value).unwrap(), value.name());
         }
     }
 }

@@ -16,7 +16,7 @@ mod preset;
 mod setting;
 mod table;
 
-pub use choices::{Border, DepthConvention, SensorDistance};
+pub use choices::{Border, DepthConvention, SensorDistance, StackKind};
 pub use effort::{Effort, Quality};
 pub use focus::{Easing, Focus, FocusKey};
 pub use origin::{Origin, Sourced};

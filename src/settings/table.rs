@@ -6,7 +6,7 @@
 //!
 //! A new setting needs one row, and its use. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
-use super::choices::{Border, DepthConvention, SensorDistance};
+use super::choices::{Border, DepthConvention, SensorDistance, StackKind};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
@@ -155,6 +155,13 @@ settings! {
         /// Samples per picture pixel along each axis
         supersample: usize, Setting::new(Kind::Whole(1, 64), "supersample")
             .otherwise("1").attribute("thinlens.supersample").flag("supersample", "S");
+        /// What the samples of the stack are
+        ///
+        /// Overrules what is found in the file. By itself, thinlens looks at the edges around each pixel: hard ones are of point
+        /// samples, those with a rim of fractional alpha are of averages over the pixel.
+        kind: StackKind, Setting::new(Kind::Word(StackKind::WORDS), "kind of the stack")
+            .otherwise("from the edges around each pixel")
+            .attribute("thinlens.kind").flag("kind", "KIND");
     }
 
     /// Settings of the picture apart from its lens, each value with its origin.

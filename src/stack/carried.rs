@@ -9,7 +9,7 @@ use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 
 /// Attributes that describe the storage of the input file, or that are not valid for the output.
-const NOT_CARRIED: [&str; 19] = [
+const NOT_CARRIED: [&str; 20] = [
     "channels",
     "chunkCount",
     "compression",
@@ -25,6 +25,7 @@ const NOT_CARRIED: [&str; 19] = [
     "preview",
     "screenWindowCenter",
     "screenWindowWidth",
+    "thinlens.kind",
     "thinlens.supersample",
     "tiles",
     "type",

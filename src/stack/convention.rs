@@ -1,7 +1,6 @@
 //! Detection of a stack's depth convention, with the reason.
 
 use super::camera;
-use super::kind::StackStats;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
@@ -59,9 +58,9 @@ pub(super) fn conclude(evidence: Evidence<'_>) -> (Conclusion, Finding) {
     (Conclusion { convention: DepthConvention::Planar, guessed: true }, Finding::note("depth", text))
 }
 
-/// A warning if the values contradict a guessed convention.
-pub(super) fn doubt(conclusion: Conclusion, stats: &StackStats) -> Option<Finding> {
-    let [nearest, farthest] = stats.depth_range?;
+/// A warning if the smallest and largest depth contradict a guessed convention.
+pub(super) fn doubt(conclusion: Conclusion, depth_range: Option<[f32; 2]>) -> Option<Finding> {
+    let [nearest, farthest] = depth_range?;
     (conclusion.guessed && farthest <= 1.0).then(|| {
         let text = format!(
             "all depths are between {nearest} and {farthest}, as in normalised or inverse depth; assumed planar: \

@@ -44,6 +44,37 @@ pub fn is_background(convention: DepthConvention, value: f32) -> bool {
     !foreground(convention).contains(&value)
 }
 
+/// Turns depths of a convention into numbers that grow with the distance, without the parameters of the conversion. For comparisons.
+#[derive(Debug, Clone)]
+pub(super) struct FarDepth {
+    foreground: Range<f32>,
+    is_inverse: bool,
+    /// Added to every depth, so that a normalised depth of 0 has neighbours at a finite ratio.
+    offset: f32,
+}
+
+impl FarDepth {
+    pub(super) fn new(convention: DepthConvention) -> Self {
+        /// A ten-thousandth of the depth range.
+        const NORMALISED_OFFSET: f32 = 1e-4;
+        let offset = if convention == DepthConvention::Normalised { NORMALISED_OFFSET } else { 0.0 };
+        let is_inverse = convention == DepthConvention::Inverse;
+        Self { foreground: foreground(convention), is_inverse, offset }
+    }
+
+    /// A number that grows with the distance of `value`; `+∞` for background.
+    #[inline]
+    pub(super) fn of(&self, value: f32) -> f32 {
+        if !self.foreground.contains(&value) {
+            f32::INFINITY
+        } else if self.is_inverse {
+            value.recip()
+        } else {
+            value + self.offset
+        }
+    }
+}
+
 impl DepthScale {
     /// Planar depth of `value` at `x`, `y` samples from the optical axis; `+∞` for background (module head).
     pub fn planar(&self, value: f32, x_from_centre_px: f32, y_from_centre_px: f32) -> f32 {

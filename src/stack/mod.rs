@@ -3,6 +3,7 @@
 //! This module has all file formats and naming conventions of the input, and nothing about lenses: depth stays in the convention of
 //! the file ([`Stack::convention`]). Every conclusion that a file does not state is reported as a [`Finding`].
 
+mod antialiasing;
 mod camera;
 mod carried;
 mod chunks;
@@ -20,11 +21,15 @@ mod layers;
 mod murmur;
 mod names;
 mod options;
+mod order;
 mod picture;
 mod planes;
 mod read;
+mod rim_depth;
 mod sanitise;
+mod silhouettes;
 
+pub use antialiasing::Antialiasing;
 #[doc(hidden)]
 pub use camera::camera_attributes;
 #[cfg(feature = "cli")]
@@ -36,6 +41,7 @@ pub use read::{read, read_picture};
 
 use crate::finding::Finding;
 use crate::image::Plane;
+pub use crate::settings::StackKind;
 use crate::settings::{DepthConvention, Values};
 use std::fmt;
 
@@ -72,23 +78,6 @@ pub struct Frame {
     pub display: Window,
     /// Width of a pixel divided by its height.
     pub pixel_aspect: f32,
-}
-
-/// What the fragments of a stack represent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum StackKind {
-    /// One anti-aliased picture with one depth sample per pixel, without surfaces behind it.
-    BeautyDepth,
-    /// Peels with one sample per pixel: alpha is 0 or 1.
-    PointSampled,
-    /// Peels whose alpha is the share of the pixel they cover.
-    Coverage,
-    /// Point-sampled peels at a multiple of the picture's resolution.
-    Supersampled,
-    /// A renderer's own anti-aliased peels: peel 0 mixes foreground and background, deeper peels have alpha without depth.
-    RendererAntialiased,
 }
 
 /// Numeric type of the input's colour channels.
@@ -145,8 +134,11 @@ pub struct Stack {
     pub frame: Frame,
     /// The convention of [`Peel::depth`].
     pub convention: DepthConvention,
-    /// What the fragments represent.
-    pub kind: StackKind,
+    /// What all fragments represent, if a setting or the header says so, or the number of peels or of samples per pixel does;
+    /// `None` where each place of the picture is decided by itself.
+    pub kind: Option<StackKind>,
+    /// Which colours are point samples and which are averages over the pixel.
+    pub antialiasing: Antialiasing,
     /// Samples per picture pixel along each axis: 1, or more for [`StackKind::Supersampled`].
     pub supersample: usize,
     /// Numeric type of the colour channels.
@@ -201,6 +193,11 @@ impl Frame {
 }
 
 impl Stack {
+    /// What the fragments represent, in words: the kind that applies everywhere, or the shares of the picture.
+    pub fn kind_in_words(&self) -> String {
+        self.kind.map_or_else(|| self.antialiasing.in_words(), |kind| kind.name().to_owned())
+    }
+
     /// Width of the planes in samples.
     pub fn width(&self) -> usize {
         self.frame.data.width

@@ -1,6 +1,6 @@
 //! Input files and options of reading.
 
-use crate::settings::DepthConvention;
+use crate::settings::{DepthConvention, StackKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,6 +23,8 @@ pub struct ReadOptions {
     pub convention: Option<DepthConvention>,
     /// Samples per picture pixel along each axis; if `None`, from the header, else 1.
     pub supersample: Option<usize>,
+    /// What the samples of the stack are; if `None`, from the header, else from the edges around each pixel.
+    pub kind: Option<StackKind>,
     /// Name of the colour channel group (`Combined`, `peel0` …), if the naming table does not have it.
     pub color_channel: Option<String>,
     /// Name of the depth channel, if the naming table does not have it.

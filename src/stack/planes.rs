@@ -108,7 +108,7 @@ fn layer(i: usize, peel: Peel, window: Window, replaced: &mut Replaced) -> Layer
 mod tests {
     use super::*;
     use crate::settings::DepthConvention;
-    use crate::stack::StackKind;
+    use crate::stack::Antialiasing;
 
     fn peel(width: usize, height: usize, color: f32, depth: f32) -> Peel {
         let plane = |value| Plane::filled(width, height, value);
@@ -124,7 +124,8 @@ mod tests {
         let options = ReadOptions { convention: Some(DepthConvention::Ray), ..ReadOptions::default() };
         let peels = vec![peel(2, 1, f32::NAN, 1.0), peel(2, 1, 0.5, 3.0)];
         let stack = Stack::from_peels(peels, Frame::from_size(2, 1), &options).unwrap();
-        assert_eq!((stack.kind, stack.convention), (StackKind::PointSampled, DepthConvention::Ray));
+        assert_eq!((stack.kind, stack.convention), (None, DepthConvention::Ray));
+        assert_eq!(stack.antialiasing, Antialiasing::POINT_SAMPLES);
         assert_eq!(stack.peels[0].color[0].values(), [0.0, 0.0], "NaN is replaced");
         assert!(stack.findings.iter().any(|finding| finding.text.contains("6 colour values were NaN")));
     }

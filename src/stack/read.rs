@@ -3,11 +3,12 @@
 use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
+use super::kind::Announced;
 use super::layers::{self, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
     Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, camera, carried, cryptomatte, kind, names,
-    picture,
+    order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -157,7 +158,7 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     Ok(())
 }
 
-/// The stack of all layers: one data window, one convention, one kind.
+/// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
     let Layers { peels: layers, mut findings, replaced, .. } = layers;
@@ -179,36 +180,36 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     };
     let (conclusion, finding) = convention::conclude(evidence);
     findings.push(finding);
-    let stats = kind::analyze(&peels, conclusion.convention);
-    if stats.depth_range.is_none()
+    let convention = conclusion.convention;
+    let depth_range = order::depth_range(&peels, convention);
+    if depth_range.is_none()
         && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
     {
         return Err(in_file(no_depth_at_all()));
     }
-    findings.extend(convention::doubt(conclusion, &stats));
-    findings.extend(kind::disorder(&stats));
+    findings.extend(convention::doubt(conclusion, depth_range));
+    findings.extend(rim_depth::complete(&mut peels, convention));
+    findings.extend(order::sort(&mut peels, convention));
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
-    let (kind, finding) = kind::detect(&stats, supersample);
+    let announced = Announced { kind: options.kind.or(camera.kind), supersample };
+    let (kind, antialiasing, finding) = kind::conclude(&peels, convention, announced).map_err(in_file)?;
     findings.push(finding);
-    if kind == StackKind::RendererAntialiased {
-        findings.extend(kind::repair_depth(&mut peels, conclusion.convention));
-    }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();
     if options.carry == Carry::None {
         // Nothing is copied to the output: the decoded channels are the requested cryptomattes.
         mattes = std::mem::take(&mut carried.channels);
-    } else if kind == StackKind::Supersampled {
+    } else if kind == Some(StackKind::Supersampled) {
         let (dropped, finding) = carried::drop_supersampled(&mut carried);
         findings.extend(finding);
         mattes = if options.objects { cryptomatte::matte_channels(dropped, &cryptomattes) } else { mattes };
     }
-    let convention = conclusion.convention;
     Ok(Stack {
         peels,
         frame,
         convention,
         kind,
+        antialiasing,
         supersample,
         precision,
         color_range,

@@ -4,7 +4,7 @@
 //! Rows of the stack are uploaded unchanged, one band at a time; the kernel `look` computes extents and tiles from them, `follow`
 //! sums rays.
 //!
-//! Memory: 28 bytes per fragment, 36 per pixel.
+//! Memory: 28 bytes per fragment, 36 per pixel; where the background is visible, 12 more per pixel.
 
 use super::Accumulate;
 use super::tiles::{SLABS, TILE};
@@ -14,7 +14,9 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, Shader, Work, mirrored, 
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
-use crate::methods::shared::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
+use crate::methods::shared::{
+    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
+};
 use crate::scene::surface::JOIN_PX;
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
@@ -155,7 +157,8 @@ impl Lens {
             views.extend(set.iter().filter(passes).map(|view| View::from_lens_view(view, volume)));
             sets.push((first..views.len(), channels));
         }
-        let away = views.iter().map(|view| view.rows_away(volume.supersample, volume.coc_range_px));
+        let range_px = volume.ends().range_px(volume.coc_range_px);
+        let away = views.iter().map(|view| view.rows_away(volume.supersample, range_px));
         // One row more: the extent of a fragment depends on its neighbours.
         let reach_rows = away.fold(0.0, f32::max).ceil() as usize + 1;
         let cells = views.iter().map(|view| view.cells(volume.coc_range_px)).fold(0.0, f32::max);
@@ -238,10 +241,17 @@ fn frame(volume: &Volume<&Layer>, width: usize, band: &Band, samples: &Range<usi
     }
 }
 
-/// Maximum number of rows of the picture in a band on `gpu`.
-fn max_rows(gpu: &Gpu, scene: &Scene) -> usize {
-    let fragments = scene.supersample.pow(2) * scene.layers.len();
-    Batches::max_rows(gpu, scene.picture_size().0, FRAGMENT_BYTES.map(|bytes| bytes * fragments))
+impl Volume<&Layer> {
+    /// What becomes of rays that have passed all fragments.
+    fn ends(&self) -> RayEnds<'_> {
+        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+    }
+
+    /// Maximum number of rows of a picture of `width` columns in a band on `gpu`.
+    fn max_rows(&self, gpu: &Gpu, width: usize) -> usize {
+        let fragments = (self.supersample as usize).pow(2) * self.layers.len();
+        Batches::max_rows(gpu, width, FRAGMENT_BYTES.map(|bytes| bytes * fragments), self.ends())
+    }
 }
 
 impl GpuBackend for Accumulate {
@@ -251,12 +261,11 @@ impl GpuBackend for Accumulate {
         let (width, height) = scene.picture_size();
         picture_of_batches(
             (width, height),
-            [lens.reach_rows, max_rows(gpu, scene)],
+            [lens.reach_rows, volume.max_rows(gpu, width)],
             progress,
             |band, progress| {
                 let rows = Rows::new(gpu, &volume, width, band)?;
-                let batches =
-                    Batches::new(gpu, &SHADER, width * band.rows.len(), volume.background.is_some())?;
+                let batches = Batches::new(gpu, &SHADER, (width, band), volume.ends())?;
                 trace(gpu, (&rows, &lens), &batches, tiles(width, band.rows.len(), TILE as usize), progress)?;
                 Ok(batches)
             },
@@ -282,8 +291,8 @@ fn trace(
     let traversal = [(10, &rows.extents), (11, &rows.tiles)];
     let done = std::cell::Cell::new(0);
     for (views, channels) in &lens.sets {
-        let ask = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
-            let bindings: Vec<_> = sums.into_iter().chain(stack).chain(traversal).collect();
+        let ask = |work: &mut Work<'_>, rays: RayBindings<'_>| {
+            let bindings: Vec<_> = rays.into_iter().chain(stack).chain(traversal).collect();
             work.pass(&follow, &bindings, groups)
         };
         batches.follow((views.clone(), lens.rounds), ask, |views| {

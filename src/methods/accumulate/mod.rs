@@ -2,12 +2,13 @@
 //!
 //! Haeberli & Akeley 1990, "The Accumulation Buffer", and Cook, Porter & Carpenter 1984, "Distributed Ray Tracing", applied to
 //! the stack. A fragment is a box: the square of its sample times an interval of CoC depth. The interval is its own `c`, extended
-//! halfway to each of the four neighbours in the same peel whose `c` differs by less than half a pixel, so that surfaces have no
+//! half-way to each of the four neighbours of the same surface ([`crate::scene::surface`]), so that surfaces have no
 //! cracks. A ray `(p + j + c·u, c)` traverses the samples below it in order of rising `c`. In each sample it hits the fragments
-//! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha.
+//! whose intervals overlap the ray's interval there, nearest first; each attenuates the ray by its alpha, and a translucent surface
+//! does so once, however many of its fragments the ray passes ([`surfaces`]).
 //!
-//! Past the frame's border the border samples are repeated. A ray that hits nothing is left out of the mean where the stack's
-//! background is closed, and is transparent where the background is transparent.
+//! Past the frame's border the border samples are repeated. A ray that has passed all fragments is transparent by the background's
+//! share of the pixel where it ends ([`crate::scene::Background`]); the rest of it is left out of the mean.
 //!
 //! Cost: pixels × rays × samples passed × layers. No shortcut changes the result: a ray skips a tile of samples only if the tile
 //! has no fragment at the ray's CoC depths. Memory: the picture only. Limits: sees only what the peels contain.
@@ -17,6 +18,7 @@ mod cost;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod parameters;
+mod surfaces;
 mod tiles;
 mod volume;
 
@@ -91,17 +93,18 @@ impl LensSampling for Accumulate {
 #[derive(Debug)]
 struct Accumulation {
     volume: Volume<Layer>,
-    rays: Rays,
+    /// The rays of rows in turns.
+    rays: Vec<Rays>,
 }
 
 impl Tracer for Accumulation {
     type Scratch = ();
 
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
-        Self { volume: Volume::owning(scene, plan), rays: plan.optics.rays(rays) }
+        Self { volume: Volume::owning(scene, plan), rays: plan.optics.rays_in_turns(rays) }
     }
 
     fn pixel(&self, x: usize, y: usize, (): &mut ()) -> [f32; 4] {
-        self.volume.pixel(x, y, &self.rays)
+        self.volume.pixel(x, y, &self.rays[y % self.rays.len()])
     }
 }

@@ -2,7 +2,7 @@
 //! that rendering few rays costs little.
 
 use crate::scene::Layer;
-use crate::scene::surface::JOIN_PX;
+use crate::scene::surface::MAX_JOIN_PX;
 use glam::IVec2;
 use std::borrow::Borrow;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,8 +19,8 @@ const ANALYZED: u64 = 1 << 63;
 /// Set in a tile where the fragments of every sample are sorted nearest first.
 const NEAREST_FIRST: u64 = 1 << 62;
 
-/// A fragment extends less than halfway to a neighbour that joins it. No slab is thinner than this.
-const REACH_PX: f32 = 0.5 * JOIN_PX;
+/// A fragment extends half-way to a neighbour of its surface. No slab is thinner than this.
+pub(super) const REACH_PX: f32 = 0.5 * MAX_JOIN_PX;
 
 /// Occupancy of every tile.
 #[derive(Debug)]

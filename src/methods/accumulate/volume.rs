@@ -1,11 +1,11 @@
 //! The stack as a set of boxes in `(x, y, c)`, and ray traversal through them.
 
-use super::tiles::{Passage, TILE, Tiles};
+use super::surfaces::{Hit, TranslucentHits, extent, is_translucent};
+use super::tiles::{Passage, REACH_PX, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::contract::{LostRays, Plan};
 use crate::methods::shared::RaySum;
-use crate::scene::surface::{self, JOIN_PX};
-use crate::scene::{Background, Layer, OPAQUE_ALPHA, Scene};
+use crate::scene::{Antialiasing, Background, Layer, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
 use std::sync::Arc;
@@ -19,114 +19,123 @@ pub(crate) struct Volume<L> {
     pub(super) size: [i32; 2],
     pub(super) supersample: f32,
     pub(super) coc_range_px: [f32; 2],
-    pub(super) jitter: f32,
+    /// Where colours are averages over the pixel, and the extent of rays in a pixel of these.
+    pub(super) antialiasing: Antialiasing,
+    pub(super) averages_jitter: f32,
     pub(super) background: Option<Arc<Background>>,
-    lost_rays: LostRays,
+    pub(super) lost_rays: LostRays,
     pub(super) optics: Optics,
     pub(super) field: Field,
 }
+
+/// The index of the alpha channel.
+const ALPHA: usize = 3;
 
 /// The centre of picture pixel `x, y`.
 fn centre(x: usize, y: usize) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
-/// Interval of CoC depth of the fragment `x, y` of `layer`; it extends less than half of [`JOIN_PX`] to either side of its own
-/// depth.
-fn extent(layer: &Layer, x: usize, y: usize) -> [f32; 2] {
-    let coc = layer.coc_px.get(x, y);
-    let mut interval = [coc; 2];
-    if layer.alpha.get(x, y) < OPAQUE_ALPHA {
-        // Translucent fragments have no thickness: overlapping ones would attenuate a ray twice.
-        return interval;
+/// What the hits of rays are added to.
+trait Hits {
+    /// Adds the fragment `x, y` of `layer`, which a ray of `transmittance` hits.
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32);
+}
+
+impl Hits for RaySum {
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
+        self.add(layer.color_at(x, y), transmittance);
     }
-    let neighbours = [
-        (x > 0).then(|| (x - 1, y)),
-        (x + 1 < layer.width()).then(|| (x + 1, y)),
-        (y > 0).then(|| (x, y - 1)),
-        (y + 1 < layer.height()).then(|| (x, y + 1)),
-    ];
-    for (nx, ny) in neighbours.into_iter().flatten() {
-        let other = layer.coc_px.get(nx, ny);
-        if layer.alpha.get(nx, ny) > 0.0 && surface::joins(coc, other) {
-            let middle = 0.5 * (coc + other);
-            interval = [interval[0].min(middle), interval[1].max(middle)];
-        }
+}
+
+/// The colours that rays hit, and how far these are in focus.
+struct FocusedHits<'a> {
+    colors: RaySum,
+    /// Sum over the rays of how far what they hit is in focus.
+    focused: f64,
+    /// How far a fragment of a CoC radius in picture pixels counts as in focus.
+    focus: &'a dyn Fn(f32) -> f32,
+}
+
+impl Hits for FocusedHits<'_> {
+    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
+        self.colors.hit(layer, x, y, transmittance);
+        let covered = transmittance * layer.alpha.get(x, y);
+        self.focused += f64::from(covered * (self.focus)(layer.coc_px.get(x, y)));
     }
-    interval
 }
 
 /// Position of a fragment relative to a ray's interval of CoC depth in its sample.
 enum DepthOrder {
     InFront,
-    Overlapping,
+    /// With the part of the interval in which they overlap.
+    Overlapping([f32; 2]),
     Behind,
 }
 
-/// Position of the fragment `x, y` of `layer` relative to `coc_interval`.
-fn depth_order(layer: &Layer, x: usize, y: usize, coc_interval: [f32; 2]) -> DepthOrder {
+/// Position of the fragment at `x, y` of layer `number` relative to `coc_interval`.
+fn depth_order<L: Borrow<Layer>>(
+    layers: &[L],
+    number: usize,
+    (x, y): (usize, usize),
+    coc_interval: [f32; 2],
+) -> DepthOrder {
+    let layer = layers[number].borrow();
     let coc = layer.coc_px.get(x, y);
-    if coc > coc_interval[1] + JOIN_PX {
+    if coc > coc_interval[1] + REACH_PX {
         return DepthOrder::Behind;
     }
-    if coc < coc_interval[0] - JOIN_PX {
+    if coc < coc_interval[0] - REACH_PX {
         return DepthOrder::InFront;
     }
     let within = coc >= coc_interval[0] && coc <= coc_interval[1];
-    let overlaps = within || {
-        let [near, far] = extent(layer, x, y);
-        near <= coc_interval[1] && far >= coc_interval[0]
-    };
+    if within && !is_translucent(layer.alpha.get(x, y)) {
+        return DepthOrder::Overlapping(coc_interval);
+    }
+    let [near, far] = extent(layers, number, (x, y));
+    let overlap = [near.max(coc_interval[0]), far.min(coc_interval[1])];
     // Close to the interval without overlapping it: the fragments of further layers may overlap, so never `Behind`.
-    if overlaps { DepthOrder::Overlapping } else { DepthOrder::InFront }
+    if overlap[0] <= overlap[1] { DepthOrder::Overlapping(overlap) } else { DepthOrder::InFront }
 }
 
 impl<'a> Volume<&'a Layer> {
     /// The boxes of `scene`.
-    pub(crate) fn new(scene: &'a Scene, plan: &Plan) -> Self {
+    #[cfg(feature = "gpu")]
+    pub(super) fn new(scene: &'a Scene, plan: &Plan) -> Self {
         Self::from_first_layers(scene.layers.len(), scene, plan)
     }
 
     /// The boxes of the first `count` layers of `scene`.
     pub(crate) fn from_first_layers(count: usize, scene: &'a Scene, plan: &Plan) -> Self {
-        let background = plan.background(scene);
-        Self::from_layers(
-            scene.layers.iter().take(count).collect(),
-            (scene.supersample, scene.field),
-            background,
-            plan,
-        )
+        Self::from_layers(scene.layers.iter().take(count).collect(), scene, plan)
     }
 }
 
 impl Volume<Layer> {
     /// The boxes of `scene`, owning its layers.
-    pub(super) fn owning(scene: Scene, plan: &Plan) -> Self {
-        let background = plan.background(&scene);
-        Self::from_layers(scene.layers, (scene.supersample, scene.field), background, plan)
+    pub(super) fn owning(mut scene: Scene, plan: &Plan) -> Self {
+        let layers = std::mem::take(&mut scene.layers);
+        Self::from_layers(layers, &scene, plan)
     }
 }
 
 impl<L: Borrow<Layer>> Volume<L> {
-    fn from_layers(
-        layers: Vec<L>,
-        (supersample, field): (usize, Field),
-        background: Option<Arc<Background>>,
-        plan: &Plan,
-    ) -> Self {
+    fn from_layers(layers: Vec<L>, scene: &Scene, plan: &Plan) -> Self {
         let first = layers.first().map(Borrow::borrow);
         let size = first.map_or([0; 2], |layer| [layer.width() as i32, layer.height() as i32]);
         Self {
             layers,
             tiles: Tiles::new(size, plan.coc_range_px),
             size,
-            supersample: supersample as f32,
+            supersample: scene.supersample as f32,
             coc_range_px: plan.coc_range_px,
-            jitter: if supersample > 1 { 1.0 } else { plan.jitter },
-            background,
+            antialiasing: scene.antialiasing.clone(),
+            // The samples of a supersampled stack are point samples of its own, finer grid.
+            averages_jitter: if scene.supersample > 1 { 1.0 } else { plan.averages_jitter },
+            background: plan.background(scene),
             lost_rays: plan.lost_rays,
             optics: plan.optics.clone(),
-            field,
+            field: scene.field,
         }
     }
 
@@ -140,18 +149,54 @@ impl<L: Borrow<Layer>> Volume<L> {
         pixel
     }
 
+    /// [`Volume::pixel`], and the mean over the rays of how far what they hit is in focus: by `focus` of its CoC radius in picture pixels.
+    pub(crate) fn pixel_and_focus(
+        &self,
+        x: usize,
+        y: usize,
+        rays: &Rays,
+        focus: &dyn Fn(f32) -> f32,
+    ) -> ([f32; 4], f32) {
+        let (mut pixel, mut focused_share) = ([0.0; 4], 0.0);
+        for (views, channels) in rays.sets() {
+            let mut hits = FocusedHits { colors: RaySum::default(), focused: 0.0, focus };
+            let mut rays = 0;
+            for ray in self.rays_of((x, y), views) {
+                let left = self.follow(&ray, &mut hits);
+                hits.colors.end(left, self.share_of_background(&ray, left));
+                rays += 1;
+            }
+            let mean = hits.colors.mean(rays, self.lost_rays);
+            channels.iter().for_each(|&channel| pixel[channel] = mean[channel]);
+            if channels.contains(&ALPHA) {
+                focused_share = (hits.focused / rays.max(1) as f64) as f32;
+            }
+        }
+        (pixel, focused_share)
+    }
+
     /// Mean colour over the rays of picture pixel `x, y` for those of `views` that the lens barrel does not occlude.
     fn mean_color(&self, x: usize, y: usize, views: &[View]) -> [f32; 4] {
-        let centre = centre(x, y);
-        let height = self.field.height(centre);
         let (mut sum, mut rays) = (RaySum::default(), 0);
-        for view in views.iter().filter(|view| self.optics.within_barrel(view.lens, height) >= 0.0) {
-            let ray = self.ray(centre, view);
+        for ray in self.rays_of((x, y), views) {
             let left = self.follow(&ray, &mut sum);
             sum.end(left, self.share_of_background(&ray, left));
             rays += 1;
         }
         sum.mean(rays, self.lost_rays)
+    }
+
+    /// The rays through picture pixel `x, y` of those of `views` that the lens barrel does not occlude.
+    fn rays_of(&self, (x, y): (usize, usize), views: &[View]) -> impl Iterator<Item = Ray> {
+        let (centre, jitter) = (centre(x, y), self.jitter(x, y));
+        let height = self.field.height(centre);
+        let passes = move |view: &&View| self.optics.within_barrel(view.lens, height) >= 0.0;
+        views.iter().filter(passes).map(move |view| self.ray(centre, jitter, view))
+    }
+
+    /// Extent of rays in picture pixel `x, y`, as a fraction of its width: see [`Plan::jitter`].
+    fn jitter(&self, x: usize, y: usize) -> f32 {
+        1.0 - self.antialiasing.at(x, y) * (1.0 - self.averages_jitter)
     }
 
     /// Whether the ray of `view` from picture pixel `x, y` passes the lens barrel.
@@ -162,20 +207,22 @@ impl<L: Borrow<Layer>> Volume<L> {
     /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last
     /// layer: a further layer might have content there.
     pub(crate) fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
-        let centre = centre(x, y);
-        let lost = |view: &View| {
-            let ray = self.ray(centre, view);
-            let left = self.follow(&ray, &mut RaySum::default());
-            let lost = left - left.min(self.share_of_background(&ray, left));
-            if lost > 0.0 && self.passes_last_layer(&ray) { f64::from(lost) } else { 0.0 }
+        let lost = |ray: &Ray| {
+            let left = self.follow(ray, &mut RaySum::default());
+            let lost = left - left.min(self.share_of_background(ray, left));
+            if lost > 0.0 && self.passes_last_layer(ray) { f64::from(lost) } else { 0.0 }
         };
-        let passing = samples.iter().filter(|view| self.passes_barrel(x, y, view));
-        passing.map(lost).sum::<f64>() / samples.len() as f64
+        let (mut sum, mut rays) = (0.0, 0);
+        for ray in self.rays_of((x, y), samples) {
+            sum += lost(&ray);
+            rays += 1;
+        }
+        sum / f64::from(rays.max(1))
     }
 
-    /// The ray of `view` through the pixel with its centre at `centre`, in picture pixels.
-    fn ray(&self, centre: Vec2, view: &View) -> Ray {
-        let point = centre + self.jitter * view.jitter + view.shift;
+    /// The ray of `view` through the pixel with its centre at `centre`, in picture pixels, in which rays extend over the part `jitter`.
+    fn ray(&self, centre: Vec2, jitter: f32, view: &View) -> Ray {
+        let point = centre + jitter * view.jitter + view.shift;
         Ray::new(point * self.supersample, view.lens * self.supersample)
     }
 
@@ -208,72 +255,80 @@ impl<L: Borrow<Layer>> Volume<L> {
         (cell.x.clamp(0, width - 1) as usize, cell.y.clamp(0, height - 1) as usize)
     }
 
-    /// Traces `ray` through the stack, adds the fragments that it hits to `sum`, and returns the transmittance that is left.
-    fn follow(&self, ray: &Ray, sum: &mut RaySum) -> f32 {
+    /// Traces `ray` through the stack, adds the fragments that it hits to `hits`, and returns the transmittance that is left.
+    fn follow(&self, ray: &Ray, hits: &mut impl Hits) -> f32 {
         let [nearest, farthest] = self.coc_range_px;
         let mut enter = nearest;
         let mut tile = ray.cell(enter).div_euclid(IVec2::splat(TILE));
-        let mut transmittance = 1.0;
+        let mut path = Path { transmittance: 1.0, translucent: TranslucentHits::default() };
         loop {
             let (exit, side) = ray.leaves(tile * TILE, TILE);
             if let Some(passage) = self.tiles.passage(&self.layers, tile, [enter, exit.min(farthest)]) {
-                transmittance = self.cross_tile(ray, tile, passage, transmittance, sum);
+                self.cross_tile(ray, tile, passage, &mut path, hits);
             }
-            if transmittance <= 0.0 || exit >= farthest {
-                return transmittance;
+            if path.transmittance <= 0.0 || exit >= farthest {
+                return path.transmittance;
             }
             tile += side;
             enter = exit;
         }
     }
 
-    /// Traces `ray` over the samples of `tile` and returns its transmittance after them.
+    /// Traces `ray` over the samples of `tile`.
     fn cross_tile(
         &self,
         ray: &Ray,
         tile: IVec2,
         Passage { coc_interval: [mut enter, end], nearest_first }: Passage,
-        mut transmittance: f32,
-        sum: &mut RaySum,
-    ) -> f32 {
+        path: &mut Path,
+        hits: &mut impl Hits,
+    ) {
         let first = tile * TILE;
         let mut cell = ray.cell(enter).clamp(first, first + (TILE - 1));
         loop {
             let (exit, side) = ray.leaves(cell, 1);
             let passage = Passage { coc_interval: [enter, exit.min(end)], nearest_first };
-            transmittance = self.hit_sample(cell, passage, transmittance, sum);
-            if transmittance <= 0.0 || exit >= end {
-                return transmittance;
+            self.hit_sample(cell, passage, path, hits);
+            if path.transmittance <= 0.0 || exit >= end {
+                return;
             }
             cell += side;
             enter = exit;
         }
     }
 
-    /// Adds the fragments of one sample that overlap the ray's interval there, nearest first, and returns the transmittance after
-    /// them.
-    fn hit_sample(&self, cell: IVec2, passage: Passage, mut transmittance: f32, sum: &mut RaySum) -> f32 {
+    /// Adds the fragments of one sample that overlap the ray's interval there, nearest first.
+    fn hit_sample(&self, cell: IVec2, passage: Passage, path: &mut Path, hits: &mut impl Hits) {
         let Passage { coc_interval, nearest_first } = passage;
         let (x, y) = self.clamped(cell);
-        for layer in &self.layers {
+        for (number, layer) in self.layers.iter().enumerate() {
             let layer = layer.borrow();
             let alpha = layer.alpha.get(x, y);
             if alpha <= 0.0 {
                 continue;
             }
-            match depth_order(layer, x, y, coc_interval) {
-                DepthOrder::Behind if nearest_first => break,
+            let overlap = match depth_order(&self.layers, number, (x, y), coc_interval) {
+                DepthOrder::Behind if nearest_first => return,
                 DepthOrder::InFront | DepthOrder::Behind => continue,
-                DepthOrder::Overlapping => (),
+                DepthOrder::Overlapping(overlap) => overlap,
+            };
+            let hit = Hit { layer: number, at: (x, y), coc_interval: overlap };
+            if is_translucent(alpha) && path.translucent.is_repeated(&self.layers, hit) {
+                continue;
             }
-            sum.add(layer.color_at(x, y), transmittance);
-            transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
-            if transmittance <= 0.0 {
-                break;
+            hits.hit(layer, x, y, path.transmittance);
+            path.transmittance *= if is_translucent(alpha) { 1.0 - alpha } else { 0.0 };
+            if path.transmittance <= 0.0 {
+                return;
             }
         }
-        transmittance
     }
+}
+
+/// What a ray has passed.
+struct Path {
+    transmittance: f32,
+    translucent: TranslucentHits,
 }
 
 /// A ray: at CoC depth `c` it is at sample position `start + c·step`.
@@ -346,30 +401,6 @@ mod tests {
     }
 
     #[test]
-    fn extents_of_neighbours_within_half_a_pixel_of_coc_meet_halfway() {
-        let coc = [0.0, 0.4, 2.0];
-        let layer = Layer {
-            color: std::array::from_fn(|_| Plane::zeros(3, 1)),
-            alpha: Plane::filled(3, 1, 1.0),
-            coc_px: Plane::from_fn(3, 1, |x, _| coc[x]),
-        };
-        let extents = [0, 1, 2].map(|x| extent(&layer, x, 0));
-        assert_eq!(
-            extents,
-            [[0.0, 0.2], [0.2, 0.4], [2.0, 2.0]],
-            "the first extends to the second, the second to the first, the third to none"
-        );
-        for coc_interval in
-            [[-0.1, 0.1], [0.15, 0.25], [0.19, 0.3], [0.21, 0.3], [0.45, 0.6], [1.0, 1.4], [1.9, 2.1]]
-        {
-            let found =
-                [0, 1, 2].map(|x| matches!(depth_order(&layer, x, 0, coc_interval), DepthOrder::Overlapping));
-            let expected = extents.map(|[near, far]| near <= coc_interval[1] && far >= coc_interval[0]);
-            assert_eq!(found, expected, "{coc_interval:?}");
-        }
-    }
-
-    #[test]
     fn the_nearest_layer_is_visible_whatever_the_order_of_layers() {
         let layer = |value: f32, coc: f32| Layer {
             color: std::array::from_fn(|_| Plane::filled(3, 3, value)),
@@ -386,7 +417,8 @@ mod tests {
                 size: [3, 3],
                 supersample: 1.0,
                 coc_range_px: [-1.0, 2.0],
-                jitter: 0.0,
+                antialiasing: Antialiasing::POINT_SAMPLES,
+                averages_jitter: 1.0,
                 background: None,
                 lost_rays: LostRays::LeftOut,
                 optics: Optics::from_aperture(Aperture::DISC),

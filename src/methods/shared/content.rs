@@ -1,19 +1,27 @@
-//! The stack as content and coverage, for methods that blend and then normalise; the same for closed and transparent backgrounds.
+//! The stack as content and coverage, for methods that blend and then normalise.
 //!
-//! Such methods divide accumulated content by accumulated coverage. This is correct only if coverage means that the layer has
-//! data, so the two meanings of alpha are separate: *coverage* is the fraction of a pixel for which a layer has data; *content*
-//! is the data: red, green, blue and, where the background is transparent, alpha. A transparent background counts as data: it is
-//! a backdrop behind all layers, with full coverage and empty content.
+//! Such methods divide accumulated content by accumulated coverage. This is correct only if coverage means that the stack has
+//! data, so the two meanings of alpha are separate: *coverage* is the fraction of a pixel for which there is data; *content* is the
+//! data: red, green, blue and, in pictures of one surface per pixel, alpha. The background is no data: it comes behind the blurred
+//! picture, see [`super::Backdrop`].
 
+use super::backdrop::{Backdrop, before, known};
+use super::dilation::{dilate, level, radius_px};
 use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
+use crate::scene::{OPAQUE_ALPHA, Scene};
 use rayon::prelude::*;
+
+/// Coverage from which on a pixel of a picture of one surface per pixel is that surface: below it the surface fades out.
+const SURFACE_FROM: f32 = 0.1;
+
+/// How far a blurred pixel reaches, in its CoC radii: pyramids blur farther than the disc.
+const PYRAMID_REACH: f32 = 3.0;
 
 /// Planes of content and of its coverage.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct CoveragePlanes {
-    /// Red, green, blue and, where the background is transparent, alpha; premultiplied by coverage.
+    /// Red, green, blue and, in some methods, alpha; premultiplied by coverage.
     pub content: Vec<Plane>,
     /// Fraction of each pixel that has data, 0 … 1.
     pub coverage: Plane,
@@ -22,81 +30,112 @@ pub(in crate::methods) struct CoveragePlanes {
 /// A layer of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Peel {
-    /// Content and coverage of the layer.
+    /// Content (red, green, blue) and coverage of the layer.
     pub covered: CoveragePlanes,
     /// Signed CoC radius in pixels; valid where coverage is above 0.
+    pub coc_px: Plane,
+}
+
+/// The surfaces visible to the camera: one colour and one CoC radius per pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::methods) struct VisibleSurfaces {
+    /// Red, green, blue and, where the background is visible, alpha; premultiplied by alpha.
+    pub content: Vec<Plane>,
+    /// Where the background is visible: to what part each pixel is a surface, 0 … 1. 1 from an alpha of [`SURFACE_FROM`] on.
+    pub presence: Option<Plane>,
+    /// Signed CoC radius in pixels of the fragment with the largest weight; valid where presence is above 0.
     pub coc_px: Plane,
 }
 
 /// The image visible to the camera: one colour and one CoC radius per pixel, no holes.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::methods) struct Visible {
-    /// Red, green, blue and, where the background is transparent, alpha.
+    /// Red, green, blue and, where the background is visible, alpha.
     pub content: Vec<Plane>,
-    /// Signed CoC radius in pixels of the fragment with the largest weight.
+    /// Signed CoC radius in pixels.
     pub coc_px: Plane,
 }
 
-/// CoC radius of a transparent background: behind all layers, and in focus where no layer is behind focus, since blurring an
-/// empty background has no effect.
-fn backdrop_coc_px(plan: &Plan) -> f32 {
-    plan.coc_range_px[1].max(0.0)
+/// The layers of `scene` at one sample per pixel, nearest first.
+pub(in crate::methods) fn peels(scene: Scene) -> Vec<Peel> {
+    let layers = scene.merged().layers.into_iter().map(|layer| Peel {
+        covered: CoveragePlanes { content: layer.color.into(), coverage: layer.alpha },
+        coc_px: layer.coc_px,
+    });
+    layers.collect()
 }
 
-/// Minimum and maximum CoC radius in pixels of the peels, a transparent background included.
-pub(in crate::methods) fn coc_range_px(plan: &Plan) -> [f32; 2] {
-    let [near, far] = plan.coc_range_px;
-    [near, if plan.does(EffectKind::TransparentBackground) { backdrop_coc_px(plan) } else { far }]
+/// To what part a pixel that a surface covers to `alpha` is that surface.
+#[inline]
+pub(in crate::methods) fn presence(alpha: f32) -> f32 {
+    (alpha / SURFACE_FROM).min(1.0)
 }
 
-/// The layers of `scene` at one sample per pixel, nearest first, then the backdrop of a transparent background.
-pub(in crate::methods) fn peels(scene: Scene, plan: &Plan) -> Vec<Peel> {
+/// The surfaces of `scene` visible to the camera, at one sample per pixel. The part of a pixel without data takes the colour of the part
+/// with data.
+pub(in crate::methods) fn visible_surfaces(scene: Scene, plan: &Plan) -> VisibleSurfaces {
+    let background = plan.background(&scene);
     let scene = scene.merged();
-    let transparent = plan.does(EffectKind::TransparentBackground);
-    let (width, height) = (scene.width(), scene.height());
-    let backdrop = transparent.then(|| Peel {
-        covered: CoveragePlanes {
-            content: vec![Plane::zeros(width, height); 4],
-            coverage: Plane::filled(width, height, 1.0),
-        },
-        coc_px: Plane::filled(width, height, backdrop_coc_px(plan)),
-    });
-    let layers = scene.layers.into_iter().map(|layer| {
-        let alpha = transparent.then(|| layer.alpha.clone());
-        let content = layer.color.into_iter().chain(alpha).collect();
-        Peel { covered: CoveragePlanes { content, coverage: layer.alpha }, coc_px: layer.coc_px }
-    });
-    layers.chain(backdrop).collect()
+    let (width, height) = scene.picture_size();
+    let Image { planes: [mut red, mut green, mut blue, mut alpha] } = scene.pinhole();
+    let coc_px = Plane::from_fn(width, height, |x, y| visible_coc_px(&scene, x, y));
+    let known_parts: Vec<f32> = match &background {
+        Some(background) => {
+            let pixels = alpha.values().par_iter().zip(background.share().values());
+            pixels.map(|(&alpha, &share)| known(alpha, share)).collect()
+        }
+        None => alpha.values().to_vec(),
+    };
+    for plane in [&mut red, &mut green, &mut blue] {
+        let values = plane.values_mut().par_iter_mut().zip(&known_parts);
+        values.for_each(|(value, &known)| {
+            *value /= if known > 0.0 && known < OPAQUE_ALPHA { known } else { 1.0 }
+        });
+    }
+    if background.is_none() {
+        return VisibleSurfaces { content: vec![red, green, blue], presence: None, coc_px };
+    }
+    let values = alpha.values_mut().par_iter_mut().zip(&known_parts);
+    values.for_each(|(alpha, &known)| *alpha /= if known > 0.0 { known } else { 1.0 });
+    let mut present = alpha.clone();
+    present.values_mut().par_iter_mut().for_each(|value| *value = presence(*value));
+    VisibleSurfaces { content: vec![red, green, blue, alpha], presence: Some(present), coc_px }
+}
+
+/// Signed CoC radius of the fragment with the largest weight at `x, y`; 0 where there is none.
+fn visible_coc_px(scene: &Scene, x: usize, y: usize) -> f32 {
+    let (mut transmittance, mut max_weight, mut coc_px) = (1.0, 0.0, 0.0);
+    for layer in &scene.layers {
+        let alpha = layer.alpha.get(x, y);
+        if transmittance * alpha > max_weight {
+            (max_weight, coc_px) = (transmittance * alpha, layer.coc_px.get(x, y));
+        }
+        transmittance *= 1.0 - alpha;
+    }
+    coc_px
 }
 
 /// The image of `scene` visible to the camera, at one sample per pixel.
+///
+/// An empty pixel has the CoC radius of the surfaces behind focus that reach it, the largest, so that it lies behind them; it is in
+/// focus where there are none, since blurring an empty background has no effect.
 pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
-    let scene = scene.merged();
-    let transparent = plan.does(EffectKind::TransparentBackground);
-    let (width, height) = scene.picture_size();
-    let Image { planes: [mut red, mut green, mut blue, alpha] } = scene.pinhole();
-    let coc_px = Plane::from_fn(width, height, |x, y| {
-        let (mut transmittance, mut max_weight, mut coc) = (1.0, 0.0, backdrop_coc_px(plan));
-        for layer in &scene.layers {
-            let alpha = layer.alpha.get(x, y);
-            if transmittance * alpha > max_weight {
-                (max_weight, coc) = (transmittance * alpha, layer.coc_px.get(x, y));
-            }
-            transmittance *= 1.0 - alpha;
-        }
-        if transparent && transmittance > max_weight { backdrop_coc_px(plan) } else { coc }
+    let VisibleSurfaces { content, presence, mut coc_px } = visible_surfaces(scene, plan);
+    let Some(presence) = presence else { return Visible { content, coc_px } };
+    let (presence, mut levels) = (presence.values(), vec![0; presence.values().len()]);
+    let surfaces = coc_px.values();
+    dilate(
+        (&mut levels, coc_px.width().max(1)),
+        |i| (presence[i] > 0.0 && surfaces[i] > 0.0).then(|| level(surfaces[i])),
+        |level| PYRAMID_REACH * radius_px(level) + 1.0,
+        |i| presence[i] < 1.0,
+    );
+    let pixels = coc_px.values_mut().par_iter_mut().zip(presence).zip(&levels);
+    pixels.for_each(|((coc_px, &presence), &level)| {
+        let behind_px = if level > 0 { radius_px(level) } else { 0.0 };
+        *coc_px = behind_px + presence * (*coc_px - behind_px);
     });
-    if transparent {
-        return Visible { content: vec![red, green, blue, alpha], coc_px };
-    }
-    // Closed background: the part of a pixel without data takes the colour of the part with data.
-    for plane in [&mut red, &mut green, &mut blue] {
-        let values = plane.values_mut().par_iter_mut().zip(alpha.values());
-        values.for_each(|(value, &alpha)| {
-            *value /= if alpha > 0.0 && alpha < OPAQUE_ALPHA { alpha } else { 1.0 }
-        });
-    }
-    Visible { content: vec![red, green, blue], coc_px }
+    Visible { content, coc_px }
 }
 
 impl CoveragePlanes {
@@ -129,14 +168,19 @@ impl CoveragePlanes {
         values.for_each(|(front, &back)| *front += (1.0 - *front) * back);
     }
 
-    /// Divides content by coverage: the picture, transparent where coverage is 0.
-    pub(in crate::methods) fn into_picture(mut self) -> Image {
+    /// Divides content by coverage: the picture, without colour where coverage is 0.
+    pub(in crate::methods) fn into_picture(self) -> Image {
+        self.into_picture_before(None)
+    }
+
+    /// The same before `backdrop`.
+    pub(in crate::methods) fn into_picture_before(mut self, backdrop: Option<&Backdrop>) -> Image {
         for plane in &mut self.content {
             let values = plane.values_mut().par_iter_mut().zip(self.coverage.values());
             values
                 .for_each(|(value, &coverage)| *value = if coverage > 0.0 { *value / coverage } else { 0.0 });
         }
-        picture(self.content)
+        before(picture(self.content), &self.coverage, backdrop)
     }
 }
 
@@ -177,7 +221,7 @@ pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Layer;
+    use crate::scene::{EffectKind, Layer};
     use crate::settings::{Origin, ParameterValues, Settings, Values};
     use crate::stack::StackKind;
 
@@ -201,34 +245,52 @@ mod tests {
     }
 
     #[test]
-    fn a_transparent_background_is_an_empty_peel_of_full_coverage_behind_all_others() {
-        let scene = scene(&[[(0.5, 1.0, -6.0), (0.0, 0.0, 0.0)]]);
-        let plan = plan(&scene);
-        let peels = peels(scene, &plan);
-        assert_eq!(peels.len(), 2);
-        assert_eq!(peels[0].covered.content[3].values(), [1.0, 0.0], "the object is opaque");
-        assert_eq!(peels[1].covered.coverage.values(), [1.0; 2], "full coverage behind the object too");
-        assert_eq!(peels[1].covered.content[3].values(), [0.0; 2], "and transparent");
-        assert_eq!(coc_range_px(&plan), [-6.0, 0.0], "in focus, since no layer is behind focus");
-    }
-
-    #[test]
-    fn a_closed_background_needs_neither_alpha_nor_backdrop() {
-        let scene = scene(&[[(0.5, 1.0, -6.0), (0.2, 1.0, 3.0)]]);
-        let plan = plan(&scene);
-        let peels = peels(scene, &plan);
-        assert_eq!((peels.len(), peels[0].covered.content.len()), (1, 3));
-        assert_eq!(coc_range_px(&plan), [-6.0, 3.0]);
-    }
-
-    #[test]
     fn the_visible_image_blends_colours_and_has_the_coc_of_the_fragment_of_largest_weight() {
-        // Premultiplied red 0.2 at alpha 0.25 over 0.3 at alpha 0.6: 0.2 + 0.75 · 0.3 = 0.425, coverage 0.25 + 0.75 · 0.6 = 0.7.
-        let scene = scene(&[[(0.2, 0.25, -6.0)], [(0.3, 0.6, 4.0)]]);
+        // Premultiplied red 0.2 at alpha 0.25 over 0.3 at alpha 0.6 over 0.1 at alpha 1, in the second pixel without the last: 0.2 +
+        // 0.75 · 0.3 = 0.425, coverage 0.25 + 0.75 · 0.6 = 0.7, transmittance 0.3.
+        let veil = [(0.2, 0.25, -6.0); 2];
+        let scene = scene(&[veil, [(0.3, 0.6, 4.0); 2], [(0.1, 1.0, 9.0), (0.0, 0.0, 0.0)]]);
         let plan = plan(&scene);
-        let Visible { content, coc_px } = visible(scene, &plan);
-        assert!((content[0].get(0, 0) - 0.425 / 0.7).abs() < 1e-6, "{}", content[0].get(0, 0));
-        assert_eq!(coc_px.get(0, 0), 4.0);
+        let VisibleSurfaces { content, presence, coc_px } = visible_surfaces(scene, &plan);
+        let near =
+            |found: f32, expected: f32| assert!((found - expected).abs() < 1e-6, "{found}, {expected}");
+        near(content[0].get(0, 0), 0.425 + 0.3 * 0.1);
+        near(content[0].get(1, 0), 0.425);
+        near(content[3].get(1, 0), 0.7);
+        assert_eq!(presence.unwrap().values(), [1.0; 2]);
+        assert_eq!(coc_px.values(), [4.0; 2]);
+    }
+
+    #[test]
+    fn in_a_closed_scene_the_part_without_data_takes_the_colour_of_the_part_with_data() {
+        let scene = scene(&[[(0.2, 0.25, -6.0), (0.3, 1.0, 2.0)]]);
+        let plan = plan(&scene).forced(EffectKind::TransparentBackground, false);
+        let VisibleSurfaces { content, presence, .. } = visible_surfaces(scene, &plan);
+        assert_eq!((content.len(), presence), (3, None));
+        assert_eq!(content[0].values(), [0.8, 0.3]);
+    }
+
+    #[test]
+    fn a_pixel_that_hides_its_background_is_as_in_a_closed_scene() {
+        // Of the first pixel 0.0005 of the light passes, a two-hundredth of what shows the background alone.
+        let scene =
+            scene(&[[(0.9, 0.9, 2.0), (0.0, 0.0, 0.0)], [(0.0995 / 0.1, 0.995, 3.0), (0.0, 0.0, 0.0)]]);
+        let plan = plan(&scene);
+        let VisibleSurfaces { content, .. } = visible_surfaces(scene, &plan);
+        assert!((content[3].get(0, 0) - 1.0).abs() < 1e-3, "{}", content[3].get(0, 0));
+        assert_eq!(content[3].get(1, 0), 0.0);
+    }
+
+    #[test]
+    fn an_empty_pixel_lies_behind_the_surfaces_that_reach_it_and_in_focus_elsewhere() {
+        let mut row = [(0.0, 0.0, 0.0); 40];
+        (row[4], row[30]) = ((0.5, 1.0, 2.0), (0.5, 1.0, -2.0));
+        let scene = scene(&[row]);
+        let plan = plan(&scene);
+        let Visible { coc_px, .. } = visible(scene, &plan);
+        assert_eq!([coc_px.get(4, 0), coc_px.get(30, 0)], [2.0, -2.0], "surfaces keep theirs");
+        assert_eq!([coc_px.get(5, 0), coc_px.get(11, 0)], [2.0; 2], "three CoC radii and a pixel away");
+        assert_eq!([coc_px.get(12, 0), coc_px.get(29, 0)], [0.0; 2], "past that, and beside a near surface");
     }
 
     #[test]

@@ -1,8 +1,10 @@
-//! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that
-//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray
-//! batches.
+//! Code that several methods use: the stack as content and coverage, the background behind it, sorted fragments and N-buffers for
+//! rays, samplers that render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU
+//! planes and ray batches.
 
+mod backdrop;
 mod content;
+mod dilation;
 mod disc;
 mod fragments;
 mod nbuffer;
@@ -19,7 +21,11 @@ mod rows;
 mod sub_image_work;
 mod sub_images;
 
-pub(super) use content::{CoveragePlanes, Peel, Visible, coc_range_px, peels, picture, visible};
+pub(super) use backdrop::{Backdrop, before, known};
+pub(super) use content::{
+    CoveragePlanes, Peel, Visible, VisibleSurfaces, peels, picture, presence, visible, visible_surfaces,
+};
+pub(super) use dilation::{LAST_LEVEL, dilate, level, radius_px};
 pub(super) use disc::{DiscAreas, soft_area};
 #[cfg(test)]
 pub(super) use fragments::noise;
@@ -28,13 +34,15 @@ pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
 pub(super) use planes::{
     COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, VISIBLE_WGSL, at_pixels,
-    bands_of, picture_in_bands, picture_of_bands,
+    bands_of, picture_before, picture_in_bands, picture_of_bands,
 };
 pub(super) use pyramid::{BOX, Edge, Grid, Rows, SPLAT, max_levels};
 #[cfg(feature = "gpu")]
 pub(super) use pyramid::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, corners, reach};
 #[cfg(feature = "gpu")]
-pub(super) use ray_batches::{Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, picture_of_batches};
+pub(super) use ray_batches::{
+    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
+};
 #[cfg(feature = "gpu")]
 pub(super) use ray_stack::{
     NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RayStack, RayViews, Stack, StackRows, View, bits,

@@ -1,6 +1,7 @@
 //! Planes of a band on a GPU: colour in one buffer, all other planes in a second one, so that no buffer has more than three
 //! planes.
 
+use super::backdrop::{Backdrop, before};
 use super::content::CoveragePlanes;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Gpu, Kernel, Work, bands, mirrored, tiles};
@@ -94,8 +95,7 @@ impl Planes {
         Ok(Self { colors: upload(colors)?, rest: upload(rest)? })
     }
 
-    /// Uploads colour, coverage and CoC radius (or the method's equivalent of it) of these rows of a peel. Content alpha is not
-    /// uploaded: with a transparent background it equals coverage, except in the backdrop, where it is 0.
+    /// Uploads colour, coverage and CoC radius (or the method's equivalent of it) of these rows of a peel.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -105,8 +105,7 @@ impl Planes {
         coc_px: &Plane,
         rows: &Range<usize>,
     ) -> Result<Self, Error> {
-        let planes: Vec<&Plane> =
-            peel.content.iter().take(PLANES_PER_BUFFER).chain([&peel.coverage, coc_px]).collect();
+        let planes: Vec<&Plane> = peel.content.iter().chain([&peel.coverage, coc_px]).collect();
         Self::upload(gpu, &planes, rows)
     }
 
@@ -169,6 +168,26 @@ pub(in crate::methods) fn picture_in_bands(
 ) -> Result<Image, Error> {
     let bands = bands_of(gpu, size, (reach, needs))?;
     picture_of_bands(gpu, (size, transparent), &bands, progress, make)
+}
+
+/// Renders a picture as [`picture_in_bands`] does, before `backdrop`: of each band red, green, blue, divided by coverage, and coverage.
+///
+/// # Errors
+/// When not even a row fits, or the device fails.
+pub(in crate::methods) fn picture_before(
+    gpu: &Gpu,
+    (size, backdrop): ((usize, usize), Option<&Backdrop>),
+    bands: (usize, RowNeeds),
+    progress: &Progress<'_>,
+    make: impl Fn(&Band, &Progress<'_>) -> Result<Planes, Error>,
+) -> Result<Image, Error> {
+    let picture = picture_in_bands(gpu, (size, backdrop.is_some()), bands, progress, make)?;
+    if backdrop.is_none() {
+        return Ok(picture);
+    }
+    let Image { planes: [red, green, blue, coverage] } = picture;
+    let opaque = Plane::filled(size.0, size.1, 1.0);
+    Ok(before(Image { planes: [red, green, blue, opaque] }, &coverage, backdrop))
 }
 
 /// The bands of a picture of `width × height` pixels, each of which reads up to `reach` more rows on either side.

@@ -4,13 +4,14 @@
 //! short and limits each sum to a few hundred terms, for which single precision suffices. The shader part is
 //! `shaders/shared/ray_sums.wgsl`.
 //!
-//! Memory: 36 bytes per pixel.
+//! Memory: 36 bytes per pixel; where the background is visible, 12 more.
 
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, MAX_ROUNDS, Shader, Work, bands, mirrored};
 use crate::image::Image;
-use crate::methods::contract::Progress;
+use crate::methods::contract::{LostRays, Progress};
 use crate::methods::shared::MIN_HIT;
+use crate::scene::Background;
 use std::ops::Range;
 
 /// Constant that [`RAY_SUMS`] needs.
@@ -20,8 +21,8 @@ pub(in crate::methods) const RAY_SUMS_CONSTANT: (&str, Constant) =
 /// Text of `shaders/shared/ray_sums.wgsl`: bindings of sums and picture, and functions on them. It precedes a method's own text.
 pub(in crate::methods) const RAY_SUMS: &str = include_str!("../../../shaders/shared/ray_sums.wgsl");
 
-/// Bytes of sums per pixel.
-const SUM_BYTES: usize = size_of::<[f32; 5]>();
+/// Binding of the background in [`RAY_SUMS`].
+const BACKGROUND_BINDING: u32 = 14;
 
 /// Bytes of the picture per pixel.
 const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
@@ -31,7 +32,7 @@ const PIXEL_BYTES: usize = size_of::<[f32; 4]>();
 const BATCH_VIEWS: [usize; 2] = [16, 64];
 
 mirrored! {
-    /// A batch: some of the views of one set.
+    /// A batch: some of the views of one set, and what becomes of rays that have passed all fragments.
     pub(in crate::methods) struct Batch {
         /// First view.
         first_view: u32,
@@ -41,12 +42,67 @@ mirrored! {
         begins: u32,
         /// Bit `k` is set where these views render channel `k` of the picture.
         channels: u32,
-        /// Whether rays that hit nothing are transparent; otherwise they are left out of the mean.
-        transparent_background: u32,
         /// Number of pixels of the band.
         pixels: u32,
+        /// Whether the background is visible.
+        shows_background: u32,
+        /// Whether lost rays count as opaque black; otherwise they are left out of the mean.
+        lost_are_black: u32,
+        /// Width of the picture.
+        columns: i32,
+        /// First row of the background that is uploaded.
+        top: i32,
+        /// Last row of the background that is uploaded.
+        bottom: i32,
+        /// CoC radius at infinity in pixels.
+        coc_infinity_px: f32,
     }
 }
+
+/// What becomes of rays that have passed all fragments: see [`Background`].
+#[derive(Debug, Clone, Copy)]
+pub(in crate::methods) struct RayEnds<'a> {
+    /// The background, where it is visible.
+    pub background: Option<&'a Background>,
+    /// What rays count as that end neither in a fragment nor in the background.
+    pub lost_rays: LostRays,
+}
+
+impl RayEnds<'_> {
+    /// Number of sums per pixel.
+    fn sums(self) -> usize {
+        if self.background.is_some() { 6 } else { 5 }
+    }
+
+    /// Bytes of the uploaded background per pixel.
+    fn background_bytes(self) -> usize {
+        if self.background.is_some() { size_of::<[f32; 2]>() } else { 0 }
+    }
+
+    /// The CoC radii at which rays read the stack or the background, if those of the fragments are `fragments_px`.
+    pub(in crate::methods) fn range_px(self, [near, far]: [f32; 2]) -> [f32; 2] {
+        let ends_px = self.background.map(Background::coc_infinity_px);
+        ends_px.map_or([near, far], |ends_px| [near.min(ends_px), far.max(ends_px)])
+    }
+
+    /// Share and last CoC radius of each pixel of the background in the rows that `band` reads.
+    fn upload(self, gpu: &Gpu, band: &Band) -> Result<Buffer, Error> {
+        let pixel = |background: &Background, x, y| {
+            [background.share().get(x, y), background.last_coc_px().get(x, y)]
+        };
+        let pixels = self.background.map_or_else(
+            || vec![[0.0; 2]],
+            |background| {
+                let columns = background.share().width();
+                band.source.clone().flat_map(|y| (0..columns).map(move |x| pixel(background, x, y))).collect()
+            },
+        );
+        gpu.upload("the background", &pixels)
+    }
+}
+
+/// Batch, sums and background, with their binding numbers in [`RAY_SUMS`].
+pub(in crate::methods) type RayBindings<'a> = [(u32, &'a Buffer); 3];
 
 /// Sums over the rays of a band's pixels, and the picture made from them.
 #[derive(Debug)]
@@ -54,45 +110,65 @@ pub(in crate::methods) struct Batches<'g> {
     gpu: &'g Gpu,
     resolve: Kernel,
     sums: Buffer,
+    background: Buffer,
     picture: Buffer,
-    pixels: usize,
-    transparent_background: bool,
+    /// What all batches have in common.
+    batch: Batch,
 }
 
 impl<'g> Batches<'g> {
-    /// Allocates sums and picture for `pixels` pixels; `shader` begins with [`RAY_SUMS`].
+    /// Allocates sums and picture for `band` of a picture of `width` columns; `shader` begins with [`RAY_SUMS`].
     pub(in crate::methods) fn new(
         gpu: &'g Gpu,
         shader: &'static Shader,
-        pixels: usize,
-        transparent_background: bool,
+        (width, band): (usize, &Band),
+        ends: RayEnds<'_>,
     ) -> Result<Self, Error> {
+        let pixels = width * band.rows.len();
         Ok(Self {
             gpu,
             resolve: gpu.kernel(shader, "resolve")?,
-            sums: gpu.zeros::<[f32; 5]>("sums", pixels)?,
+            sums: gpu.zeros::<f32>("sums", ends.sums() * pixels)?,
+            background: ends.upload(gpu, band)?,
             picture: gpu.zeros::<[f32; 4]>("the picture", pixels)?,
-            pixels,
-            transparent_background,
+            batch: Batch {
+                first_view: 0,
+                end_view: 0,
+                begins: 0,
+                channels: 0,
+                pixels: pixels as u32,
+                shows_background: ends.background.is_some().into(),
+                lost_are_black: (ends.lost_rays == LostRays::Black).into(),
+                columns: width as i32,
+                top: band.source.start as i32,
+                bottom: band.source.end as i32 - 1,
+                coc_infinity_px: ends.background.map_or(0.0, Background::coc_infinity_px),
+            },
         })
     }
 
     /// Maximum number of rows of `width` pixels in a band on `gpu`, if the method's largest buffer takes `largest` bytes per
-    /// pixel and all of its buffers together `all`, beside sums and picture.
-    pub(in crate::methods) fn max_rows(gpu: &Gpu, width: usize, [largest, all]: [usize; 2]) -> usize {
+    /// pixel and all of its buffers together `all`, beside sums, background and picture.
+    pub(in crate::methods) fn max_rows(
+        gpu: &Gpu,
+        width: usize,
+        [largest, all]: [usize; 2],
+        ends: RayEnds<'_>,
+    ) -> usize {
         let row = |bytes: usize| (bytes * width).max(1) as u64;
-        let by_buffer = gpu.max_binding_bytes() / row(largest.max(SUM_BYTES).max(PIXEL_BYTES));
-        let by_all = gpu.max_working_bytes() / row(all + SUM_BYTES + PIXEL_BYTES);
+        let sum_bytes = size_of::<f32>() * ends.sums();
+        let by_buffer = gpu.max_binding_bytes() / row(largest.max(sum_bytes).max(PIXEL_BYTES));
+        let by_all = gpu.max_working_bytes() / row(all + sum_bytes + ends.background_bytes() + PIXEL_BYTES);
         by_buffer.min(by_all) as usize
     }
 
-    /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch and
-    /// sums; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
+    /// Sums the rays of `views`, batch by batch. `add_pass` adds the pass that traces a batch, with the bindings of batch, sums
+    /// and background; `progress` is called with the number of views of each completed batch. `rounds` is the maximum number of loop
     /// iterations of a thread per view.
     pub(in crate::methods) fn follow(
         &self,
         (views, rounds): (Range<usize>, usize),
-        add_pass: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
+        add_pass: impl Fn(&mut Work<'_>, RayBindings<'_>) -> Result<(), Error>,
         progress: impl Fn(usize),
     ) -> Result<(), Error> {
         let max_views = (views.len() as f32).sqrt().ceil() as usize;
@@ -100,8 +176,14 @@ impl<'g> Batches<'g> {
             max_views.clamp(BATCH_VIEWS[0], BATCH_VIEWS[1]).min(MAX_ROUNDS / rounds.max(1)).max(1);
         for first in views.clone().step_by(max_views) {
             let end = (first + max_views).min(views.end);
-            let batch = self.gpu.uniform(&self.batch(first..end, first == views.start, &[]))?;
-            self.gpu.submit(|work| add_pass(work, [(0, &batch), (1, &self.sums)]))?;
+            let batch = Batch {
+                first_view: first as u32,
+                end_view: end as u32,
+                begins: (first == views.start).into(),
+                ..self.batch
+            };
+            let batch = self.gpu.uniform(&batch)?;
+            self.gpu.submit(|work| add_pass(work, self.bindings(&batch)))?;
             // Without the wait all batches would be submitted at once, and progress would not be known.
             self.gpu.finish()?;
             progress(end - first);
@@ -113,26 +195,21 @@ impl<'g> Batches<'g> {
     pub(in crate::methods) fn resolve(
         &self,
         channels: &[usize],
-        add_pass: impl Fn(&mut Work<'_>, [(u32, &Buffer); 2]) -> Result<(), Error>,
+        add_pass: impl Fn(&mut Work<'_>, RayBindings<'_>) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let batch = self.gpu.uniform(&self.batch(0..0, false, channels))?;
-        let bindings = [(0, &batch), (1, &self.sums)];
+        let channels = channels.iter().map(|channel| 1 << channel).sum();
+        let batch = self.gpu.uniform(&Batch { channels, ..self.batch })?;
+        let bindings = self.bindings(&batch);
         self.gpu.submit(|work| {
             add_pass(work, bindings)?;
-            let [batch, sums] = bindings;
-            work.pass(&self.resolve, &[batch, sums, (2, &self.picture)], groups(self.pixels))
+            let [batch, sums, _] = bindings;
+            let groups = groups(self.batch.pixels as usize);
+            work.pass(&self.resolve, &[batch, sums, (2, &self.picture)], groups)
         })
     }
 
-    fn batch(&self, views: Range<usize>, begins: bool, channels: &[usize]) -> Batch {
-        Batch {
-            first_view: views.start as u32,
-            end_view: views.end as u32,
-            begins: begins.into(),
-            channels: channels.iter().map(|channel| 1 << channel).sum(),
-            transparent_background: self.transparent_background.into(),
-            pixels: self.pixels as u32,
-        }
+    fn bindings<'a>(&'a self, batch: &'a Buffer) -> RayBindings<'a> {
+        [(0, batch), (1, &self.sums), (BACKGROUND_BINDING, &self.background)]
     }
 
     /// Copies the band's rows into `image`.

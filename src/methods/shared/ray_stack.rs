@@ -6,7 +6,7 @@
 
 use super::fragments::{Blocks, Fragments};
 use super::nbuffer::NBuffer;
-use super::ray_batches::Batches;
+use super::ray_batches::{Batches, RayEnds};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Mirrored, mirrored};
 use crate::lens;
@@ -143,11 +143,16 @@ impl RayStack<'_> {
     }
 
     /// Maximum number of rows of the picture in a band on `gpu`, if a method needs `additional_bytes` more per fragment.
-    pub(in crate::methods) fn max_rows(&self, gpu: &Gpu, additional_bytes: usize) -> usize {
+    pub(in crate::methods) fn max_rows(
+        &self,
+        gpu: &Gpu,
+        additional_bytes: usize,
+        ends: RayEnds<'_>,
+    ) -> usize {
         let [largest, all] = FRAGMENT_BYTES;
         let fragments = self.supersample.pow(2) * self.fragments.depth();
         let bytes_per_pixel = [largest, all + additional_bytes].map(|bytes| bytes * fragments);
-        Batches::max_rows(gpu, self.picture_size().0, bytes_per_pixel)
+        Batches::max_rows(gpu, self.picture_size().0, bytes_per_pixel, ends)
     }
 
     /// The rows of samples that `band` reads.

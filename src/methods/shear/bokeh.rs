@@ -28,7 +28,7 @@ pub(super) struct Bokeh<'a> {
     field: Field,
     shares: BarrelShares,
     outline: Outline,
-    /// Width of the fragment in picture pixels, see [`crate::methods::Plan::fragment_px`].
+    /// Width of the fragment in picture pixels, see [`crate::methods::Plan::averages_px`].
     fragment_px: f32,
     /// Rows across the softened edge: the offset of each in pixels, and its weight.
     edge_rows: [(f32, f32); EDGE_ROWS],

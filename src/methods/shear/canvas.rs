@@ -1,14 +1,13 @@
 //! The input of painting, and how far each view moves it.
 
 use super::bins::Bins;
-use super::spans::Spans;
+use super::resolve;
+use super::spans::{LEVELS, Spans};
 use crate::lens::{Field, Optics, View};
-use crate::scene::Layer;
-use glam::Vec2;
+use crate::methods::contract::LostRays;
+use crate::scene::{Background, Layer};
+use glam::{IVec2, Vec2};
 use std::ops::Range;
-
-/// A fragment with a smaller CoC radius counts as in focus, in picture pixels.
-const FOCUSED_BELOW_PX: f32 = 1.01;
 
 /// What the painter reads.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +22,10 @@ pub(super) struct Canvas<'a> {
     pub(super) barrel: Option<Barrel<'a>>,
     /// The largest distance by which aberrations move a view, in picture pixels.
     pub(super) aberration_px: f32,
+    /// The background, if any pixel shows it.
+    pub(super) background: Option<&'a Background>,
+    /// What rays count as that end where the stack has nothing.
+    pub(super) lost_rays: LostRays,
 }
 
 /// The barrel of a lens, which hides some lens points from some pixels.
@@ -47,54 +50,161 @@ impl Barrel<'_> {
     }
 }
 
+/// The bins that views can move to a row, or to some of its pixels.
+#[derive(Debug, Clone)]
+pub(super) struct BinsInReach {
+    /// For each bin, and past the last one, how many of the bins before it are in reach.
+    before: Vec<u16>,
+}
+
+impl BinsInReach {
+    /// Those of `bins` for which `in_reach(bin, coc_px)` holds.
+    pub(super) fn new(bins: &Bins, in_reach: impl Fn(usize, f32) -> bool) -> Self {
+        let mut count = 0;
+        let mut before = Vec::with_capacity(bins.count() + 1);
+        for (bin, &coc_px) in bins.centers_px().iter().enumerate() {
+            before.push(count);
+            count += u16::from(in_reach(bin, coc_px));
+        }
+        before.push(count);
+        Self { before }
+    }
+
+    /// Whether any of the bins from `first` to `last` is in reach.
+    #[inline(always)]
+    pub(super) fn has(&self, [first, last]: [u16; 2]) -> bool {
+        self.before[last as usize + 1] > self.before[first as usize]
+    }
+}
+
 impl Canvas<'_> {
-    /// The bins that some view can move to output row `y`, nearest first.
-    pub(super) fn bins_in_reach(&self, y: usize) -> Vec<u16> {
-        let in_reach = |(bin, coc): (usize, &f32)| {
-            let reach = (coc.abs() + self.aberration_px).ceil() as i32 + 1;
-            self.spans.occurs(bin, y as i32 - reach..=y as i32 + reach).then_some(bin as u16)
-        };
-        self.bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
+    /// The bins that some view can move to output row `y`.
+    pub(super) fn bins_in_reach(&self, y: usize) -> BinsInReach {
+        BinsInReach::new(self.bins, |bin, coc_px| {
+            let reach = (coc_px.abs() + self.aberration_px).ceil() as i32 + 1;
+            self.spans.occurs(bin, y as i32 - reach..=y as i32 + reach)
+        })
     }
 }
 
 /// How far a view moves a bin.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shift {
     /// Source row minus output row.
     pub(super) rows: i32,
     /// Source column minus output column.
     pub(super) columns: i32,
-    /// Whether the bin counts as in focus.
-    pub(super) focused: bool,
+}
+
+/// A block of bins that a view moves alike.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    pub(super) shift: Shift,
+    /// How much of it counts as in focus, see [`resolve::focus`].
+    pub(super) focus: f32,
+    /// First and last bin of the block.
+    pub(super) bins: [u16; 2],
+    /// First bin from which on the view moves all bins up to this block alike.
+    pub(super) moved_alike_from: u16,
+    level: u8,
+}
+
+impl Step {
+    /// Level and number of the block: it has the bins `number · 2^level …`.
+    #[inline(always)]
+    pub(super) fn block(&self) -> (usize, usize) {
+        (usize::from(self.level), usize::from(self.bins[0]) >> self.level)
+    }
 }
 
 /// One view: how far it moves each bin, the same for every row.
 #[derive(Debug)]
 pub(super) struct Shear {
-    /// The lens point.
-    pub(super) lens: Vec2,
-    /// The shift of each bin.
-    pub(super) shifts: Vec<Shift>,
+    view: View,
+    /// The bins in the largest blocks that the view moves alike, nearest first.
+    pub(super) steps: Vec<Step>,
 }
 
 impl Shear {
     /// The shifts of `view` for `bins`.
     pub(super) fn new(view: &View, bins: &Bins) -> Self {
-        // Ties round up, so that half a pixel gives the same shift on every machine.
-        let rounded = |value: f32| (value + 0.5).floor() as i32;
-        let offset = view.jitter + view.shift;
-        let shift = |&coc: &f32| Shift {
-            rows: rounded(coc * view.lens.y + offset.y),
-            columns: rounded(coc * view.lens.x + offset.x),
-            focused: coc.abs() < FOCUSED_BELOW_PX,
-        };
-        Self { lens: view.lens, shifts: bins.centers_px().iter().map(shift).collect() }
+        let shifts: Vec<Shift> = bins.centers_px().iter().map(|&coc_px| shift(view, coc_px)).collect();
+        Self { view: *view, steps: steps(&shifts, bins) }
     }
 
-    /// Whether the view moves none of `bins`.
-    pub(super) fn is_identity(&self, bins: &[u16]) -> bool {
-        let moves = |shift: &Shift| shift.rows != 0 || shift.columns != 0;
-        !bins.iter().any(|&bin| moves(&self.shifts[bin as usize]))
+    /// The lens point.
+    pub(super) fn lens(&self) -> Vec2 {
+        self.view.lens
+    }
+
+    /// Where the ray of the view from `pixel` is at the CoC radius `coc_px`.
+    #[inline(always)]
+    pub(super) fn pixel_at(&self, pixel: IVec2, coc_px: f32) -> IVec2 {
+        let Shift { rows, columns } = shift(&self.view, coc_px);
+        pixel + IVec2::new(columns, rows)
+    }
+
+    /// Whether the view moves none of the bins `in_reach`.
+    pub(super) fn is_identity(&self, in_reach: &BinsInReach) -> bool {
+        let stays = Shift { rows: 0, columns: 0 };
+        self.steps.iter().all(|step| step.shift == stays || !in_reach.has(step.bins))
+    }
+}
+
+/// How far `view` moves a fragment of CoC radius `coc_px`.
+#[inline(always)]
+fn shift(view: &View, coc_px: f32) -> Shift {
+    // Ties round up, so that half a pixel gives the same shift on every machine.
+    let rounded = |value: f32| (value + 0.5).floor() as i32;
+    let moved = coc_px * view.lens + view.jitter + view.shift;
+    Shift { rows: rounded(moved.y), columns: rounded(moved.x) }
+}
+
+/// The largest aligned blocks of bins with one shift each.
+fn steps(shifts: &[Shift], bins: &Bins) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let mut bin = 0;
+    for alike in shifts.chunk_by(|a, b| a == b) {
+        let (first, end) = (bin, bin + alike.len());
+        while bin < end {
+            let fits = |level: &usize| bin.is_multiple_of(1 << level) && bin + (1 << level) <= end;
+            let level = (0..LEVELS).rev().find(fits).unwrap_or(0);
+            let size = 1 << level;
+            steps.push(Step {
+                level: level as u8,
+                shift: alike[0],
+                bins: [bin as u16, (bin + size - 1) as u16],
+                moved_alike_from: first as u16,
+                focus: resolve::focus(bins.centers_px()[bin + size / 2]),
+            });
+            bin += size;
+        }
+    }
+    steps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steps_of_a_view_are_its_bins_in_order_each_once_in_blocks_that_it_moves_alike() {
+        let bins = Bins::new([-20.0, 8.0], 0.5);
+        for lens in [Vec2::new(0.3, -0.8), Vec2::new(0.01, 0.02), Vec2::ZERO] {
+            let view = View { lens, jitter: Vec2::new(0.2, -0.4), shift: Vec2::ZERO };
+            let shear = Shear::new(&view, &bins);
+            let mut next = 0;
+            for step in &shear.steps {
+                assert_eq!(step.bins[0], next, "in order");
+                assert_eq!(usize::from(step.bins[0]), step.block().1 << step.level, "aligned");
+                assert_eq!(step.bins[1] - step.bins[0] + 1, 1 << step.level, "the whole block");
+                for bin in step.moved_alike_from..=step.bins[1] {
+                    let coc_px = bins.centers_px()[usize::from(bin)];
+                    assert_eq!(shift(&view, coc_px), step.shift, "moved alike");
+                }
+                next = step.bins[1] + 1;
+            }
+            assert_eq!(usize::from(next), bins.count(), "all of them");
+        }
     }
 }

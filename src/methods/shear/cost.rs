@@ -1,6 +1,6 @@
 //! The cost of `shear`, in the terms of the module's head; the nanoseconds per unit are fitted by `examples/cost_model.rs`.
 
-use super::bins::bin_width_px;
+use super::bins::plateau_px;
 use crate::methods::contract::Plan;
 use crate::methods::cost::{Cost, WorkKind, term};
 use crate::scene::{Discs, EffectKind, Workload};
@@ -9,7 +9,7 @@ use crate::scene::{Discs, EffectKind, Workload};
 pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let stats = workload.stats;
     let views = workload.views();
-    let width_px = f64::from(bin_width_px(plan.views.unwrap_or(0)));
+    let width_px = f64::from(plateau_px(plan.views.unwrap_or(0)));
     let [edges, changes] = [stats.spread.edges, stats.spread.changes].map(|sums| sums.iter().sum::<f64>());
     // Bins of half the width cut slopes twice as often; edges are cut as often whatever the width.
     let spans = (edges + (changes - edges) * 0.5 / width_px) / workload.supersample() + workload.size()[1];

@@ -1,56 +1,108 @@
 //! Keys: for each fragment its bin, and the neighbouring bins that it joins.
 //!
-//! **Watertight rule**: an opaque fragment also joins the next nearer or farther bin if one of its four neighbours lies on that
-//! side and differs by less than [`surface::JOIN_PX`] in CoC radius. The neighbour is the one in the fragment's own peel or, where that
-//! belongs to another surface, in any other peel. Surfaces then have no cracks where they cross from bin to bin, nor where a
-//! nearer surface begins and they continue one peel farther back. A larger limit would thicken edges. A translucent fragment is
-//! in one bin only: in two it would be composited twice.
+//! **Watertight rule**: a fragment covers all bins from its own to half-way to each of its four neighbours that belong to the same surface
+//! ([`surface::join_limit_px`]), rounded up on both sides. A view may step across a corner from one bin to the next, so that the way to the
+//! neighbour beside and the way to the one above or below are added up: on a plane they reach half-way to the one across the corner. Where the fragment's own peel does not go on, the neighbour may lie in any
+//! other peel, within [`surface::JOIN_PX`]. Surfaces then have no cracks where they cross from bin to bin, nor where a nearer surface
+//! begins and they continue one peel farther back. Translucent fragments join like opaque ones; a ray that hits one surface in several
+//! bins counts it once (see [`super::paint`]), for which a key says whether its surface continues in another peel.
 
 use super::bins::{Bins, EMPTY};
-use crate::scene::{Layer, OPAQUE_ALPHA, surface};
+use crate::scene::surface::{self, JOIN_PX, MAX_JOIN_PX};
+use crate::scene::{Layer, OPAQUE_ALPHA};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// A fragment's bins and opacity, packed: its first bin from bit [`BIN_SHIFT`] on, the number of further bins in two bits from
-/// [`EXTRA_SHIFT`] on, and the flag [`OPAQUE`]. [`NO_KEY`] for a sample without a fragment.
-pub(super) type Key = u16;
+/// A fragment's bins and opacity, packed: its first bin from bit [`BIN_SHIFT`] on, the number of further bins from [`EXTRA_SHIFT`] on, and
+/// the flags [`OPAQUE`] and [`CHANGES_PEEL`]. [`NO_KEY`] for a sample without a fragment.
+pub(super) type Key = u32;
 
 /// Lowest bit of the first bin.
-pub(super) const BIN_SHIFT: u32 = 3;
+pub(super) const BIN_SHIFT: u32 = 16;
 
 /// Lowest bit of the number of further bins.
-pub(super) const EXTRA_SHIFT: u32 = 1;
+pub(super) const EXTRA_SHIFT: u32 = 2;
 
 /// Mask of the number of further bins, before the shift.
-pub(super) const EXTRA_MASK: Key = 3;
+pub(super) const EXTRA_MASK: Key = 0x3fff;
 
 /// Flag of an opaque fragment.
 pub(super) const OPAQUE: Key = 1;
 
+/// Flag of a translucent fragment whose surface continues in another peel at one of its neighbours.
+pub(super) const CHANGES_PEEL: Key = 2;
+
 /// The key of a sample without a fragment.
 pub(super) const NO_KEY: Key = Key::MAX;
+
+/// Largest number of bins that a fragment is in: its own, and on either side those within half of [`MAX_JOIN_PX`] along rows and as many
+/// along columns, of at least a 16th of a pixel each.
+pub(super) const MAX_BINS_OF_FRAGMENT: usize = 2 * 2 * (MAX_JOIN_PX as usize * 16 / 2 + 1) + 1;
+
+/// Samples around the picture that have no fragment, so that no neighbour lies outside.
+const PAD: usize = 2;
+
+/// The neighbours of a fragment in its column, and those in its row: columns and rows away.
+const SIDES: [[[isize; 2]; 2]; 2] = [[[0, -1], [0, 1]], [[-1, 0], [1, 0]]];
 
 /// The keys of a stack, computed row by row.
 #[derive(Debug)]
 pub(super) struct Keys<'a> {
     layers: &'a [Layer],
-    /// For each layer, the bin of every sample.
-    indices: Vec<Vec<u16>>,
+    padded: Vec<Padded>,
+    /// The farthest bin.
+    last_bin: u16,
     arch: Arch,
+}
+
+/// The bins and CoC radii of a layer, with [`PAD`] samples on each side.
+#[derive(Debug)]
+struct Padded {
+    /// Samples from one row to the next.
+    stride: usize,
+    /// [`EMPTY`] where there is no fragment.
+    bins: Vec<u16>,
+    /// NaN where there is no fragment.
+    coc_px: Vec<f32>,
+}
+
+impl Padded {
+    fn new(layer: &Layer, bins: &Bins) -> Self {
+        let (width, height) = (layer.width(), layer.height());
+        let stride = width + 2 * PAD;
+        let mut indices = vec![EMPTY; stride * (height + 2 * PAD)];
+        let mut coc_px = vec![f32::NAN; stride * (height + 2 * PAD)];
+        let rows = indices.par_chunks_mut(stride).zip(coc_px.par_chunks_mut(stride));
+        rows.skip(PAD).take(height).enumerate().for_each(|(y, (indices, coc_px))| {
+            let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
+            let places = indices[PAD..].iter_mut().zip(&mut coc_px[PAD..]);
+            for ((index, place), (&alpha, &coc)) in places.zip(fragments) {
+                if alpha > 0.0 {
+                    (*index, *place) = (bins.index(coc), coc);
+                }
+            }
+        });
+        Self { stride, bins: indices, coc_px }
+    }
+
+    /// The first sample of row `y`, moved by `columns` and `rows`.
+    #[inline(always)]
+    fn start(&self, y: usize, [columns, rows]: [isize; 2]) -> usize {
+        let row = (y + PAD).wrapping_add_signed(rows);
+        (row * self.stride + PAD).wrapping_add_signed(columns)
+    }
 }
 
 impl<'a> Keys<'a> {
     /// The keys of the fragments of `layers` in `bins`.
     pub(super) fn new(layers: &'a [Layer], bins: &Bins) -> Self {
-        let indices = layers.iter().map(|layer| bin_indices(layer, bins)).collect();
-        Self { layers, indices, arch: Arch::new() }
+        let padded = layers.iter().map(|layer| Padded::new(layer, bins)).collect();
+        Self { layers, padded, last_bin: (bins.count() - 1) as u16, arch: Arch::new() }
     }
 
     /// Fills `row` with the keys of row `y` of layer `layer`.
     pub(super) fn fill(&self, (layer, y): (usize, usize), row: &mut KeyRow) {
-        let Self { layers, indices, arch } = self;
-        let KeyRow { keys, found } = row;
-        arch.dispatch(RowKeys { layers, indices, layer, y, keys, found });
+        self.arch.dispatch(RowKeys { keys: self, layer, y, row });
     }
 }
 
@@ -59,132 +111,155 @@ impl<'a> Keys<'a> {
 pub(super) struct KeyRow {
     /// The keys.
     pub(super) keys: Vec<Key>,
-    /// Scratch: for each column, 1 if the current neighbour has been found.
-    found: Vec<Key>,
+    /// Scratch: for each column, how many bins nearer and farther its fragment reaches to neighbours in its column and in its row, whether
+    /// the current neighbour has been found, and whether any neighbour lies in another peel.
+    nearer: [Vec<u16>; 2],
+    farther: [Vec<u16>; 2],
+    found: Vec<u16>,
+    changes_peel: Vec<u16>,
 }
 
 impl KeyRow {
     /// Memory for `width` samples.
     pub(super) fn new(width: usize) -> Self {
-        Self { keys: vec![NO_KEY; width], found: vec![0; width] }
+        let zeros = || vec![0; width];
+        Self {
+            keys: vec![NO_KEY; width],
+            nearer: [zeros(), zeros()],
+            farther: [zeros(), zeros()],
+            found: zeros(),
+            changes_peel: zeros(),
+        }
     }
 }
 
-/// The bin of every fragment, [`EMPTY`] where there is none.
-fn bin_indices(layer: &Layer, bins: &Bins) -> Vec<u16> {
-    let width = layer.width();
-    let mut indices = vec![EMPTY; width * layer.height()];
-    indices.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
-        for (index, (&alpha, &coc)) in row.iter_mut().zip(fragments) {
-            if alpha > 0.0 {
-                *index = bins.index(coc);
-            }
-        }
-    });
-    indices
-}
-
-/// Fills `keys` for row `y` of layer `layer`; compiled for each instruction set.
-struct RowKeys<'a> {
-    layers: &'a [Layer],
-    indices: &'a [Vec<u16>],
+/// Fills `row` for row `y` of layer `layer`; compiled for each instruction set.
+struct RowKeys<'a, 'b> {
+    keys: &'a Keys<'b>,
     layer: usize,
     y: usize,
-    keys: &'a mut [Key],
-    found: &'a mut [Key],
+    row: &'a mut KeyRow,
 }
 
-impl<'a> NullaryFnOnce for RowKeys<'a> {
+impl NullaryFnOnce for RowKeys<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { layers, indices, layer, y, keys, found } = self;
-        let (width, height) = (keys.len(), layers[layer].height());
-        let row = |layer: usize, y: usize| {
-            (&indices[layer][y * width..(y + 1) * width], layers[layer].coc_px.row(y))
+        let Self { keys: Keys { layers, padded, last_bin, .. }, layer, y, row } = self;
+        let own = &padded[layer];
+        let width = row.keys.len();
+        row.nearer.iter_mut().chain(&mut row.farther).for_each(|bins| bins.fill(0));
+        row.changes_peel.fill(0);
+        let part = |peel: &Padded, side: [isize; 2]| {
+            let start = peel.start(y, side);
+            start..start + width
         };
-        let here = row(layer, y);
-        let (bins, last) = (here.0, width - 1);
-        let (tail, head) =
-            (|row: Row<'a>| (&row.0[1..], &row.1[1..]), |row: Row<'a>| (&row.0[..last], &row.1[..last]));
-        keys.fill(0);
-        if y > 0 {
-            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y - 1));
+        let here = Samples::of(own, part(own, [0, 0]));
+        for (axis, [dx, dy]) in
+            SIDES.iter().enumerate().flat_map(|(axis, sides)| sides.map(|side| (axis, side)))
+        {
+            let neighbours = Samples::of(own, part(own, [dx, dy]));
+            let before = &own.coc_px[part(own, [-dx, -dy])];
+            let after = &own.coc_px[part(own, [2 * dx, 2 * dy])];
+            let Found { every } = join_own(row, axis, here, neighbours, before, after);
+            if every {
+                continue;
+            }
+            for peel in padded.iter().enumerate().filter(|(peel, _)| *peel != layer).map(|(_, peel)| peel) {
+                join_other(row, axis, here, Samples::of(peel, part(peel, [dx, dy])));
+            }
         }
-        if y + 1 < height {
-            join_surface(keys, found, here, layer, layers.len(), |peel| row(peel, y + 1));
-        }
-        join_surface(&mut keys[1..], found, tail(here), layer, layers.len(), |peel| head(row(peel, y)));
-        join_surface(&mut keys[..last], found, head(here), layer, layers.len(), |peel| tail(row(peel, y)));
-        for ((key, &bin), &alpha) in keys.iter_mut().zip(bins).zip(layers[layer].alpha.row(y)) {
-            let opaque = Key::from(alpha >= OPAQUE_ALPHA);
-            let joined = *key * opaque;
-            let (nearer, farther) = (joined & NEARER, (joined & FARTHER) / FARTHER);
-            let packed =
-                ((bin - nearer) << BIN_SHIFT) | ((nearer + farther) << EXTRA_SHIFT) | (opaque * OPAQUE);
-            *key = if bin == EMPTY { NO_KEY } else { packed };
-        }
+        pack(row, here.bins, *last_bin, layers[layer].alpha.row(y));
     }
 }
 
 /// Bins and CoC radii of part of a row.
-type Row<'a> = (&'a [u16], &'a [f32]);
+#[derive(Clone, Copy)]
+struct Samples<'a> {
+    bins: &'a [u16],
+    coc_px: &'a [f32],
+}
 
-/// Flag of a fragment that joins the bin before its own.
-const NEARER: Key = 1;
-
-/// Flag of a fragment that joins the bin after its own.
-const FARTHER: Key = 2;
-
-/// Columns that are searched together in other peels.
-const CHUNK_COLUMNS: usize = 32;
-
-/// Joins the fragments `here`, of peel `layer`, to their neighbours on one side; `neighbours(peel)` are those in `peel`.
-///
-/// A surface continues in its own peel. The other peels are searched only where another surface begins in its own.
-#[inline(always)]
-fn join_surface<'a>(
-    keys: &mut [Key],
-    found: &mut [Key],
-    here: Row<'a>,
-    layer: usize,
-    peels: usize,
-    neighbours: impl Fn(usize) -> Row<'a>,
-) {
-    let found = &mut found[..keys.len()];
-    found.fill(0);
-    join(keys, found, here, neighbours(layer));
-    for start in (0..keys.len()).step_by(CHUNK_COLUMNS) {
-        let columns = start..(start + CHUNK_COLUMNS).min(keys.len());
-        let fragments = here.0[columns.clone()].iter().zip(&found[columns.clone()]);
-        let missing =
-            fragments.fold(false, |missing, (&bin, &found)| missing | ((bin != EMPTY) & (found == 0)));
-        if missing {
-            let part = |row: Row<'a>| (&row.0[columns.clone()], &row.1[columns.clone()]);
-            for peel in (0..peels).filter(|&peel| peel != layer) {
-                join(
-                    &mut keys[columns.clone()],
-                    &mut found[columns.clone()],
-                    part(here),
-                    part(neighbours(peel)),
-                );
-            }
-        }
+impl<'a> Samples<'a> {
+    #[inline(always)]
+    fn of(peel: &'a Padded, part: std::ops::Range<usize>) -> Self {
+        Self { bins: &peel.bins[part.clone()], coc_px: &peel.coc_px[part] }
     }
 }
 
-/// Sets in `keys` the flags of the bins that the fragments `here` join because of `neighbours`, except where a neighbour was
-/// `found` before.
+/// Whether every fragment of a row has a neighbour of its surface on one side.
+struct Found {
+    every: bool,
+}
+
+/// Joins the fragments `here` to the `neighbours` in their own peel on one side, and sets `row.found`. `before` and `after` are the CoC
+/// radii of the samples on the other side, and of those beyond the neighbours.
 #[inline(always)]
-fn join(keys: &mut [Key], found: &mut [Key], here: Row<'_>, neighbours: Row<'_>) {
-    let fragments = here.0.iter().zip(here.1).zip(neighbours.0.iter().zip(neighbours.1));
-    for ((key, found), ((&bin, &coc), (&other_bin, &other_coc))) in keys.iter_mut().zip(found).zip(fragments)
-    {
-        let near = surface::joins(coc, other_coc) & (other_bin != EMPTY) & (*found == 0);
-        *key |= Key::from(near & (other_bin < bin)) * NEARER;
-        *key |= Key::from(near & (other_bin > bin)) * FARTHER;
-        *found |= Key::from(near);
+fn join_own(
+    row: &mut KeyRow,
+    axis: usize,
+    here: Samples<'_>,
+    neighbours: Samples<'_>,
+    before: &[f32],
+    after: &[f32],
+) -> Found {
+    let count = row.keys.len();
+    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
+    let found = &mut row.found[..count];
+    let (bins, coc, before) = (&here.bins[..count], &here.coc_px[..count], &before[..count]);
+    let (other_bins, other_coc, after) =
+        (&neighbours.bins[..count], &neighbours.coc_px[..count], &after[..count]);
+    let mut lacking = false;
+    for x in 0..count {
+        let joined = surface::goes_on([before[x], coc[x], other_coc[x], after[x]]);
+        extend((&mut nearer[x], &mut farther[x]), bins[x], other_bins[x], joined);
+        found[x] = u16::from(joined);
+        lacking |= !joined & (bins[x] != EMPTY);
+    }
+    Found { every: !lacking }
+}
+
+/// Joins the fragments `here` whose surface was not `found` in their own peel to their `neighbours` in another peel.
+#[inline(always)]
+fn join_other(row: &mut KeyRow, axis: usize, here: Samples<'_>, neighbours: Samples<'_>) {
+    let count = row.keys.len();
+    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
+    let (found, changes_peel) = (&mut row.found[..count], &mut row.changes_peel[..count]);
+    let (bins, coc) = (&here.bins[..count], &here.coc_px[..count]);
+    let (other_bins, other_coc) = (&neighbours.bins[..count], &neighbours.coc_px[..count]);
+    for x in 0..count {
+        let joined = ((other_coc[x] - coc[x]).abs() < JOIN_PX) & (found[x] == 0);
+        extend((&mut nearer[x], &mut farther[x]), bins[x], other_bins[x], joined);
+        found[x] |= u16::from(joined);
+        changes_peel[x] |= u16::from(joined);
+    }
+}
+
+/// Extends a fragment of bin `bin` half-way to a neighbour of bin `other`, rounded up.
+#[inline(always)]
+fn extend((nearer, farther): (&mut u16, &mut u16), bin: u16, other: u16, joined: bool) {
+    let [to_nearer, to_farther] = [bin.saturating_sub(other), other.saturating_sub(bin)];
+    let half = |bins: u16| if joined { (bins + 1) >> 1 } else { 0 };
+    *nearer = (*nearer).max(half(to_nearer));
+    *farther = (*farther).max(half(to_farther));
+}
+
+/// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`.
+#[inline(always)]
+fn pack(row: &mut KeyRow, bins: &[u16], last_bin: u16, alphas: &[f32]) {
+    let count = row.keys.len();
+    let [[nearer_above, nearer_beside], [farther_above, farther_beside]] =
+        [&row.nearer, &row.farther].map(|axes| [&axes[0][..count], &axes[1][..count]]);
+    let changes = &row.changes_peel[..count];
+    let (bins, alphas) = (&bins[..count], &alphas[..count]);
+    for (x, key) in row.keys.iter_mut().enumerate() {
+        let flags = if alphas[x] >= OPAQUE_ALPHA { OPAQUE } else { Key::from(changes[x]) * CHANGES_PEEL };
+        // Past the nearest bin and past the last one there is none to join.
+        let nearer = (nearer_above[x] + nearer_beside[x]).min(bins[x]);
+        let farther = (farther_above[x] + farther_beside[x]).min(last_bin.saturating_sub(bins[x]));
+        let first = Key::from(bins[x] - nearer);
+        let packed = (first << BIN_SHIFT) | (Key::from(nearer + farther) << EXTRA_SHIFT) | flags;
+        *key = if bins[x] == EMPTY { NO_KEY } else { packed };
     }
 }

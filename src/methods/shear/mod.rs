@@ -38,6 +38,7 @@ mod prefilter;
 mod prepare;
 mod reach;
 mod resolve;
+mod row_views;
 mod sampler;
 mod saved;
 mod spans;
@@ -46,13 +47,16 @@ use crate::error::Error;
 use crate::image::Image;
 #[cfg(feature = "gpu")]
 use crate::methods::contract::GpuBackend;
-use crate::methods::contract::{LensSampling, Method, MethodInfo, Plan, Progress, Role, Sampler};
+use crate::methods::contract::{
+    LensSampling, Method, MethodInfo, PixelFilter, Plan, Progress, Role, Sampler,
+};
 use crate::methods::cost::Cost;
-use crate::methods::laws::{Deviation, Law};
 use crate::scene::{Effect, EffectKind, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use parameters::ShearParameters;
+use resolve::Resolve;
 use sampler::ShearSampler;
+use std::borrow::Cow;
 
 /// The default method.
 #[derive(Debug)]
@@ -80,11 +84,7 @@ impl Method for Shear {
             ],
             lens_samples: Some("views"),
             steps: &["16", "64", "256"],
-            deviations: &[Deviation {
-                law: Law::NoCracksAcrossCorners,
-                within: [0.0, 0.02],
-                reason: "between bins a view may step across the corner of a sample, while a ray crosses its sides",
-            }],
+            deviations: &[],
         }
     }
 
@@ -116,12 +116,28 @@ impl Method for Shear {
 
 impl LensSampling for Shear {
     fn begin<'p>(&self, scene: Scene, plan: &'p Plan) -> Box<dyn Sampler + 'p> {
-        let frame = (scene.picture_size(), scene.field);
-        Box::new(ShearSampler::new(plan, frame, prepare::layers(scene, plan)))
+        Box::new(ShearSampler::new(scene, plan))
     }
 
     /// Larger than the gain of rays, because of the prefilter.
     fn gain_db(&self) -> [f64; 2] {
         [21.5, 1.25]
+    }
+
+    fn sampled<'s>(&self, scene: &'s Scene, plan: &Plan) -> Cow<'s, Scene> {
+        if !plan.does(EffectKind::Highlights) {
+            return Cow::Borrowed(scene);
+        }
+        let mut scene = scene.clone();
+        highlights::extract(&mut scene, plan);
+        Cow::Owned(scene)
+    }
+
+    fn exact_lights(&self, scene: &Scene, plan: &Plan) -> Option<Image> {
+        plan.does(EffectKind::Highlights).then(|| sampler::discs(scene.clone(), plan))?
+    }
+
+    fn filter(&self, scene: &Scene, plan: &Plan) -> Option<Box<dyn PixelFilter>> {
+        Some(Box::new(Resolve::new(plan, scene)?))
     }
 }

@@ -8,15 +8,24 @@
 //!
 //! One bit per pixel marks an occluded ray; only unoccluded rays accumulate light. There is no z-buffer, no sort and no image
 //! per view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive
-//! memory. Translucent spans keep, beside the bit, the transmittance of the ray.
+//! memory. Bins that a view moves alike are painted in blocks.
+//!
+//! Translucent spans keep, beside the bit, the transmittance of the ray. Neighbouring fragments of a surface overlap in CoC depth, so that a
+//! ray may hit several of them, and it counts a surface once: a ray remembers, for each layer, the bin of its last translucent hit, and
+//! a hit of the same layer within [`SAME_HIT_PX`](crate::scene::surface::SAME_HIT_PX) is not composited again, but remembered. A fragment
+//! whose surface continues in another peel compares with the last hits of the other layers as well, but for those at its own source
+//! pixel: two fragments of one sample are two surfaces.
 //!
 //! The inner loops are compiled for several instruction sets, one of which is selected when the program runs. Additions,
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
 
-use super::canvas::{Barrel, Canvas, Shear, Shift};
+use super::bins::MAX_BINS;
+use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::spans::Span;
-use crate::image::MARGIN;
-use glam::Vec2;
+use crate::image::{MARGIN, Plane};
+use crate::methods::contract::LostRays;
+use crate::scene::{Background, Layer};
+use glam::{IVec2, Vec2};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -46,28 +55,34 @@ struct Sums {
     color: Vec<[Chunk; 3]>,
     /// Number of rays that hit something in focus, weighted by coverage.
     focused: Vec<Chunk>,
-    /// Number of rays that hit nothing, weighted by transmittance.
-    missed: Vec<Chunk>,
+    /// Number of rays that end in the background, weighted by transmittance.
+    transparent: Vec<Chunk>,
+    /// Number of rays that end where the stack has nothing, weighted by transmittance.
+    lost: Vec<Chunk>,
 }
 
 impl Sums {
     fn blank(chunks: usize) -> Self {
         let blank = vec![Chunk::default(); chunks];
-        Self { color: vec![[Chunk::default(); 3]; chunks], focused: blank.clone(), missed: blank }
+        let color = vec![[Chunk::default(); 3]; chunks];
+        Self { color, focused: blank.clone(), transparent: blank.clone(), lost: blank }
     }
 
     fn clear(&mut self) {
         self.color.fill([Chunk::default(); 3]);
         self.focused.fill(Chunk::default());
-        self.missed.fill(Chunk::default());
+        self.transparent.fill(Chunk::default());
+        self.lost.fill(Chunk::default());
     }
 
     fn chunks(&self) -> impl Iterator<Item = &Chunk> {
-        self.color.as_flattened().iter().chain(&self.focused).chain(&self.missed)
+        let color = self.color.as_flattened().iter();
+        color.chain(&self.focused).chain(&self.transparent).chain(&self.lost)
     }
 
     fn chunks_mut(&mut self) -> impl Iterator<Item = &mut Chunk> {
-        self.color.as_flattened_mut().iter_mut().chain(&mut self.focused).chain(&mut self.missed)
+        let color = self.color.as_flattened_mut().iter_mut();
+        color.chain(&mut self.focused).chain(&mut self.transparent).chain(&mut self.lost)
     }
 }
 
@@ -96,6 +111,7 @@ pub(super) struct RowSums {
     attenuated: Vec<Mask>,
     /// Undefined for rays that are not attenuated.
     transmittance: Vec<Chunk>,
+    hits: TranslucentHits,
 }
 
 impl RowSums {
@@ -120,6 +136,7 @@ impl RowSums {
             occluded: vec![0; chunks],
             attenuated: vec![0; chunks],
             transmittance: vec![Chunk::default(); chunks],
+            hits: TranslucentHits::default(),
         }
     }
 
@@ -136,6 +153,17 @@ impl RowSums {
         row
     }
 
+    /// Paints only the columns for which `is_visible` holds from now on; for others, pixels have no meaning.
+    pub(super) fn paint_only(&mut self, is_visible: impl Fn(usize) -> bool) {
+        for (chunk, skipped) in self.skipped.iter_mut().enumerate() {
+            let is_skipped = |lane: usize| {
+                let x = chunk * LANES + lane;
+                x >= self.width || !is_visible(x)
+            };
+            *skipped = (0..LANES).fold(0, |mask, lane| mask | Mask::from(is_skipped(lane)) << lane);
+        }
+    }
+
     /// Removes all views from the row.
     pub(super) fn clear(&mut self) {
         self.views = 0;
@@ -149,20 +177,20 @@ impl RowSums {
         self.views as f32 - self.hidden[x]
     }
 
-    /// Adds the views `shears` of output row `y` with the instructions of `arch`; `bins` holds every bin that they can move
-    /// there.
+    /// Adds the views `shears` of output row `y` with the instructions of `arch`; every bin that they can move there is `in_reach`.
     pub(super) fn add(
         &mut self,
         canvas: &Canvas<'_>,
-        (y, bins): (usize, &[u16]),
+        (y, in_reach): (usize, &BinsInReach),
         shears: &[Shear],
         arch: Arch,
     ) {
+        self.hits.prepare(canvas.layers.len(), self.occluded.len());
         let mut rest = shears;
         while !rest.is_empty() {
             let room = VIEWS_PER_BATCH - self.views % VIEWS_PER_BATCH;
             let (batch, others) = rest.split_at(room.min(rest.len()));
-            arch.dispatch(AddViews { row: self, canvas, y, bins, shears: batch });
+            arch.dispatch(AddViews { row: self, canvas, y, in_reach, shears: batch });
             self.views += batch.len();
             rest = others;
             if self.views.is_multiple_of(VIEWS_PER_BATCH) {
@@ -179,18 +207,23 @@ impl RowSums {
         self.sums.clear();
     }
 
-    /// The mean of pixel `x` over all views so far. Rays that hit nothing count as transparent with `transparent_background`, and
-    /// are excluded from the mean without it.
-    pub(super) fn pixel(&self, x: usize, transparent_background: bool) -> [f32; 4] {
+    /// The mean of pixel `x` over all views so far, of which lost rays count as `lost_rays` says.
+    pub(super) fn pixel(&self, x: usize, lost_rays: LostRays) -> [f32; 4] {
         let (chunk, lane) = (x / LANES, x % LANES);
+        let total =
+            |of: fn(&Sums) -> &Vec<Chunk>| of(&self.flushed)[chunk].0[lane] + of(&self.sums)[chunk].0[lane];
         let views = self.views_at(x);
-        let hit = views - (self.flushed.missed[chunk].0[lane] + self.sums.missed[chunk].0[lane]);
-        if hit <= MIN_HIT_VIEWS {
+        let known = views - total(|sums| &sums.lost);
+        let transparent = total(|sums| &sums.transparent);
+        let (weight, covered) = match lost_rays {
+            LostRays::LeftOut => (known, known - transparent),
+            LostRays::Black => (views, views - transparent),
+        };
+        if covered <= MIN_HIT_VIEWS {
             return [0.0; 4];
         }
-        let weight = if transparent_background { views } else { hit };
         let color = |k: usize| self.flushed.color[chunk][k].0[lane] + self.sums.color[chunk][k].0[lane];
-        [color(0) / weight, color(1) / weight, color(2) / weight, hit / weight]
+        [color(0) / weight, color(1) / weight, color(2) / weight, covered / weight]
     }
 
     /// Share of the rays of pixel `x` that hit something in focus.
@@ -236,16 +269,98 @@ impl RowSums {
         self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
     }
 
-    /// Adds the transmittance that is left of each ray to the sums.
-    fn count_missed(&mut self) {
+    /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
+    fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
         for (chunk, &occluded) in
             self.occluded.iter().enumerate().filter(|(_, occluded)| **occluded != Mask::MAX)
         {
             for lane in (0..LANES).filter(|&lane| !has(occluded, lane)) {
-                self.sums.missed[chunk].0[lane] +=
+                let left =
                     if has(self.attenuated[chunk], lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
+                let transparent = background.map_or(0.0, |background| {
+                    let pixel = IVec2::new((chunk * LANES + lane) as i32, y as i32);
+                    left.min(background.met_by(|coc_px| shear.pixel_at(pixel, coc_px)))
+                });
+                self.sums.transparent[chunk].0[lane] += transparent;
+                self.sums.lost[chunk].0[lane] += left - transparent;
             }
         }
+    }
+}
+
+/// The last translucent hits of the rays of a row.
+#[derive(Debug, Default)]
+struct TranslucentHits {
+    /// `[layer][chunk][lane]`: the view's stamp, and in the lowest bits the last bin of the block in which it was hit.
+    last: Vec<[u32; LANES]>,
+    chunks: usize,
+    /// Number of the current view above the bits of a bin: an entry of an earlier view is smaller.
+    stamp: u32,
+}
+
+/// A hit of a translucent span.
+#[derive(Clone, Copy)]
+struct Hit {
+    layer: usize,
+    /// Nearest bin of an earlier hit of the same surface.
+    same_from: u32,
+    /// The last bin of the block.
+    bin: u32,
+    /// For a surface that continues in other layers: the first bin whose fragments lie at the same source pixels.
+    same_pixel_from: Option<u32>,
+}
+
+impl Hit {
+    #[inline(always)]
+    fn new(same_from: u16, step: &Step, span: &Span) -> Self {
+        Self {
+            layer: span.layer as usize,
+            same_from: same_from.into(),
+            bin: step.bins[1].into(),
+            same_pixel_from: span.changes_peel.then_some(step.moved_alike_from.into()),
+        }
+    }
+}
+
+impl TranslucentHits {
+    /// Memory for `chunks` chunks of rays in `layers` layers.
+    fn prepare(&mut self, layers: usize, chunks: usize) {
+        if self.last.len() != layers * chunks {
+            *self = Self { last: vec![[0; LANES]; layers * chunks], chunks, stamp: 0 };
+        }
+    }
+
+    /// Forgets all hits.
+    #[inline(always)]
+    fn start_view(&mut self) {
+        let step = MAX_BINS as u32;
+        if self.stamp > u32::MAX - 2 * step {
+            self.last.fill([0; LANES]);
+            self.stamp = 0;
+        }
+        self.stamp += step;
+    }
+
+    /// The rays of `chunk`, of those in `lanes`, for which `hit` is in a surface that they hit before; remembers it.
+    #[inline(always)]
+    fn hit_before(&mut self, chunk: usize, lanes: Mask, hit: &Hit) -> Mask {
+        let same_from = self.stamp | hit.same_from;
+        let mut bits = [0u32; LANES];
+        if let Some(same_pixel_from) = hit.same_pixel_from {
+            let same_pixel_from = self.stamp | same_pixel_from;
+            for other in self.last.iter().skip(chunk).step_by(self.chunks) {
+                for ((bits, &last), bit) in bits.iter_mut().zip(other).zip(LANE_BITS) {
+                    *bits |= if (last >= same_from) & (last < same_pixel_from) { bit } else { 0 };
+                }
+            }
+        }
+        let (now, lanes) = (self.stamp | hit.bin, u32::from(lanes));
+        let own = &mut self.last[hit.layer * self.chunks + chunk];
+        for ((bits, last), bit) in bits.iter_mut().zip(own).zip(LANE_BITS) {
+            *bits |= if *last >= same_from { bit } else { 0 };
+            *last = if lanes & bit != 0 { now } else { *last };
+        }
+        bits.iter().fold(0, |all, bits| all | bits) as Mask
     }
 }
 
@@ -260,7 +375,7 @@ struct AddViews<'a> {
     row: &'a mut RowSums,
     canvas: &'a Canvas<'a>,
     y: usize,
-    bins: &'a [u16],
+    in_reach: &'a BinsInReach,
     shears: &'a [Shear],
 }
 
@@ -272,11 +387,12 @@ impl WithSimd for AddViews<'_> {
         for shear in self.shears {
             let active_chunks = match self.canvas.barrel {
                 None => self.row.start_view(),
-                Some(barrel) => self.row.start_view_through(&barrel, shear.lens, self.y),
+                Some(barrel) => self.row.start_view_through(&barrel, shear.lens(), self.y),
             };
+            self.row.hits.start_view();
             let mut painter = Painter { simd, active_chunks, row: self.row };
-            painter.paint_view(self.canvas, self.y, &shear.shifts, self.bins);
-            self.row.count_missed();
+            painter.paint_view(self.canvas, self.y, &shear.steps, self.in_reach);
+            self.row.end_rays(self.canvas.background, shear, self.y);
         }
     }
 }
@@ -289,15 +405,13 @@ struct Painter<'a, S> {
     active_chunks: usize,
 }
 
-/// The row of a layer that a span reads.
+/// What a span reads: a row of a layer.
 #[derive(Clone, Copy)]
-struct SourceRow<'a> {
-    /// Red, green and blue, with margins.
-    color: [&'a [f32]; 3],
-    /// Coverage, with margins; `None` for opaque fragments.
-    alpha: Option<&'a [f32]>,
-    column: SourceColumn,
-    focused: bool,
+struct Source<'a> {
+    layer: &'a Layer,
+    row: usize,
+    span: &'a Span,
+    step: &'a Step,
 }
 
 /// The source column of an output column.
@@ -311,13 +425,13 @@ enum SourceColumn {
 
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &[Shift], bins: &[u16]) {
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, steps: &[Step], in_reach: &BinsInReach) {
         let last_row = canvas.spans.rows.len() as i32 - 1;
-        for &bin in bins {
-            let shift = shear[bin as usize];
-            let row = (y as i32 + shift.rows).clamp(0, last_row) as usize;
-            for span in canvas.spans.rows[row].of_bin(bin as usize) {
-                self.paint_span(canvas, span, row, shift);
+        for step in steps.iter().filter(|step| in_reach.has(step.bins)) {
+            let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
+            let (level, block) = step.block();
+            for span in canvas.spans.rows[row].of_block(level, block) {
+                self.paint_span(canvas, span, row, step);
             }
             if self.active_chunks == 0 {
                 return;
@@ -327,30 +441,31 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
-    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, shift: Shift) {
-        let (start, end) = (span.start as i32 - shift.columns, span.end as i32 - shift.columns);
+    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, step: &Step) {
+        let columns = step.shift.columns;
+        let (start, end) = (span.start as i32 - columns, span.end as i32 - columns);
         let width = self.row.width as i32;
-        let layer = &canvas.layers[span.layer as usize];
-        let [red, green, blue] = &layer.color;
-        let source = |column| SourceRow {
-            color: [red.row_with_margins(row), green.row_with_margins(row), blue.row_with_margins(row)],
-            alpha: (!span.opaque).then(|| layer.alpha.row_with_margins(row)),
-            column,
-            focused: shift.focused,
-        };
+        let source = Source { layer: &canvas.layers[span.layer as usize], row, span, step };
         let Range { start: first, end: past } = self.row.columns;
-        self.paint_columns(start.max(first)..end.min(past), source(SourceColumn::Shifted(shift.columns)));
+        self.paint_columns(canvas, start.max(first)..end.min(past), &source, SourceColumn::Shifted(columns));
         if span.start == 0 && start > first {
-            self.paint_columns(first..start.min(past), source(SourceColumn::Border(0)));
+            self.paint_columns(canvas, first..start.min(past), &source, SourceColumn::Border(0));
         }
         if span.end as i32 == width && end < past {
-            self.paint_columns(end.max(first)..past, source(SourceColumn::Border(width as usize - 1)));
+            let last = SourceColumn::Border(width as usize - 1);
+            self.paint_columns(canvas, end.max(first)..past, &source, last);
         }
     }
 
     /// Paints `columns` of the row from `source`.
     #[inline(always)]
-    fn paint_columns(&mut self, columns: Range<i32>, source: SourceRow<'_>) {
+    fn paint_columns(
+        &mut self,
+        canvas: &Canvas<'_>,
+        columns: Range<i32>,
+        source: &Source<'_>,
+        column: SourceColumn,
+    ) {
         if columns.is_empty() {
             return;
         }
@@ -368,10 +483,10 @@ impl<S: Simd> Painter<'_, S> {
             if free == 0 {
                 continue;
             }
-            if source.alpha.is_none() && free & self.row.attenuated[chunk] == 0 {
-                self.add_opaque(chunk, &source, free);
+            if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
+                self.add_opaque(chunk, (source, column), free);
             } else {
-                self.composite(chunk, &source, free);
+                self.composite(canvas, chunk, (source, column), free);
             }
             self.active_chunks -= usize::from(self.row.occluded[chunk] == Mask::MAX);
         }
@@ -379,11 +494,12 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Adds the opaque `source` to the rays of the lanes in `free`, which are not attenuated, and occludes them.
     #[inline(always)]
-    fn add_opaque(&mut self, chunk: usize, source: &SourceRow<'_>, free: Mask) {
+    fn add_opaque(&mut self, chunk: usize, (source, column): (&Source<'_>, SourceColumn), free: Mask) {
         let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
         for (k, sum) in self.row.sums.color[chunk].iter_mut().enumerate() {
+            let values = Values::of(&source.layer.color[k], source.row, column, chunk);
             for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-                let value = source.vector(simd, source.color[k], chunk, i);
+                let value = values.vector(simd, i);
                 // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
                 let value = if free == Mask::MAX {
                     value
@@ -393,37 +509,53 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
         }
-        if source.focused {
-            let one = simd.splat_f32s(1.0);
+        if source.step.focus > 0.0 {
+            let focus = simd.splat_f32s(source.step.focus);
             for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0.iter_mut().enumerate()
             {
-                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), one, zero));
+                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), focus, zero));
             }
         }
         self.row.occluded[chunk] |= free;
     }
 
-    /// Composites `source` behind what the rays of the lanes in `free` have passed: adds it times their transmittance, and
-    /// attenuates them by its coverage.
+    /// Composites `source` behind what the rays of the lanes in `free` have passed, except for those that hit its surface before: adds it
+    /// times their transmittance, and attenuates them by its coverage.
     #[inline(always)]
-    fn composite(&mut self, chunk: usize, source: &SourceRow<'_>, free: Mask) {
+    fn composite(
+        &mut self,
+        canvas: &Canvas<'_>,
+        chunk: usize,
+        (source, column): (&Source<'_>, SourceColumn),
+        mut free: Mask,
+    ) {
+        let Source { layer, row, span, step } = *source;
+        if span.overlaps && !span.opaque {
+            let same_from = canvas.bins.same_hit_from(step.bins[0] as usize);
+            free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, step, span));
+            if free == 0 {
+                return;
+            }
+        }
         let simd = self.simd;
         let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
         let attenuated = self.row.attenuated[chunk];
+        let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
+        let alphas = (!span.opaque).then(|| Values::of(&layer.alpha, row, column, chunk));
         let transmittance = &mut self.row.transmittance[chunk].0;
         for (i, transmittance) in S::as_mut_simd_f32s(transmittance).0.iter_mut().enumerate() {
             let inside = lanes(simd, free, i);
             let before = simd.select_f32s(lanes(simd, attenuated, i), *transmittance, one);
-            for (k, sum) in self.row.sums.color[chunk].iter_mut().enumerate() {
-                let value = source.vector(simd, source.color[k], chunk, i);
-                let value = simd.select_f32s(inside, simd.mul_f32s(before, value), zero);
+            for (values, sum) in colors.iter().zip(&mut self.row.sums.color[chunk]) {
+                let value = simd.select_f32s(inside, simd.mul_f32s(before, values.vector(simd, i)), zero);
                 let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
                 *sum = simd.add_f32s(*sum, value);
             }
-            let alpha = source.alpha.map_or(one, |row| source.vector(simd, row, chunk, i));
-            if source.focused {
+            let alpha = alphas.as_ref().map_or(one, |values| values.vector(simd, i));
+            if step.focus > 0.0 {
+                let focused = simd.mul_f32s(alpha, simd.splat_f32s(step.focus));
                 let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0[i];
-                *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, alpha), zero));
+                *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, focused), zero));
             }
             let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
             *transmittance = simd.select_f32s(inside, after, before);
@@ -437,19 +569,37 @@ impl<S: Simd> Painter<'_, S> {
     }
 }
 
-impl SourceRow<'_> {
-    /// Vector `i` of the source of output chunk `chunk` in `row`; lanes outside the span may have any value.
+/// The values of a plane that an output chunk reads.
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    /// One for each lane; lanes outside the span may have any value.
+    Lanes(&'a [f32]),
+    /// The same for all.
+    Same(f32),
+}
+
+impl<'a> Values<'a> {
+    /// Those of row `row` of `plane` for output chunk `chunk`.
     #[inline(always)]
-    fn vector<S: Simd>(&self, simd: S, row: &[f32], chunk: usize, i: usize) -> S::f32s {
-        match self.column {
+    fn of(plane: &'a Plane, row: usize, column: SourceColumn, chunk: usize) -> Self {
+        let values = plane.row_with_margins(row);
+        match column {
             SourceColumn::Shifted(shift) => {
                 // The painted columns and their sources lie within the picture, so a chunk extends past its ends by less than
                 // the margin.
-                let start = (chunk * LANES + i * S::F32_LANES + MARGIN) as i32 + shift;
-                let values = &row[start as usize..][..S::F32_LANES];
-                S::as_simd_f32s(values).0[0]
+                let start = (chunk * LANES + MARGIN) as i32 + shift;
+                Self::Lanes(&values[start as usize..][..LANES])
             }
-            SourceColumn::Border(column) => simd.splat_f32s(row[MARGIN + column]),
+            SourceColumn::Border(column) => Self::Same(values[MARGIN + column]),
+        }
+    }
+
+    /// Vector `i` of the chunk.
+    #[inline(always)]
+    fn vector<S: Simd>(&self, simd: S, i: usize) -> S::f32s {
+        match self {
+            Self::Lanes(values) => S::as_simd_f32s(&values[i * S::F32_LANES..][..S::F32_LANES]).0[0],
+            Self::Same(value) => simd.splat_f32s(*value),
         }
     }
 }
@@ -468,11 +618,9 @@ fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
     use crate::lens::{Aperture, views};
     use crate::methods::shear::bins::Bins;
     use crate::methods::shear::spans;
-    use crate::scene::Layer;
 
     const WIDTH: usize = 53;
     const HEIGHT: usize = 7;
@@ -503,7 +651,15 @@ mod tests {
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(
-            &Canvas { layers: &layers, spans: &spans, bins: &bins, barrel: None, aberration_px: 0.0 },
+            &Canvas {
+                layers: &layers,
+                spans: &spans,
+                bins: &bins,
+                barrel: None,
+                aberration_px: 0.0,
+                background: None,
+                lost_rays: LostRays::LeftOut,
+            },
             &shears,
         )
     }
@@ -515,7 +671,7 @@ mod tests {
             batches.iter().for_each(|shears| sums.add(canvas, (y, &bins), shears, arch));
             (0..WIDTH)
                 .map(|x| {
-                    let [r, g, b, a] = sums.pixel(x, false);
+                    let [r, g, b, a] = sums.pixel(x, canvas.lost_rays);
                     [r, g, b, a, sums.focused_share(x)]
                 })
                 .collect::<Vec<_>>()

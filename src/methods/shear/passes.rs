@@ -4,7 +4,6 @@ use super::parameters::ShearParameters;
 use super::prefilter::MIN_VARIANCE;
 use crate::error::Error;
 use crate::scene::{BrightStep, Effect, EffectKind, Inputs, SceneStats, bright_step_floor, percent};
-use crate::stack::StackKind;
 use std::f32::consts::PI;
 
 /// Stacks of this many layers rarely lack a surface that a lens ray could hit.
@@ -197,7 +196,7 @@ fn resolve(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     let with = format!("with it, {share:.1} % of the fragments would be softened {by}");
     if weight <= 0.0 {
         decided(false, "switched off: resolve is 0".to_owned(), with)
-    } else if stats.kind != StackKind::PointSampled {
+    } else if stats.antialiased >= 1.0 {
         decided(false, "the input is anti-aliased already".to_owned(), with)
     } else {
         let reason = format!("one sample a pixel, {} fragments in focus", stats.focused_fragments);

@@ -72,7 +72,8 @@ pub(super) fn smooth_surface(mut color: Channels<'_>, surface: &Surface<'_>, rad
 fn weight(coc: f32, other_coc: f32, same_surface: bool, radius_per_coc: f32) -> f32 {
     let radius = coc.abs() * radius_per_coc;
     let variance = radius * radius * (1.0 / 3.0);
-    let v = variance.max(1e-4);
+    // Fades in from 0 at the smallest variance.
+    let v = (variance - MIN_VARIANCE * MIN_VARIANCE / variance.max(MIN_VARIANCE)).max(1e-4);
     let a = (v + 1.0 - (1.0 + 2.0 * v).sqrt()) / v;
     let smooth = same_surface & surface::may_average(coc, other_coc) & (variance > MIN_VARIANCE);
     if smooth { a } else { 0.0 }
@@ -273,9 +274,11 @@ mod tests {
                 .sum::<f64>()
         };
         let radius = 0.5 * 1.4 * f64::from(coc) * (std::f64::consts::PI / 64.0).sqrt();
+        let (box_variance, least) = (radius * radius / 3.0, f64::from(MIN_VARIANCE));
+        let variance = box_variance - least * least / box_variance;
         assert!((moment(0) - 1.0).abs() < 1e-4, "sum {}", moment(0));
         assert!(moment(1).abs() < 1e-3, "centroid {}", moment(1));
-        assert!((moment(2) / (radius * radius / 3.0) - 1.0).abs() < 1e-2, "variance {}", moment(2));
+        assert!((moment(2) / variance - 1.0).abs() < 1e-2, "variance {}", moment(2));
     }
 
     #[test]

@@ -6,11 +6,8 @@ use crate::scene::{EffectKind, Layer, Scene};
 
 /// The layers of `scene` to paint, at picture resolution, and the highlights removed from them.
 pub(super) fn layers(mut scene: Scene, plan: &Plan) -> (Vec<Layer>, Vec<Highlight>) {
-    let highlights = if plan.does(EffectKind::Highlights) {
-        highlights::extract(&mut scene.layers, plan, scene.supersample)
-    } else {
-        Vec::new()
-    };
+    let highlights =
+        if plan.does(EffectKind::Highlights) { highlights::extract(&mut scene, plan) } else { Vec::new() };
     let scene = if plan.does(EffectKind::Fill) { scene.filled() } else { scene.merged() };
     (scene.layers, highlights)
 }

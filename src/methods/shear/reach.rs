@@ -2,7 +2,7 @@
 //! would be spent on looking for their spans.
 
 use super::bins::Bins;
-use super::canvas::Canvas;
+use super::canvas::{BinsInReach, Canvas};
 use super::spans::Spans;
 
 /// Rows of the picture that share an entry.
@@ -36,10 +36,10 @@ impl Reach {
         reach
     }
 
-    /// The bins of `canvas` that some view can move to one of `columns` of output row `y`, nearest first.
-    pub(super) fn bins(&self, canvas: &Canvas<'_>, y: usize, columns: &[usize]) -> Vec<u16> {
-        let in_reach = |(bin, coc): (usize, &f32)| {
-            let reach = (coc.abs() + canvas.aberration_px).ceil() as usize + 1;
+    /// The bins of `canvas` that some view can move to one of `columns` of output row `y`.
+    pub(super) fn bins(&self, canvas: &Canvas<'_>, y: usize, columns: &[usize]) -> BinsInReach {
+        BinsInReach::new(canvas.bins, |bin, coc_px| {
+            let reach = (coc_px.abs() + canvas.aberration_px).ceil() as usize + 1;
             let around = |at: usize, length: usize| [at.saturating_sub(reach), (at + reach).min(length - 1)];
             let [top, bottom] = around(y, self.size.1);
             let blocks = &self.columns[bin * self.blocks..][top / ROWS..=bottom / ROWS];
@@ -48,9 +48,8 @@ impl Reach {
                 let [left, right] = around(x, self.size.0);
                 occurs & self.bits(left, right) != 0
             };
-            (occurs != 0 && columns.iter().any(within)).then_some(bin as u16)
-        };
-        canvas.bins.centers_px().iter().enumerate().filter_map(in_reach).collect()
+            occurs != 0 && columns.iter().any(within)
+        })
     }
 
     /// The bits of columns `first ..= last`.
@@ -64,6 +63,7 @@ impl Reach {
 mod tests {
     use super::*;
     use crate::image::Plane;
+    use crate::methods::contract::LostRays;
     use crate::methods::shear::spans;
     use crate::scene::Layer;
 
@@ -81,14 +81,27 @@ mod tests {
         let bins = Bins::new([0.0, 10.0], 0.5);
         let spans = spans::find(&layers, &bins);
         let reach = Reach::from_spans(&spans, &bins, (width, height));
-        let canvas = Canvas { layers: &layers, spans: &spans, bins: &bins, barrel: None, aberration_px: 0.0 };
-        let (sharp, blurred) = (bins.index(0.0), bins.index(10.0));
-        assert_eq!(reach.bins(&canvas, 20, &[52]), [sharp, blurred], "within its radius");
-        assert_eq!(reach.bins(&canvas, 29, &[60]), [sharp, blurred], "within its radius below it");
-        assert_eq!(reach.bins(&canvas, 20, &[5, 66]), [sharp, blurred], "for one column of several");
-        assert_eq!(reach.bins(&canvas, 20, &[30]), [sharp], "outside its radius beside it");
-        assert_eq!(reach.bins(&canvas, 45, &[60]), [sharp], "nor below it");
+        let canvas = Canvas {
+            layers: &layers,
+            spans: &spans,
+            bins: &bins,
+            barrel: None,
+            aberration_px: 0.0,
+            background: None,
+            lost_rays: LostRays::LeftOut,
+        };
+        let in_reach = |canvas: &Canvas<'_>, y: usize, columns: &[usize]| {
+            let found = reach.bins(canvas, y, columns);
+            let bins: Vec<usize> = (0..bins.count()).filter(|&bin| found.has([bin as u16; 2])).collect();
+            bins
+        };
+        let (sharp, blurred) = (bins.index(0.0) as usize, bins.index(10.0) as usize);
+        assert_eq!(in_reach(&canvas, 20, &[52]), [sharp, blurred], "within its radius");
+        assert_eq!(in_reach(&canvas, 29, &[60]), [sharp, blurred], "within its radius below it");
+        assert_eq!(in_reach(&canvas, 20, &[5, 66]), [sharp, blurred], "for one column of several");
+        assert_eq!(in_reach(&canvas, 20, &[30]), [sharp], "outside its radius beside it");
+        assert_eq!(in_reach(&canvas, 45, &[60]), [sharp], "nor below it");
         let aberrated = Canvas { aberration_px: 16.0, ..canvas };
-        assert_eq!(reach.bins(&aberrated, 45, &[60]), [sharp, blurred], "unless aberrations move it there");
+        assert_eq!(in_reach(&aberrated, 45, &[60]), [sharp, blurred], "unless aberrations move it there");
     }
 }

@@ -1,33 +1,89 @@
 //! Anti-aliasing of point-sampled fragments in focus, where no blur softens the edges.
 //!
-//! A five-tap cross filter, weighted by the share of the pixel's rays that hit something in focus.
+//! A five-tap cross filter, weighted by the share of the pixel's rays that hit something in focus, and by how far the colours around the
+//! pixel are point samples ([`Antialiasing`]). It fades as the lens closes, because a pinhole picture is the input bit for bit.
 
 use crate::image::{Image, Plane};
+use crate::methods::contract::{PixelFilter, Plan};
+use crate::scene::{Antialiasing, EffectKind, Scene};
 use rayon::prelude::*;
 
-/// Softens `image` where `focused_share` is not 0; `weight` is the weight of each of the four neighbours for a share of 1.
-pub(super) fn soften(image: &mut Image, focused_share: &Plane, weight: f32) {
-    let (width, height) = (image.width(), image.height());
-    if width == 0 {
-        return;
+/// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: from 1 up to half a pixel down to 0 from one and
+/// a half on.
+pub(super) fn focus(coc_px: f32) -> f32 {
+    const FROM_PX: f32 = 0.5;
+    const TO_PX: f32 = 1.5;
+    1.0 - smooth_step((coc_px.abs() - FROM_PX) / (TO_PX - FROM_PX))
+}
+
+/// A smooth step from 0 at 0 to 1 at 1.
+pub(super) fn smooth_step(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Opening of the lens from which on the filter has its full weight, see [`crate::lens::ThinLens::opening_px`], in picture pixels.
+const FULL_OPENING_PX: f32 = 0.5;
+
+/// The filter of one picture.
+#[derive(Debug, Clone)]
+pub(super) struct Resolve {
+    /// Weight of each of the four neighbours where all rays hit something in focus and colours are point samples.
+    weight: f32,
+    antialiasing: Antialiasing,
+    /// Width of the picture.
+    width: usize,
+}
+
+impl Resolve {
+    /// The filter that ends the picture of `scene` by `plan`; `None` where the plan has none.
+    pub(super) fn new(plan: &Plan, scene: &Scene) -> Option<Self> {
+        let weight = plan.strength(EffectKind::Resolve)? * smooth_step(scene.opening_px / FULL_OPENING_PX);
+        let (antialiasing, width) = (scene.antialiasing.clone(), scene.picture_size().0);
+        (weight > 0.0).then_some(Self { weight, antialiasing, width })
     }
-    for plane in &mut image.planes {
-        let before = plane.clone();
-        plane.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
-            let here = before.row(y);
-            for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
-                if share > 0.0 {
-                    let [left, right] = [here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]];
-                    *value = softened(here[x], [left, right, above[x], below[x]], weight * share);
+
+    /// Weight of each of the four neighbours of `pixel`, `y · width + x`, of whose rays the share `share` hits something in focus.
+    pub(super) fn weight(&self, pixel: usize, share: f32) -> f32 {
+        self.weight * share * (1.0 - self.antialiasing.at(pixel % self.width, pixel / self.width))
+    }
+
+    /// Filters `image`, whose pixels have the shares `focused_share` of rays that hit something in focus.
+    pub(super) fn soften(&self, image: &mut Image, focused_share: &Plane) {
+        let (width, height) = (image.width(), image.height());
+        if width == 0 {
+            return;
+        }
+        for plane in &mut image.planes {
+            let before = plane.clone();
+            plane.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+                let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
+                let here = before.row(y);
+                for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
+                    if share > 0.0 {
+                        let [left, right] = [here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]];
+                        let weight = self.weight(y * width + x, share);
+                        *value = softened(here[x], [left, right, above[x], below[x]], weight);
+                    }
                 }
-            }
-        });
+            });
+        }
+    }
+}
+
+impl PixelFilter for Resolve {
+    fn focus(&self, coc_px: f32) -> f32 {
+        focus(coc_px)
+    }
+
+    fn filtered(&self, pixel: usize, share: f32, own: [f32; 4], around: [[f32; 4]; 4]) -> [f32; 4] {
+        let weight = self.weight(pixel, share);
+        std::array::from_fn(|k| softened(own[k], around.map(|near| near[k]), weight))
     }
 }
 
 /// `value` filtered with its four neighbours, each of weight `weight`.
-pub(super) fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f32 {
+fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f32 {
     value * (1.0 - 4.0 * weight) + weight * (left + right + above + below)
 }
 
@@ -35,21 +91,50 @@ pub(super) fn softened(value: f32, [left, right, above, below]: [f32; 4], weight
 mod tests {
     use super::*;
 
+    const RESOLVE: Resolve = Resolve { weight: 0.08, antialiasing: Antialiasing::POINT_SAMPLES, width: 6 };
+
     #[test]
     fn a_point_keeps_its_sum() {
-        let point = |x, y| if (x, y) == (4, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
-        let mut image = Image::from_fn(9, 9, point);
-        soften(&mut image, &Plane::filled(9, 9, 1.0), 0.08);
+        let point = |x, y| if (x, y) == (3, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
+        let mut image = Image::from_fn(6, 9, point);
+        RESOLVE.soften(&mut image, &Plane::filled(6, 9, 1.0));
         let sum: f32 = image.planes[0].values().iter().sum();
         assert!((sum - 1.0).abs() < 1e-6, "sum {sum}");
-        assert!((image.planes[0].get(4, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
+        assert!((image.planes[0].get(3, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
     }
 
     #[test]
     fn pixels_out_of_focus_do_not_change() {
-        let mut image = Image::from_fn(5, 5, |x, y| [(x * y) as f32; 4]);
+        let mut image = Image::from_fn(6, 5, |x, y| [(x * y) as f32; 4]);
         let before = image.clone();
-        soften(&mut image, &Plane::zeros(5, 5), 0.08);
+        RESOLVE.soften(&mut image, &Plane::zeros(6, 5));
         assert_eq!(image, before, "untouched");
+    }
+
+    #[test]
+    fn averages_are_not_filtered_again() {
+        let share = Plane::from_fn(6, 4, |x, _| if x < 3 { 1.0 } else { 0.0 });
+        let by_place = Resolve { antialiasing: Antialiasing::by_pixel(share), ..RESOLVE };
+        assert_eq!([by_place.weight(6 + 2, 1.0), by_place.weight(6 + 3, 1.0)], [0.0, 0.08]);
+    }
+
+    #[test]
+    fn focus_fades_over_a_pixel_of_coc() {
+        assert_eq!([0.0, -0.5, 1.0, -1.5, 9.0].map(focus), [1.0, 1.0, 0.5, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_pixel_by_itself_is_filtered_as_in_the_picture() {
+        let before = Image::from_fn(6, 4, |x, y| [(x * y) as f32, x as f32, (7 * x + y) as f32, 1.0]);
+        let share = Plane::from_fn(6, 4, |x, y| (x + y) as f32 / 8.0);
+        let mut image = before.clone();
+        RESOLVE.soften(&mut image, &share);
+        let value = |pixel: usize| before.pixel(pixel % 6, pixel / 6);
+        for pixel in 0..24 {
+            let (x, y) = (pixel % 6, pixel / 6);
+            let around = crate::image::neighbours(pixel, (6, 4)).map(value);
+            let found = RESOLVE.filtered(pixel, share.get(x, y), value(pixel), around);
+            assert_eq!(found, image.pixel(x, y), "pixel {x}, {y}");
+        }
     }
 }

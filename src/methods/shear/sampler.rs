@@ -1,30 +1,32 @@
 //! Rendering of a scene: layers are prepared once for each number of views, then single pixels or the picture are painted.
 
-use super::bins::{Bins, bin_width_px};
-use super::bokeh::Bokeh;
-use super::canvas::{Barrel, Canvas, Shear};
+use super::bins::{Bins, plateau_px};
+use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight, Occluders};
 use super::paint::RowSums;
 use super::reach::Reach;
+use super::resolve::Resolve;
+use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
-use super::{prefilter, resolve};
-use crate::image::{Image, Plane};
-use crate::lens::{Field, View};
-use crate::methods::contract::{Plan, Progress, Sampler};
+use super::{prefilter, prepare};
+use crate::image::{Image, Plane, neighbours};
+use crate::lens::Field;
+use crate::methods::contract::{LostRays, PixelFilter, Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
-use crate::scene::{EffectKind, Layer};
+use crate::scene::{Antialiasing, Background, EffectKind, Layer, Scene};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Width over which a view fades in at the barrel, as a share of the gap between views.
 const BARREL_SOFTNESS: f32 = 0.5;
 
 /// The bins in which `views` views are painted.
 pub(super) fn bins(plan: &Plan, views: usize) -> Bins {
-    Bins::new(plan.coc_range_px, bin_width_px(views))
+    Bins::new(plan.coc_range_px, plateau_px(views))
 }
 
 /// Width over which each of `views` views fades in at the barrel, in aperture radii.
@@ -32,24 +34,40 @@ pub(super) fn barrel_softness(views: usize) -> f32 {
     BARREL_SOFTNESS * (PI / views as f32).sqrt()
 }
 
-/// The views of a set of colours, and the channels that they render: see [`crate::lens::Rays`].
-pub(super) type ShearSet = (Vec<Shear>, &'static [usize]);
+/// What a picture is made of beside its layers.
+#[derive(Debug, Clone)]
+pub(super) struct Frame<'p> {
+    pub(super) plan: &'p Plan,
+    /// Width and height of the picture.
+    pub(super) size: (usize, usize),
+    /// The picture's place in the lens's field.
+    pub(super) field: Field,
+    /// The background, if the plan simulates it and any pixel shows it.
+    pub(super) background: Option<Arc<Background>>,
+    /// Where colours are averages over the pixel.
+    pub(super) antialiasing: Antialiasing,
+    /// The filter that ends the picture.
+    pub(super) resolve: Option<Resolve>,
+}
 
-/// How far each of `count` views of each set of colours moves `bins`.
-pub(super) fn shears(plan: &Plan, bins: &Bins, count: usize) -> Vec<ShearSet> {
-    let shear = |view: &View| Shear::new(&View { jitter: view.jitter * plan.jitter, ..*view }, bins);
-    let rays = plan.optics.rays(count);
-    rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
+impl<'p> Frame<'p> {
+    /// The frame of the picture of `scene` by `plan`.
+    pub(super) fn new(scene: &Scene, plan: &'p Plan) -> Self {
+        Self {
+            plan,
+            size: scene.picture_size(),
+            field: scene.field,
+            background: plan.background(scene),
+            antialiasing: scene.antialiasing.clone(),
+            resolve: Resolve::new(plan, scene),
+        }
+    }
 }
 
 /// The layers and highlights of a scene, with the intermediate results for the last requested number of views.
 #[derive(Debug)]
 pub(super) struct ShearSampler<'p> {
-    plan: &'p Plan,
-    /// Width and height of the picture.
-    size: (usize, usize),
-    /// The picture's place in the lens's field.
-    field: Field,
+    frame: Frame<'p>,
     /// The highlights removed from the layers, which are drawn as discs.
     highlights: Vec<Highlight>,
     layers: PaintLayers,
@@ -69,67 +87,71 @@ struct Prepared {
     views: usize,
     bins: Bins,
     spans: Spans,
-    /// The views of each set of colours.
-    shears: Vec<ShearSet>,
+    row_views: RowViews,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
 }
 
 impl Prepared {
     /// Prepares `layers` for `views` views.
-    fn new(layers: Vec<Layer>, plan: &Plan, views: usize) -> Self {
-        let bins = bins(plan, views);
+    fn new(layers: Vec<Layer>, frame: &Frame<'_>, views: usize) -> Self {
+        let bins = bins(frame.plan, views);
         let spans = spans::find(&layers, &bins);
-        Self::with_spans(layers, (bins, spans), plan, views)
+        Self::with_spans(layers, (bins, spans), frame, views)
     }
 
     /// Prepares the layers for another number of views, from their original colours `saved`.
-    fn for_views(self, saved: &SavedColors, plan: &Plan, views: usize) -> Self {
+    fn for_views(self, saved: &SavedColors, frame: &Frame<'_>, views: usize) -> Self {
         if self.views == views {
             return self;
         }
         let Self { views: before, mut layers, bins, spans, .. } = self;
         saved.restore(&mut layers);
-        if bin_width_px(before) == bin_width_px(views) {
-            Self::with_spans(layers, (bins, spans), plan, views)
+        if plateau_px(before) == plateau_px(views) {
+            Self::with_spans(layers, (bins, spans), frame, views)
         } else {
-            Self::new(layers, plan, views)
+            Self::new(layers, frame, views)
         }
     }
 
-    fn with_spans(mut layers: Vec<Layer>, (bins, spans): (Bins, Spans), plan: &Plan, count: usize) -> Self {
+    fn with_spans(
+        mut layers: Vec<Layer>,
+        (bins, spans): (Bins, Spans),
+        frame: &Frame<'_>,
+        views: usize,
+    ) -> Self {
+        let plan = frame.plan;
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, count, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
+            prefilter::smooth(&mut layers, views, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
         }
-        let shears = shears(plan, &bins, count);
-        Self { views: count, bins, spans, shears, layers }
+        let row_views = RowViews::new(plan, &frame.antialiasing, &bins, views);
+        Self { views, bins, spans, row_views, layers }
     }
 
-    fn canvas<'a>(&'a self, plan: &'a Plan, field: Field) -> Canvas<'a> {
+    fn canvas<'a>(&'a self, frame: &'a Frame<'_>) -> Canvas<'a> {
         let Self { layers, spans, bins, .. } = self;
-        let optics = &plan.optics;
-        let softness = barrel_softness(self.views);
+        let (optics, lost_rays) = (&frame.plan.optics, frame.plan.lost_rays);
+        let (softness, field) = (barrel_softness(self.views), frame.field);
         let barrel = (optics.cats_eye > 0.0).then_some(Barrel { optics, field, softness });
-        Canvas { layers, spans, bins, barrel, aberration_px: optics.longest_shift_px() }
+        let (aberration_px, background) = (optics.longest_shift_px(), frame.background.as_deref());
+        Canvas { layers, spans, bins, barrel, aberration_px, background, lost_rays }
     }
 
     /// Paints all views. Returns the picture and, for each pixel, the share of rays that hit something in focus.
-    fn paint(
-        &self,
-        canvas: &Canvas<'_>,
-        size: (usize, usize),
-        transparent_background: bool,
-        progress: &Progress<'_>,
-    ) -> (Image, Plane) {
+    fn paint(&self, canvas: &Canvas<'_>, size: (usize, usize), progress: &Progress<'_>) -> (Image, Plane) {
         let arch = Arch::new();
         let new_row = || RowSums::new(size.0);
         let [red, green, blue, alpha, focused_share] =
             planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; 5]| {
-                let bins = canvas.bins_in_reach(y);
-                for (shears, channels) in &self.shears {
-                    sums.clear();
-                    add_row(sums, canvas, (y, &bins), shears, arch);
-                    write_row(sums, channels, transparent_background, planes);
+                let in_reach = canvas.bins_in_reach(y);
+                for painting in self.row_views.of_row(y) {
+                    sums.paint_only(|x| painting.is_visible(x));
+                    let Painting { sets, weights, .. } = painting;
+                    for (shears, channels) in sets {
+                        sums.clear();
+                        add_row(sums, canvas, (y, &in_reach), shears, arch);
+                        write_row(sums, (channels, weights), canvas.lost_rays, planes);
+                    }
                 }
             });
         (Image { planes: [red, green, blue, alpha] }, focused_share)
@@ -140,7 +162,6 @@ impl Prepared {
         &self,
         canvas: &Canvas<'_>,
         (reach, width): (&Reach, usize),
-        transparent_background: bool,
         pixels: impl Iterator<Item = usize>,
     ) -> Painted {
         let arch = Arch::new();
@@ -153,16 +174,16 @@ impl Prepared {
         rows.into_par_iter()
             .flat_map_iter(|(y, columns)| {
                 let mut sums = RowSums::only(width, &columns);
-                let bins = reach.bins(canvas, y, &columns);
-                let mut painted = vec![([0.0; 4], 0.0); columns.len()];
-                for (shears, channels) in &self.shears {
-                    sums.clear();
-                    sums.add(canvas, (y, &bins), shears, arch);
-                    for (&x, (color, focused_share)) in columns.iter().zip(&mut painted) {
-                        let pixel = sums.pixel(x, transparent_background);
-                        channels.iter().for_each(|&channel| color[channel] = pixel[channel]);
-                        if channels.contains(&ALPHA) {
-                            *focused_share = sums.focused_share(x);
+                let in_reach = reach.bins(canvas, y, &columns);
+                let mut painted = vec![[0.0; 5]; columns.len()];
+                for Painting { sets, weights, .. } in self.row_views.of_row(y) {
+                    for (shears, channels) in sets {
+                        sums.clear();
+                        sums.add(canvas, (y, &in_reach), shears, arch);
+                        for (&x, values) in columns.iter().zip(&mut painted) {
+                            let weight = weights.map_or(1.0, |weights| weights[x]);
+                            let found = values_of(&sums, x, canvas.lost_rays);
+                            written(channels).for_each(|k| values[k] = blended(values[k], found[k], weight));
                         }
                     }
                 }
@@ -172,91 +193,100 @@ impl Prepared {
     }
 
     /// Adds the discs of `highlights` to `image`.
-    fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], plan: &Plan, field: Field) {
+    fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
         let Self { bins, spans, layers, .. } = self;
         let occluders = Occluders { width: image.width(), spans, bins, layers };
-        highlights::draw(image, highlights, &Bokeh::new(&plan.optics, field, plan.fragment_px), &occluders);
+        highlights::draw(image, highlights, (frame.plan, frame.field), &occluders);
     }
 }
 
 /// The index of the alpha channel.
 const ALPHA: usize = 3;
 
-/// Writes `channels` of a row to its planes. Alpha and the share of rays that hit something in focus are those of green's views.
-fn write_row(sums: &RowSums, channels: &[usize], transparent_background: bool, planes: &mut [&mut [f32]; 5]) {
-    let [red, green, blue, alpha, focused_share] = planes.each_mut().map(|plane| plane.iter_mut());
-    let [has_red, has_green, has_blue] = [0, 1, 2].map(|channel| channels.contains(&channel));
-    let pixels = red.zip(green).zip(blue).zip(alpha).zip(focused_share).enumerate();
-    for (x, ((((red, green), blue), alpha), focused_share)) in pixels {
-        let [r, g, b, a] = sums.pixel(x, transparent_background);
-        if has_red {
-            *red = r;
-        }
-        if has_green {
-            (*green, *alpha, *focused_share) = (g, a, sums.focused_share(x));
-        }
-        if has_blue {
-            *blue = b;
-        }
+/// The index of the share of rays that hit something in focus, which is that of alpha's views.
+const FOCUSED: usize = 4;
+
+/// Red, green, blue and alpha of pixel `x`, and the share of its rays that hit something in focus.
+fn values_of(sums: &RowSums, x: usize, lost_rays: LostRays) -> [f32; 5] {
+    let [r, g, b, a] = sums.pixel(x, lost_rays);
+    [r, g, b, a, sums.focused_share(x)]
+}
+
+/// The values of a pixel that views of these `channels` write.
+fn written(channels: &[usize]) -> impl Iterator<Item = usize> {
+    channels.iter().copied().chain(channels.contains(&ALPHA).then_some(FOCUSED))
+}
+
+/// `before`, with `value` in its place by `weight`.
+fn blended(before: f32, value: f32, weight: f32) -> f32 {
+    match weight {
+        1.0.. => value,
+        ..=0.0 => before,
+        _ => before + weight * (value - before),
     }
 }
 
-/// Adds the views `shears` to a row. Where no view moves any of `bins`, all views are equal, and only one is painted.
+/// Writes what views of these `channels` painted of a row to its planes, blended by `weights` with what is there.
+fn write_row(
+    sums: &RowSums,
+    (channels, weights): (&[usize], Option<&[f32]>),
+    lost_rays: LostRays,
+    planes: &mut [&mut [f32]; 5],
+) {
+    for x in 0..planes[0].len() {
+        let weight = weights.map_or(1.0, |weights| weights[x]);
+        let found = values_of(sums, x, lost_rays);
+        written(channels).for_each(|k| planes[k][x] = blended(planes[k][x], found[k], weight));
+    }
+}
+
+/// Adds the views `shears` to a row. Where no view moves any of the bins `in_reach`, all views are equal, and only one is painted.
 fn add_row(
     sums: &mut RowSums,
     canvas: &Canvas<'_>,
-    (y, bins): (usize, &[u16]),
+    (y, in_reach): (usize, &BinsInReach),
     shears: &[Shear],
     arch: Arch,
 ) {
-    if shears.iter().all(|shear| shear.is_identity(bins)) {
-        sums.add(&Canvas { barrel: None, ..*canvas }, (y, bins), &shears[..1], arch);
+    if shears.iter().all(|shear| shear.is_identity(in_reach)) {
+        sums.add(&Canvas { barrel: None, ..*canvas }, (y, in_reach), &shears[..1], arch);
     } else {
-        sums.add(canvas, (y, bins), shears, arch);
+        sums.add(canvas, (y, in_reach), shears, arch);
     }
 }
 
-/// For each pixel its colour and the share of its rays that hit something in focus.
-type Painted = HashMap<usize, ([f32; 4], f32)>;
+/// For each pixel the values of [`values_of`].
+type Painted = HashMap<usize, [f32; 5]>;
 
 impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
+        let frame = &self.frame;
         let (prepared, saved) = match std::mem::replace(&mut self.layers, PaintLayers::Unprepared(Vec::new()))
         {
             PaintLayers::Unprepared(layers) => {
                 let saved = SavedColors::from_layers(&layers);
-                (Prepared::new(layers, self.plan, views), saved)
+                (Prepared::new(layers, frame, views), saved)
             }
-            PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, self.plan, views), saved),
+            PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, frame, views), saved),
         };
-        let (width, height) = self.size;
-        let transparent = self.plan.does(EffectKind::TransparentBackground);
-        let weight = self.plan.strength(EffectKind::Resolve).unwrap_or(0.0);
-        let reach = Reach::from_spans(&prepared.spans, &prepared.bins, self.size);
-        let canvas = prepared.canvas(self.plan, self.field);
-        let own = prepared.paint_pixels(&canvas, (&reach, width), transparent, pixels.iter().copied());
-        let is_resolved = |pixel: usize| self.plan.does(EffectKind::Resolve) && own[&pixel].1 > 0.0;
-        let resolved = pixels.iter().copied().filter(|&pixel| is_resolved(pixel));
+        let width = frame.size.0;
+        let reach = Reach::from_spans(&prepared.spans, &prepared.bins, frame.size);
+        let canvas = prepared.canvas(frame);
+        let own = prepared.paint_pixels(&canvas, (&reach, width), pixels.iter().copied());
+        let filter = |pixel: usize| frame.resolve.as_ref().filter(|_| own[&pixel][FOCUSED] > 0.0);
+        let resolved = pixels.iter().copied().filter(|&pixel| filter(pixel).is_some());
         let around = prepared.paint_pixels(
             &canvas,
             (&reach, width),
-            transparent,
-            resolved.flat_map(|pixel| neighbours(pixel, width, height)),
+            resolved.flat_map(|pixel| neighbours(pixel, frame.size)),
         );
-        let discs = self.discs(&prepared);
-        let with_discs = |painted: &Painted, pixel: usize| {
-            let ([r, g, b, a], _) = painted[&pixel];
-            let disc = |k: usize| discs.as_ref().map_or(0.0, |discs| discs.planes[k].values()[pixel]);
-            [r + disc(0), g + disc(1), b + disc(2), a]
-        };
+        let color = |[r, g, b, a, _]: [f32; 5]| [r, g, b, a];
         let value = |&pixel: &usize| {
-            let value = with_discs(&own, pixel);
-            if !is_resolved(pixel) {
-                return value;
-            }
-            let (around, share) =
-                (neighbours(pixel, width, height).map(|pixel| with_discs(&around, pixel)), own[&pixel].1);
-            std::array::from_fn(|k| resolve::softened(value[k], around.map(|near| near[k]), weight * share))
+            let values = own[&pixel];
+            filter(pixel).map_or(color(values), |resolve| {
+                let around = neighbours(pixel, frame.size).map(|near| color(around[&near]));
+                resolve.filtered(pixel, values[FOCUSED], color(values), around)
+            })
         };
         let values = pixels.iter().map(value).collect();
         self.layers = PaintLayers::Prepared(prepared, saved);
@@ -264,51 +294,37 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { plan, size, field, highlights, layers } = *self;
+        let Self { frame, highlights, layers } = *self;
         let prepared = match layers {
-            PaintLayers::Unprepared(layers) => Prepared::new(layers, plan, views),
-            PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, plan, views),
+            PaintLayers::Unprepared(layers) => Prepared::new(layers, &frame, views),
+            PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, &frame, views),
         };
-        let transparent = plan.does(EffectKind::TransparentBackground);
-        let canvas = prepared.canvas(plan, field);
-        let (mut image, focused_share) = prepared.paint(&canvas, size, transparent, progress);
-        prepared.draw_discs(&mut image, &highlights, plan, field);
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
+        let (mut image, focused_share) = prepared.paint(&prepared.canvas(&frame), frame.size, progress);
+        prepared.draw_discs(&mut image, &highlights, &frame);
+        if let Some(resolve) = &frame.resolve {
+            resolve.soften(&mut image, &focused_share);
         }
         image
     }
 }
 
 impl<'p> ShearSampler<'p> {
-    /// A sampler of `layers`, from which `highlights` were removed.
-    pub(super) fn new(
-        plan: &'p Plan,
-        (size, field): ((usize, usize), Field),
-        (layers, highlights): (Vec<Layer>, Vec<Highlight>),
-    ) -> Self {
-        Self { plan, size, field, highlights, layers: PaintLayers::Unprepared(layers) }
-    }
-
-    /// The discs of the highlights on a transparent picture; `None` without highlights.
-    fn discs(&self, prepared: &Prepared) -> Option<Image> {
-        if self.highlights.is_empty() {
-            return None;
-        }
-        let mut discs = Image::from_fn(self.size.0, self.size.1, |_, _| [0.0; 4]);
-        prepared.draw_discs(&mut discs, &self.highlights, self.plan, self.field);
-        Some(discs)
+    /// A sampler of `scene` by `plan`.
+    pub(super) fn new(scene: Scene, plan: &'p Plan) -> Self {
+        let frame = Frame::new(&scene, plan);
+        let (layers, highlights) = prepare::layers(scene, plan);
+        Self { frame, highlights, layers: PaintLayers::Unprepared(layers) }
     }
 }
 
-/// The pixels left, right, above and below; past the border the border's own pixel.
-fn neighbours(pixel: usize, width: usize, height: usize) -> [usize; 4] {
-    let (x, y) = (pixel % width, pixel / width);
-    let at = |x: usize, y: usize| y * width + x;
-    [
-        at(x.saturating_sub(1), y),
-        at((x + 1).min(width - 1), y),
-        at(x, y.saturating_sub(1)),
-        at(x, (y + 1).min(height - 1)),
-    ]
+/// The discs of the highlights of `scene` by `plan` on a transparent picture; `None` without highlights.
+pub(super) fn discs(scene: Scene, plan: &Plan) -> Option<Image> {
+    let frame = Frame::new(&scene, plan);
+    let (layers, highlights) = prepare::layers(scene, plan);
+    if highlights.is_empty() {
+        return None;
+    }
+    let mut discs = Image::transparent(frame.size.0, frame.size.1);
+    Prepared::new(layers, &frame, plan.lens_samples()).draw_discs(&mut discs, &highlights, &frame);
+    Some(discs)
 }

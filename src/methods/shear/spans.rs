@@ -1,12 +1,21 @@
 //! Rows as spans: for each row and each bin, the ranges of columns whose fragments move together.
+//!
+//! A view often moves several neighbouring bins alike, near focus most of them. Spans are therefore also kept for blocks of 2, 4 and 8
+//! bins, aligned to multiples of their size; a block's spans are the unions of its bins' spans. With one shift all fragments of a block lie
+//! at the same output pixels, where the layers are in order, so that painting a block gives the picture of its bins.
 
 use super::bins::Bins;
-use super::keys::{BIN_SHIFT, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, NO_KEY, OPAQUE};
+use super::keys::{
+    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT, NO_KEY, OPAQUE,
+};
 use crate::scene::Layer;
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
-/// Neighbouring fragments of one row, one layer and one bin.
+/// Number of levels of blocks: a block of level `l` has `2^l` bins.
+pub(super) const LEVELS: usize = 4;
+
+/// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
     /// First column.
@@ -14,24 +23,116 @@ pub(super) struct Span {
     /// Column past the last.
     pub(super) end: u32,
     /// Index of the layer.
-    pub(super) layer: u8,
+    pub(super) layer: u16,
     /// Whether its fragments are opaque.
     pub(super) opaque: bool,
+    /// Whether its fragments are translucent and continue in another layer: see [`CHANGES_PEEL`].
+    pub(super) changes_peel: bool,
+    /// Whether any of its fragments is in other bins as well, so that a ray may hit its surface again.
+    pub(super) overlaps: bool,
 }
 
-/// The spans of one row, sorted by bin and, within a bin, by layer and column.
-#[derive(Debug, Clone, Default)]
+impl Span {
+    /// Whether `next`, which begins no earlier, continues this span.
+    fn is_continued_by(&self, next: &Self) -> bool {
+        let kind = |span: &Self| (span.layer, span.opaque, span.changes_peel);
+        kind(self) == kind(next) && next.start <= self.end
+    }
+}
+
+/// The spans of one row, at every level of blocks, sorted by block and, within a block, by layer and column.
+#[derive(Debug, Clone)]
 pub(super) struct RowSpans {
-    /// `starts[b] .. starts[b + 1]` are the spans of bin `b`.
+    /// For each level and block, where its spans begin in `spans`; after the last block of a level, where they end.
     starts: Vec<u32>,
     spans: Vec<Span>,
+    /// Where the blocks of each level begin in `starts`.
+    first_block: [u32; LEVELS],
 }
 
 impl RowSpans {
+    /// The spans `found`, each with its bin of `bins` bins, in the order of layers and columns.
+    fn new(found: &[(u16, Span)], bins: usize) -> Self {
+        let mut row = Self::sorted_by_bin(found, bins);
+        let mut blocks = bins;
+        for level in 1..LEVELS {
+            let below = blocks;
+            blocks = blocks.div_ceil(2);
+            row.first_block[level] = row.starts.len() as u32;
+            row.starts.push(row.spans.len() as u32);
+            for block in 0..blocks {
+                let first = row.range(level - 1, 2 * block);
+                let second = if 2 * block + 1 < below { row.range(level - 1, 2 * block + 1) } else { 0..0 };
+                row.push_union(first, second);
+                row.starts.push(row.spans.len() as u32);
+            }
+        }
+        row
+    }
+
+    /// The lowest level: a stable counting sort.
+    fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> Self {
+        let mut starts = Vec::with_capacity(2 * bins + 2 * LEVELS);
+        starts.resize(bins + 1, 0u32);
+        for (bin, _) in found {
+            starts[*bin as usize + 1] += 1;
+        }
+        for bin in 0..bins {
+            starts[bin + 1] += starts[bin];
+        }
+        let mut next = starts.clone();
+        let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false, overlaps: false };
+        let mut spans = Vec::with_capacity(2 * found.len());
+        spans.resize(found.len(), none);
+        for (bin, span) in found {
+            let index = &mut next[*bin as usize];
+            spans[*index as usize] = *span;
+            *index += 1;
+        }
+        Self { starts, spans, first_block: [0; LEVELS] }
+    }
+
+    /// Where the spans of a block are.
+    #[inline(always)]
+    fn range(&self, level: usize, block: usize) -> Range<usize> {
+        let index = self.first_block[level] as usize + block;
+        self.starts[index] as usize..self.starts[index + 1] as usize
+    }
+
+    /// Appends the union of the spans in two ranges, as those of one block.
+    fn push_union(&mut self, mut first: Range<usize>, mut second: Range<usize>) {
+        let block = self.spans.len();
+        while !first.is_empty() || !second.is_empty() {
+            let takes_first = second.is_empty()
+                || !first.is_empty() && order(&self.spans[first.start]) <= order(&self.spans[second.start]);
+            let from = if takes_first { &mut first } else { &mut second };
+            let next = self.spans[from.start];
+            from.start += 1;
+            match self.spans[block..].last_mut() {
+                Some(last) if last.is_continued_by(&next) => {
+                    last.end = last.end.max(next.end);
+                    last.overlaps |= next.overlaps;
+                }
+                _ => self.spans.push(next),
+            }
+        }
+    }
+
     /// The spans of bin `bin`.
     pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
-        &self.spans[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+        self.of_block(0, bin)
     }
+
+    /// The spans of block `block` of level `level`.
+    #[inline(always)]
+    pub(super) fn of_block(&self, level: usize, block: usize) -> &[Span] {
+        &self.spans[self.range(level, block)]
+    }
+}
+
+/// The order of spans within a block.
+fn order(span: &Span) -> (u16, u32) {
+    (span.layer, span.start)
 }
 
 /// The spans of all rows, and the rows in which each bin occurs.
@@ -39,8 +140,10 @@ impl RowSpans {
 pub(super) struct Spans {
     /// The rows from the top.
     pub(super) rows: Vec<RowSpans>,
-    /// `spans_above[b][y]`: how many spans of bin `b` lie in the rows above row `y`.
-    spans_above: Vec<Vec<u32>>,
+    /// `spans_above[y · bins + b]`: how many spans of bin `b` lie in the rows above row `y`.
+    spans_above: Vec<u32>,
+    /// Number of bins.
+    bins: usize,
 }
 
 impl Spans {
@@ -48,7 +151,7 @@ impl Spans {
     pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
         let last = self.rows.len() as i32 - 1;
         let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
-        self.spans_above[bin][last + 1] > self.spans_above[bin][first]
+        self.spans_above[(last + 1) * self.bins + bin] > self.spans_above[first * self.bins + bin]
     }
 }
 
@@ -63,29 +166,31 @@ pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
             spans.clear();
             for layer in 0..layers.len() {
                 keys.fill((layer, y), row);
-                scan(&row.keys, layer as u8, spans);
+                scan(&row.keys, layer as u16, spans);
             }
-            sorted_by_bin(spans, bins.count())
+            RowSpans::new(spans, bins.count())
         })
         .collect();
-    let spans_above = (0..bins.count())
-        .map(|bin| {
-            let mut above = 0;
-            let counts = rows.iter().map(|row| row.of_bin(bin).len() as u32);
-            std::iter::once(0)
-                .chain(counts.map(|count| {
-                    above += count;
-                    above
-                }))
-                .collect()
-        })
-        .collect();
-    Spans { rows, spans_above }
+    let bins = bins.count();
+    Spans { spans_above: spans_above(&rows, bins), rows, bins }
+}
+
+/// See [`Spans::spans_above`].
+fn spans_above(rows: &[RowSpans], bins: usize) -> Vec<u32> {
+    let mut above = vec![0; (rows.len() + 1) * bins];
+    for (y, row) in rows.iter().enumerate() {
+        let (before, after) = above[y * bins..].split_at_mut(bins);
+        let counts = row.starts.windows(2).map(|ends| ends[1] - ends[0]);
+        for ((after, before), count) in after.iter_mut().zip(before).zip(counts) {
+            *after = *before + count;
+        }
+    }
+    above
 }
 
 /// Appends the spans of one row of keys to `found`, each with its bin.
-fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Span)>) {
-    let mut open = OpenSpans::default();
+fn scan(keys: &[Key], layer: u16, found: &mut Vec<(u16, Span)>) {
+    let mut open = OpenSpans { first: 0, starts: [0; MAX_BINS_OF_FRAGMENT], count: 0, flags: OPAQUE };
     let mut last = NO_KEY;
     for (x, &key) in keys.iter().enumerate() {
         if key != last {
@@ -97,58 +202,58 @@ fn scan(keys: &[Key], layer: u8, found: &mut Vec<(u16, Span)>) {
 }
 
 /// The spans that are open at a column: those of the fragment's bin and of the bins it joins.
-#[derive(Default)]
 struct OpenSpans {
     /// The open bins are `first .. first + count`.
     first: u16,
-    /// For each open bin, the first column of its span.
-    starts: [u32; 3],
+    /// For each open bin, the first column of its span, with [`OVERLAPS`] if any of the span's fragments is in other bins as well.
+    starts: [u32; MAX_BINS_OF_FRAGMENT],
     count: u16,
-    opaque: bool,
+    /// [`OPAQUE`] and [`CHANGES_PEEL`] of the open spans' fragments.
+    flags: Key,
 }
+
+/// The highest bit of a column.
+const OVERLAPS: u32 = 1 << 31;
 
 impl OpenSpans {
     /// Closes the spans that `key` does not continue and opens those that it begins at column `x`.
-    fn change(&mut self, key: Key, x: u32, layer: u8, found: &mut Vec<(u16, Span)>) {
-        let opaque = key & OPAQUE != 0;
-        let (first, count) =
-            if key == NO_KEY { (0, 0) } else { (key >> BIN_SHIFT, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK)) };
-        let continues = |bin: u16| opaque == self.opaque && bin >= first && bin < first + count;
+    fn change(&mut self, key: Key, x: u32, layer: u16, found: &mut Vec<(u16, Span)>) {
+        let flags = key & (OPAQUE | CHANGES_PEEL);
+        let (first, count) = if key == NO_KEY {
+            (0, 0)
+        } else {
+            ((key >> BIN_SHIFT) as u16, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK) as u16)
+        };
+        let overlaps = if count > 1 { OVERLAPS } else { 0 };
+        let continues = |bin: u16| flags == self.flags && bin >= first && bin < first + count;
         for k in 0..self.count {
             let bin = self.first + k;
             if !continues(bin) {
-                let span = Span { start: self.starts[k as usize], end: x, layer, opaque: self.opaque };
-                found.push((bin, span));
+                found.push((bin, self.span(k, x, layer)));
             }
         }
-        let mut starts = [x; 3];
-        for k in 0..count {
-            let bin = first + k;
-            if opaque == self.opaque && bin >= self.first && bin < self.first + self.count {
-                starts[k as usize] = self.starts[(bin - self.first) as usize];
+        let mut starts = [x | overlaps; MAX_BINS_OF_FRAGMENT];
+        if flags == self.flags {
+            let (from, to) = (first.max(self.first), (first + count).min(self.first + self.count));
+            for bin in from..to {
+                starts[(bin - first) as usize] = self.starts[(bin - self.first) as usize] | overlaps;
             }
         }
-        *self = Self { first, starts, count, opaque };
+        (self.first, self.starts, self.count, self.flags) = (first, starts, count, flags);
     }
-}
 
-/// The spans `found`, sorted by bin with a stable counting sort.
-fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> RowSpans {
-    let mut starts = vec![0u32; bins + 1];
-    for (bin, _) in found {
-        starts[*bin as usize + 1] += 1;
+    /// The span of open bin `k`, which ends at column `end`.
+    fn span(&self, k: u16, end: u32, layer: u16) -> Span {
+        let start = self.starts[k as usize];
+        Span {
+            start: start & !OVERLAPS,
+            end,
+            layer,
+            opaque: self.flags & OPAQUE != 0,
+            changes_peel: self.flags & CHANGES_PEEL != 0,
+            overlaps: start & OVERLAPS != 0,
+        }
     }
-    for bin in 0..bins {
-        starts[bin + 1] += starts[bin];
-    }
-    let mut next = starts.clone();
-    let mut spans = vec![Span { start: 0, end: 0, layer: 0, opaque: false }; found.len()];
-    for (bin, span) in found {
-        let index = &mut next[*bin as usize];
-        spans[*index as usize] = *span;
-        *index += 1;
-    }
-    RowSpans { starts, spans }
 }
 
 #[cfg(test)]
@@ -162,7 +267,7 @@ mod tests {
     }
 
     fn span(start: u32, end: u32, opaque: bool) -> Span {
-        Span { start, end, layer: 0, opaque }
+        Span { start, end, layer: 0, opaque, changes_peel: false, overlaps: false }
     }
 
     #[test]
@@ -172,19 +277,20 @@ mod tests {
     }
 
     #[test]
-    fn spans_of_a_slanted_surface_overlap_from_bin_to_bin() {
-        let bins = Bins::new([0.0, 0.4], 0.5);
-        let spans = find(&[layer(&[1.0; 4], &[0.0, 0.1, 0.3, 0.4])], &bins);
-        assert_eq!(
-            spans.rows[0].of_bin(0),
-            [span(0, 3, true)],
-            "the nearer part and one fragment of the farther"
-        );
-        assert_eq!(
-            spans.rows[0].of_bin(1),
-            [span(1, 4, true)],
-            "the farther part and one fragment of the nearer"
-        );
+    fn neighbours_of_one_surface_share_a_bin() {
+        // A slope of up to 1.8 px a sample, and relief.
+        for coc in [vec![0.0, 0.1, 0.3, 0.4], vec![-3.0, -1.2, 0.6, 2.4, 4.2], vec![0.0, 0.9, -0.8, 0.2]] {
+            let layer = layer(&vec![1.0; coc.len()], &coc);
+            let bins = Bins::new([-3.0, 4.2], 0.5);
+            let spans = find(&[layer], &bins);
+            for x in 0..coc.len() as u32 - 1 {
+                let holds = |bin: &usize| {
+                    let spans = spans.rows[0].of_bin(*bin);
+                    spans.iter().any(|span| span.start <= x && span.end >= x + 2)
+                };
+                assert!((0..bins.count()).any(|bin| holds(&bin)), "{coc:?}: columns {x} and {}", x + 1);
+            }
+        }
     }
 
     #[test]
@@ -192,17 +298,56 @@ mod tests {
         let bins = Bins::new([0.0, 5.0], 0.5);
         let spans = find(&[layer(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
         assert_eq!(spans.rows[0].of_bin(0), [span(0, 2, true)], "in front");
-        assert_eq!(spans.rows[0].of_bin(10), [span(2, 4, true)], "behind");
+        assert_eq!(spans.rows[0].of_bin(bins.count() - 1), [span(2, 4, true)], "behind");
+        let all: usize = (0..bins.count()).map(|bin| spans.rows[0].of_bin(bin).len()).sum();
+        assert_eq!(all, 2, "nothing between");
     }
 
     #[test]
-    fn a_translucent_fragment_stays_in_its_bin() {
-        let bins = Bins::new([0.0, 0.4], 0.5);
-        let spans = find(&[layer(&[1.0, 0.5, 1.0], &[0.1, 0.2, 0.4])], &bins);
-        let translucent =
-            |bin| spans.rows[0].of_bin(bin).iter().filter(|span| !span.opaque).copied().collect::<Vec<_>>();
-        assert_eq!(translucent(0), [span(1, 2, false)], "once in its own bin");
-        assert_eq!(translucent(1), [], "not in its neighbour's");
+    fn a_surface_that_goes_on_in_another_peel_joins_it_there() {
+        let front = layer(&[0.5, 0.5, 1.0, 1.0], &[1.0, 1.2, -8.0, -8.0]);
+        let back = layer(&[0.0, 0.0, 0.5, 0.5], &[0.0, 0.0, 1.4, 1.6]);
+        let bins = Bins::new([-8.0, 1.6], 0.5);
+        let spans = find(&[front, back], &bins);
+        let changing: Vec<(u32, u32, u16)> = (0..bins.count())
+            .flat_map(|bin| spans.rows[0].of_bin(bin).to_vec())
+            .filter(|span| span.changes_peel)
+            .map(|span| (span.start, span.end, span.layer))
+            .collect();
+        assert!(changing.contains(&(1, 2, 0)) && changing.contains(&(2, 3, 1)), "{changing:?}");
+        assert!(changing.iter().all(|&(start, end, _)| end == start + 1), "only at the change: {changing:?}");
+    }
+
+    #[test]
+    fn a_blocks_spans_cover_what_its_bins_cover() {
+        let bins = Bins::new([-4.0, 4.0], 0.5);
+        let coc: Vec<f32> = (0..40).map(|x| ((x * 37) % 23) as f32 * 0.3 - 3.5).collect();
+        let alpha: Vec<f32> = (0..40).map(|x| [1.0, 1.0, 0.4, 0.0][(x / 3) % 4]).collect();
+        let spans = find(&[layer(&alpha, &coc), layer(&[1.0; 40], &[2.0; 40])], &bins);
+        let row = &spans.rows[0];
+        let columns = |spans: &[Span]| {
+            let mut columns: Vec<(u16, u32)> =
+                spans.iter().flat_map(|span| (span.start..span.end).map(|x| (span.layer, x))).collect();
+            columns.sort_unstable();
+            columns.dedup();
+            columns
+        };
+        for level in 0..LEVELS {
+            for block in 0..bins.count() >> level {
+                let of_bins: Vec<Span> = (block << level..(block + 1) << level)
+                    .filter(|&bin| bin < bins.count())
+                    .flat_map(|bin| row.of_bin(bin).to_vec())
+                    .collect();
+                assert_eq!(
+                    columns(row.of_block(level, block)),
+                    columns(&of_bins),
+                    "level {level}, block {block}"
+                );
+                let in_order =
+                    row.of_block(level, block).windows(2).all(|pair| order(&pair[0]) < order(&pair[1]));
+                assert!(in_order, "level {level}, block {block}");
+            }
+        }
     }
 
     #[test]

@@ -5,8 +5,8 @@ use super::words::{Effect, EffectKind};
 use crate::scene::stats::SceneStats;
 use std::f32::consts::PI;
 
-/// CoC radius up to which no fragment reaches beyond its own pixel.
-const BLUR_FROM_PX: f32 = 0.5;
+/// CoC radius in picture pixels up to which a blur is left out: less than a hundredth of a pixel's lens rays would end in a neighbour.
+const BLUR_FROM_PX: f32 = 0.01;
 
 pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let stats = inputs.stats;
@@ -14,8 +14,7 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let largest = inputs.max_coc_px() + shift;
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
-        let reason =
-            format!("the largest CoC radius is {largest:.2} px: no fragment reaches beyond its own pixel");
+        let reason = format!("the largest CoC radius is {largest:.4} px: no blur is visible");
         let share = 100.0 * share_outside_pixel(largest, inputs.jitter);
         let change = format!("with it, at most {share:.1} % of a pixel's lens rays would end in a neighbour");
         return Effect::new(EffectKind::Blur, false, reason, change);

@@ -23,7 +23,7 @@ pub enum EffectKind {
     Fill,
     /// Fragments with an alpha below 1.
     Translucency,
-    /// Transparent background: lens rays that hit nothing make the picture transparent.
+    /// Transparent background: lens rays that end in the background make the picture transparent.
     #[serde(rename = "open-background")]
     TransparentBackground,
     /// Smoothing over the gaps between lens samples.

@@ -11,11 +11,15 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mi
 use crate::image::Image;
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    self, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels, OTHER_COVERAGE_PLANES_WGSL,
-    PYRAMID_WGSL, Peel, Planes, RowNeeds, SPLAT, Step, at_pixels, corners, picture_in_bands,
+    self, Backdrop, COVERAGE_PLANES_WGSL, Edge, FIRST_LEVEL_WGSL, Frame, Grid, Levels,
+    OTHER_COVERAGE_PLANES_WGSL, PYRAMID_WGSL, Peel, Planes, RowNeeds, SPLAT, Step, at_pixels, corners,
+    picture_before,
 };
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, surface};
+use crate::scene::{OPAQUE_ALPHA, Scene, surface};
 use std::ops::Range;
+
+/// Planes of content: red, green and blue.
+const CHANNELS: usize = 3;
 
 static SHADER: Shader = Shader {
     name: "b_buffer",
@@ -36,8 +40,6 @@ static SHADER: Shader = Shader {
 mirrored! {
     /// Inputs of a pass over a peel.
     struct PeelUniform {
-        /// 1 where alpha is coverage; 0 for the backdrop of a transparent background, which has no alpha.
-        has_alpha: u32,
         /// 1 for the nearest peel.
         is_nearest: u32,
         /// The first row of the pass.
@@ -53,20 +55,18 @@ impl GpuBackend for BBuffer {
         let fields = [Side::Far, Side::Near].map(|side| Field::new(side, plan, size));
         // Level 1 always exists, because its buffer has to be bound.
         let coarsest = fields.iter().map(|field| field.coarsest).max().unwrap_or(0).max(1);
-        let peels = shared::peels(scene.clone(), plan);
+        let backdrop = Backdrop::new(scene, plan);
+        let peels = shared::peels(scene.clone());
         let ranges_px = peels.iter().map(ranges_px).collect();
-        let transparent_background = plan.does(EffectKind::TransparentBackground);
         let kernels = Kernels::new(gpu)?;
-        let renderer =
-            BandRenderer { gpu, plan, kernels, peels, ranges_px, fields, coarsest, transparent_background };
-        let channels = renderer.channels();
+        let renderer = BandRenderer { gpu, plan, kernels, peels, ranges_px, fields, coarsest };
         let widest = Grid::new(size, coarsest, Edge::Repeat).sizes[0].0;
         let needs = RowNeeds {
-            planes: 5 * renderer.peels.len() + 2 * (channels + 1),
-            values: (channels + 2) * widest.div_ceil(2),
+            planes: 5 * renderer.peels.len() + 2 * (CHANNELS + 1),
+            values: (CHANNELS + 2) * widest.div_ceil(2),
         };
         let reach = shared::reach(coarsest);
-        picture_in_bands(gpu, (size, transparent_background), (reach, needs), progress, |band, progress| {
+        picture_before(gpu, (size, backdrop.as_ref()), (reach, needs), progress, |band, progress| {
             renderer.band(size, band, progress)
         })
     }
@@ -122,7 +122,6 @@ struct BandRenderer<'a> {
     fields: [Field; 2],
     /// The coarsest level of either field.
     coarsest: usize,
-    transparent_background: bool,
 }
 
 /// The buffers of a band.
@@ -138,11 +137,6 @@ struct BandBuffers<'a> {
 }
 
 impl BandRenderer<'_> {
-    /// Number of planes of content.
-    fn channels(&self) -> usize {
-        if self.transparent_background { 4 } else { 3 }
-    }
-
     /// Content and, last, coverage of the rows of a band.
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
         let buffers = self.buffers(size, band)?;
@@ -162,18 +156,18 @@ impl BandRenderer<'_> {
 
     /// The buffers of a band, with the peels uploaded.
     fn buffers<'b>(&self, size: (usize, usize), band: &'b Band) -> Result<BandBuffers<'b>, Error> {
-        let (gpu, channels) = (self.gpu, self.channels());
-        let levels = Levels::new(Grid::new(size, self.coarsest, Edge::Repeat), &band.rows, channels + 2);
+        let gpu = self.gpu;
+        let levels = Levels::new(Grid::new(size, self.coarsest, Edge::Repeat), &band.rows, CHANNELS + 2);
         let peels =
             self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.covered, &peel.coc_px, &band.source));
         Ok(BandBuffers {
             band,
             width: size.0,
-            frame: gpu.uniform(&levels.frame(band, channels))?,
+            frame: gpu.uniform(&levels.frame(band, CHANNELS))?,
             peels: peels.collect::<Result<_, _>>()?,
             pyramid: gpu.zeros::<f32>("the levels of the pyramid", levels.values())?,
-            sums: Planes::zeros(gpu, channels + 1, size.0 * band.source.len())?,
-            result: Planes::zeros(gpu, channels + 1, size.0 * band.rows.len())?,
+            sums: Planes::zeros(gpu, CHANNELS + 1, size.0 * band.source.len())?,
+            result: Planes::zeros(gpu, CHANNELS + 1, size.0 * band.rows.len())?,
             levels,
         })
     }
@@ -182,7 +176,6 @@ impl BandRenderer<'_> {
     fn peel_uniform(&self, i: usize, first_row: usize) -> Result<Buffer, Error> {
         let parameters = self.plan.parameters.get::<BBufferParameters>();
         self.gpu.uniform(&PeelUniform {
-            has_alpha: u32::from(!self.transparent_background || i + 1 < self.peels.len()),
             is_nearest: u32::from(i == 0),
             first_row: first_row as i32,
             same_surface_px: parameters.same_surface_px,

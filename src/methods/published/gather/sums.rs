@@ -43,11 +43,29 @@ impl Sums {
         }
     }
 
-    /// Writes the means of `channel` for the last summed span.
-    pub(super) fn mean(&self, channel: usize, means: &mut [f32]) {
-        let weights = &self.total[self.total.len() - 1];
-        for ((mean, &sum), &weight) in means.iter_mut().zip(&self.total[channel]).zip(weights) {
-            *mean = (sum / weight) as f32;
+    /// Takes the pixels of a span of row `y` as they are.
+    pub(super) fn copy(&mut self, source: &Source, y: usize, columns: Range<usize>) {
+        let Some((weights, totals)) = self.total.split_last_mut() else { return };
+        weights[..columns.len()].fill(1.0);
+        for (total, plane) in totals.iter_mut().zip(&source.boxes[0]) {
+            let values = plane.row(y)[columns.clone()].iter().copied().map(f64::from);
+            total.iter_mut().zip(values).for_each(|(total, value)| *total = value);
+        }
+    }
+
+    /// Writes the means of the first channels for the last span, weighted by the sums number `weight`; 0 where that is 0.
+    pub(super) fn means(&self, weight: usize, means: &mut [&mut [f32]]) {
+        for (means, sums) in means.iter_mut().zip(&self.total) {
+            for ((mean, &sum), &weight) in means.iter_mut().zip(sums).zip(&self.total[weight]) {
+                *mean = if weight > 0.0 { (sum / weight) as f32 } else { 0.0 };
+            }
+        }
+    }
+
+    /// Writes the sums number `channel` of the last span, with what is `outside` the frame of each of its pixels, at most 1.
+    pub(super) fn coverage(&self, channel: usize, outside: impl Fn(usize) -> f32, coverage: &mut [f32]) {
+        for (i, (value, &sum)) in coverage.iter_mut().zip(&self.total[channel]).enumerate() {
+            *value = (sum as f32 + outside(i)).min(1.0);
         }
     }
 }
@@ -101,7 +119,7 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
         weights,
         sample,
         source.apothem,
-        [&source.coc_px.row(y)[own.clone()], &source.intensity.row(y)[own]],
+        source.gathering(y).map(|row| &row[own.clone()]),
         [&source.coc_px.row(visited_y)[visited.clone()], &source.intensity.row(visited_y)[visited.clone()]],
     );
     let (weight_sum, channel_sums) = sums.batch.split_last_mut().expect("the last row is the sum of weights");
@@ -113,6 +131,33 @@ fn add(source: &Source, sample: &Sample, y: usize, columns: &Range<usize>, sums:
     }
     for (sum, &weight) in weight_sum[in_span].iter_mut().zip(&*weights) {
         *sum += weight;
+    }
+}
+
+impl Source {
+    /// Sum of the weights of those of `samples` of pixel `x, y`, within `radius_px`, that lie outside the frame, as if they were like
+    /// the pixel itself.
+    pub(super) fn weight_outside(&self, (samples, radius_px): (&[Sample], f32), x: usize, y: usize) -> f32 {
+        let presence = self.boxes[0][self.boxes[0].len() - 1].get(x, y);
+        let gathering = self.gathering(y).map(|row| [row[x]]);
+        let visited = [[self.coc_px.get(x, y)], [self.intensity.get(x, y)]];
+        let (width, height) = (self.coc_px.width() as i32, self.coc_px.height() as i32);
+        let to_border = (x as i32).min(y as i32).min(width - 1 - x as i32).min(height - 1 - y as i32);
+        // A sample is rounded to a pixel within half a pixel of the disc and its edge.
+        if to_border as f32 > radius_px + 1.0 {
+            return 0.0;
+        }
+        let is_outside = |sample: &&Sample| {
+            let at = sample.offset + IVec2::new(x as i32, y as i32);
+            at.x < 0 || at.y < 0 || at.x >= width || at.y >= height
+        };
+        let weight = |sample: &Sample| {
+            let mut weight = [0.0];
+            let [gathering, visited] = [&gathering, &visited].map(|pair| pair.each_ref().map(|one| &one[..]));
+            weigh(&mut weight, sample, self.apothem, gathering, visited);
+            weight[0]
+        };
+        presence * samples.iter().filter(is_outside).map(weight).sum::<f32>()
     }
 }
 

@@ -3,8 +3,8 @@
 //! Fragments, N-buffers and mipmaps are the CPU's tables; the shader traces rays through them. Mipmaps are uploaded
 //! like fragments, one band of rows at a time.
 //!
-//! Memory: 20 bytes per fragment and per mipmap texel; 36 per pixel; the N-buffers, at most 64 with 65536 blocks per
-//! level, must fit into one buffer.
+//! Memory: 20 bytes per fragment and per mipmap texel; 36 per pixel, and 12 more where the background is visible; the
+//! N-buffers, at most 64 with 65536 blocks per level, must fit into one buffer.
 
 use super::cones::{Level, Texel as ConeTexel};
 use super::cull::MAX_SLABS;
@@ -14,8 +14,8 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mi
 use crate::image::Image;
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack,
-    RayViews, Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_batches,
+    Batch, Batches, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings,
+    RayEnds, RayStack, RayViews, Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_batches,
 };
 use crate::scene::Scene;
 use std::ops::Range;
@@ -103,11 +103,17 @@ impl LayerTracer {
         }
     }
 
+    /// What becomes of rays that have passed all fragments.
+    fn ends(&self) -> RayEnds<'_> {
+        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+    }
+
     /// The lens samples of all sets.
     fn views(&self, gpu: &Gpu) -> Result<RayViews, Error> {
         let [near, _] = self.spacing.interval(0);
         let [_, far] = self.spacing.interval(self.spacing.count - 1);
-        RayViews::new(gpu, self.samples.sets.iter().flatten(), (self.jitter, self.supersample), [near, far])
+        let range_px = self.ends().range_px([near, far]);
+        RayViews::new(gpu, self.samples.sets.iter().flatten(), (self.jitter, self.supersample), range_px)
     }
 
     /// Maximum loop iterations per ray: for each layer, one N-buffer look-up, and the search with several look-ups in
@@ -159,7 +165,7 @@ impl LayerTracer {
 
     /// Maximum picture rows that fit on `gpu` at once.
     fn max_rows(&self, gpu: &Gpu) -> usize {
-        let rows_by_fragments = self.stack().max_rows(gpu, MIPMAP_BYTES);
+        let rows_by_fragments = self.stack().max_rows(gpu, MIPMAP_BYTES, self.ends());
         let (mut bytes_per_row, mut end_bytes) = (1.0, 0);
         for (level, number) in self.levels().iter().zip(1..) {
             let max_bytes = level.max_bytes_of_row();
@@ -234,11 +240,11 @@ impl<'g> Tables<'g> {
     fn render(&self, band: &Band, progress: &dyn Fn(f32)) -> Result<Batches<'g>, Error> {
         let rows = Rows::new(self, band)?;
         let (width, height) = (self.tracer.stack().picture_size().0, band.rows.len());
-        let batches = Batches::new(self.gpu, &SHADER, width * height, self.tracer.background.is_some())?;
+        let batches = Batches::new(self.gpu, &SHADER, (width, band), self.tracer.ends())?;
         let groups = tiles(width, height, SIDE);
         let own = rows.bindings(self);
-        let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
-            let bindings: Vec<_> = sums.into_iter().chain(own).chain([(4, &self.views.buffer)]).collect();
+        let follow = |work: &mut Work<'_>, rays: RayBindings<'_>| {
+            let bindings: Vec<_> = rays.into_iter().chain(own).chain([(4, &self.views.buffer)]).collect();
             work.pass(&self.follow, &bindings, groups)
         };
         let count = self.tracer.samples.sets[0].len();
@@ -247,8 +253,8 @@ impl<'g> Tables<'g> {
             done.set(done.get() + views);
             progress(done.get() as f32 / count as f32);
         })?;
-        let central = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
-            let bindings: Vec<_> = sums.into_iter().chain(own).collect();
+        let central = |work: &mut Work<'_>, rays: RayBindings<'_>| {
+            let bindings: Vec<_> = rays.into_iter().chain(own).collect();
             work.pass(&self.central, &bindings, groups)
         };
         batches.resolve(&[0, 1, 2, 3], central)?;

@@ -148,7 +148,7 @@ impl Tracer for LayerTracer {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<LayerRaysParameters>();
         let supersample = scene.supersample as f32;
-        let background = plan.background(&scene);
+        let (background, antialiased) = (plan.background(&scene), scene.antialiasing.mean() as f32);
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
@@ -159,7 +159,7 @@ impl Tracer for LayerTracer {
             fragments,
             spacing,
             supersample,
-            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
+            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter(antialiased) },
             iterations: parameters.iterations,
             discard: parameters.discard,
             background,

@@ -116,6 +116,16 @@ const DEVIATIONS: &[Deviation] = &[
         reason: "1.7·2^(n−1) px is the core of the kernel of n levels, whose variance is that of a larger disc",
     },
     Deviation {
+        law: Law::Locality,
+        within: [0.0006, 0.0021],
+        reason: "the blur is a Gaussian, which reaches past the disc",
+    },
+    Deviation {
+        law: Law::Edge,
+        within: [0.08, 0.49],
+        reason: "the glow makes silhouettes too opaque (section 5)",
+    },
+    Deviation {
         law: Law::Convergence,
         within: [28.0, 29.5],
         reason: "one pinhole picture, a Gaussian of a few sizes, too opaque silhouettes",

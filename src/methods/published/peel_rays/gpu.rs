@@ -2,8 +2,8 @@
 //!
 //! Fragments and N-buffers are the CPU's tables; the shader marches rays through them.
 //!
-//! Memory: 20 bytes per fragment, 36 per pixel; two N-buffers of at most 65536 blocks per level, which must fit into
-//! one buffer.
+//! Memory: 20 bytes per fragment; 36 per pixel, and 12 more where the background is visible; two N-buffers of at most
+//! 65536 blocks per level, which must fit into one buffer.
 
 use super::{Marcher, PeelRays, STEPS_PER_SAMPLE};
 use crate::error::Error;
@@ -11,8 +11,8 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mi
 use crate::image::Image;
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayStack, RayViews, Stack,
-    Tracer, View, nbuffer_words, picture_of_batches,
+    Batch, Batches, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds,
+    RayStack, RayViews, Stack, Tracer, View, nbuffer_words, picture_of_batches,
 };
 use crate::scene::Scene;
 use crate::scene::surface::JOIN_PX;
@@ -58,6 +58,11 @@ impl Marcher {
         }
     }
 
+    /// What becomes of rays that have passed all fragments.
+    fn ends(&self) -> RayEnds<'_> {
+        RayEnds { background: self.background.as_deref(), lost_rays: self.lost_rays }
+    }
+
     fn march_uniform(&self) -> March {
         let [nearest, farthest] = self.range.full_px;
         March {
@@ -99,12 +104,13 @@ impl<'g> Tables<'g> {
     fn new(gpu: &'g Gpu, marcher: &'g Marcher) -> Result<Self, Error> {
         let range = &marcher.range;
         let in_pixel = (marcher.jitter, marcher.supersample);
+        let range_px = marcher.ends().range_px(range.full_px);
         let nbuffers = nbuffer_words(&[Some(&range.nearest), Some(&range.farthest)], Vec::new());
         Ok(Self {
             gpu,
             marcher,
             march: gpu.uniform(&marcher.march_uniform())?,
-            views: RayViews::new(gpu, marcher.samples.iter(), in_pixel, range.full_px)?,
+            views: RayViews::new(gpu, marcher.samples.iter(), in_pixel, range_px)?,
             nbuffers: gpu.upload("N-buffers", &nbuffers)?,
             follow: gpu.kernel(&SHADER, "follow")?,
         })
@@ -115,10 +121,10 @@ impl<'g> Tables<'g> {
         let stack = self.marcher.stack();
         let rows = stack.rows(self.gpu, band)?;
         let (width, height) = (stack.picture_size().0, band.rows.len());
-        let batches = Batches::new(self.gpu, &SHADER, width * height, self.marcher.background.is_some())?;
+        let batches = Batches::new(self.gpu, &SHADER, (width, band), self.marcher.ends())?;
         let own = [(4, &self.views.buffer), (8, &self.nbuffers), (9, &self.march)];
-        let follow = |work: &mut Work<'_>, sums: [(u32, &Buffer); 2]| {
-            let bindings: Vec<_> = sums.into_iter().chain(rows.bindings()).chain(own).collect();
+        let follow = |work: &mut Work<'_>, rays: RayBindings<'_>| {
+            let bindings: Vec<_> = rays.into_iter().chain(rows.bindings()).chain(own).collect();
             work.pass(&self.follow, &bindings, tiles(width, height, SIDE))
         };
         let count = self.marcher.samples.len();
@@ -136,7 +142,7 @@ impl GpuBackend for PeelRays {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let marcher = Marcher::new(scene.clone(), plan, plan.lens_samples());
         let tables = Tables::new(gpu, &marcher)?;
-        let rows = [tables.views.reach_rows, marcher.stack().max_rows(gpu, 0)];
+        let rows = [tables.views.reach_rows, marcher.stack().max_rows(gpu, 0, marcher.ends())];
         picture_of_batches(scene.picture_size(), rows, progress, |band, progress| {
             tables.render(band, progress)
         })

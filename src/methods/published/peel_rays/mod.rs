@@ -189,14 +189,14 @@ impl Tracer for Marcher {
     fn new(scene: Scene, plan: &Plan, rays: usize) -> Self {
         let parameters = plan.parameters.get::<PeelRaysParameters>();
         let supersample = scene.supersample as f32;
-        let background = plan.background(&scene);
+        let (background, antialiased) = (plan.background(&scene), scene.antialiasing.mean() as f32);
         let fragments = Fragments::new(scene);
         Self {
             samples: views(rays, plan.optics.aperture),
             range: CocRange::new(&fragments, plan.coc_range_px, supersample),
             fragments,
             supersample,
-            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter },
+            jitter: if supersample > 1.0 { 1.0 } else { plan.jitter(antialiased) },
             linear_steps: parameters.linear_steps,
             binary_steps: parameters.binary_steps,
             background,

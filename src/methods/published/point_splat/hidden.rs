@@ -4,7 +4,7 @@
 //! (c_far − c_near)`, so its thresholds are constants in pixels of CoC radius.
 
 use crate::image::Plane;
-use crate::methods::shared::{Peel, planes_from_rows};
+use crate::methods::shared::{Peel, known, planes_from_rows, presence};
 use crate::scene::OPAQUE_ALPHA;
 use glam::Vec2;
 
@@ -32,12 +32,15 @@ const REDUCED_REACH: f32 = 0.95;
 /// Minimum coverage of a known pixel: a smaller one could not be divided by.
 const MIN_COVERAGE: f32 = 1e-6;
 
+/// The channel of alpha, in pictures that have it.
+const ALPHA: usize = 3;
+
 /// A pixel of a camera's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fragment<const N: usize> {
-    /// Content, premultiplied by weight.
+    /// Red, green, blue and, where there are four channels, alpha; premultiplied by alpha.
     pub content: [f32; N],
-    /// Known share of the pixel.
+    /// To what part the pixel is a surface.
     pub weight: f32,
     /// Signed CoC radius of the fragment with the largest weight.
     pub coc_px: f32,
@@ -68,16 +71,23 @@ pub(super) fn composite<const N: usize>(
             break;
         }
     }
+    if let Some(alpha) = composite.content.get_mut(ALPHA) {
+        *alpha = composite.weight;
+    }
     (composite.weight > MIN_COVERAGE).then_some(composite)
 }
 
 impl<const N: usize> Fragment<N> {
-    /// The fragment at full weight: its content divided by its weight.
-    pub(super) fn normalised(self) -> Self {
-        if self.weight >= OPAQUE_ALPHA {
-            return Self { weight: 1.0, ..self };
+    /// The fragment of a pixel whose share of the background is `share`: its content divided by what is known of the pixel.
+    pub(super) fn normalised(self, share: f32) -> Self {
+        let known = known(self.weight, share);
+        let divisor = if known >= OPAQUE_ALPHA { 1.0 } else { known };
+        let mut content = self.content.map(|value| value / divisor);
+        let alpha = self.weight / known;
+        if let Some(of_content) = content.get_mut(ALPHA) {
+            *of_content = alpha;
         }
-        Self { content: self.content.map(|value| value / self.weight), weight: 1.0, ..self }
+        Self { content, weight: presence(alpha), ..self }
     }
 }
 
@@ -229,6 +239,8 @@ mod tests {
         let composite = composite::<3>(&peels, (0, 0), f32::NEG_INFINITY).unwrap();
         // 0.25 · 1 + 0.75 · 0.5 · 3 of coverage 0.25 + 0.375.
         assert_eq!(composite, Fragment { content: [1.375; 3], weight: 0.625, coc_px: 2.0 }, "composited");
-        assert_eq!(composite.normalised().content, [2.2; 3], "divided by the weight");
+        assert_eq!(composite.normalised(0.0).content, [2.2; 3], "divided by the weight");
+        let open = composite.normalised(1.0);
+        assert_eq!((open.content, open.weight), ([1.375; 3], 1.0), "before the background");
     }
 }

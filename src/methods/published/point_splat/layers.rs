@@ -144,11 +144,11 @@ pub(super) fn add<const N: usize>(
     }
 }
 
-/// Blends the layers of pixel `lane` from back to front, normalised after each step so that alpha is one (eq. 7);
-/// `None` if no point reached the pixel.
+/// Blends the layers of pixel `lane` from back to front, normalised after each step so that alpha is one (eq. 7); and
+/// the share of the pixel that the layers cover. `None` if no point reached the pixel.
 #[inline(always)]
-pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<[f32; N]> {
-    let mut blended = None;
+pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<([f32; N], f32)> {
+    let (mut blended, mut uncovered) = (None, 1.0);
     for layer in layers.iter().rev() {
         let alpha = layer.alpha[lane];
         if alpha <= 0.0 {
@@ -160,8 +160,9 @@ pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<[
             blended.map_or(([0.0; N], 0.0), |behind| (behind, (1.0 - alpha).max(0.0)));
         blended =
             Some(std::array::from_fn(|k| (content[k] + transmittance * behind[k]) / (alpha + transmittance)));
+        uncovered *= (1.0 - alpha).max(0.0);
     }
-    blended
+    blended.map(|content| (content, 1.0 - uncovered))
 }
 
 #[cfg(test)]
@@ -216,19 +217,20 @@ mod tests {
     fn layers_are_blended_back_to_front_and_normalised_each_time() {
         // Behind: 0.2 of alpha 0.4 is 0.5 when normalised. Same: 0.6 + 0.25 · 0.5 = 0.725. Front: 0.1 + 0.5 · 0.725 =
         // 0.4625.
-        let blended = blend(&layers([(0.1, 0.5), (0.6, 0.75), (0.2, 0.4)]), 3).unwrap();
-        assert!((blended[0] - 0.4625).abs() < 1e-6, "{blended:?}");
+        let ([blended], coverage) = blend(&layers([(0.1, 0.5), (0.6, 0.75), (0.2, 0.4)]), 3).unwrap();
+        assert!((blended - 0.4625).abs() < 1e-6, "{blended}");
+        assert!((coverage - (1.0 - 0.5 * 0.25 * 0.6)).abs() < 1e-6, "{coverage}");
     }
 
     #[test]
     fn blending_normalises_alpha_below_and_above_one() {
         let only = |content, alpha| blend(&layers([(0.0, 0.0), (content, alpha), (0.0, 0.0)]), 0);
-        assert_eq!(only(0.25, 0.5), Some([0.5]), "alpha 0.5, no layer behind");
-        assert_eq!(only(1.0, 2.0), Some([0.5]), "alpha 2");
+        assert_eq!(only(0.25, 0.5), Some(([0.5], 0.5)), "alpha 0.5, no layer behind");
+        assert_eq!(only(1.0, 2.0), Some(([0.5], 1.0)), "alpha 2");
         assert_eq!(only(0.0, 0.0), None, "alpha 0");
         assert_eq!(
             blend(&layers([(0.0, 0.0), (1.0, 2.0), (7.0, 1.0)]), 0),
-            Some([0.5]),
+            Some(([0.5], 1.0)),
             "the layer behind is occluded"
         );
     }

@@ -21,6 +21,8 @@
 //! * *Sprites.* Edge pixels are weighted by their coverage, unlike those of a rasteriser, so that sprites grow
 //!   smoothly with the CoC. Radii have steps of 1/64.
 //! * *Blending.* Alpha over one in eq. 7 counts as a transmittance of zero, not as a negative one.
+//! * *Background.* It comes behind all layers ([`crate::methods::shared::Backdrop`]), where the layers leave light through. Pixels
+//!   without a surface have no point.
 //! * *Border.* Pixels at the frame's border are repeated past it; otherwise the light missing there would count as
 //!   transparency.
 //! * *Reduced points.* They overlap the others at half the weight of either, so that energy is preserved. Their
@@ -52,8 +54,8 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{Peel, coc_range_px, peels, picture};
-use crate::scene::{EffectKind, Scene, Workload};
+use crate::methods::shared::{Backdrop, Peel, before, peels, picture};
+use crate::scene::{Background, EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use hidden::{Edge, Fragment, OcclusionTests, composite, visible_coc_px};
 use layers::{Light, Limits};
@@ -62,6 +64,7 @@ use rayon::prelude::*;
 use reduce::{ReducedShares, reduce_points};
 use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
+use std::sync::Arc;
 
 /// Deviations that follow from three layers per pixel and one hidden image.
 static DEVIATIONS: [Deviation; 4] = [
@@ -114,14 +117,13 @@ impl Method for PointSplat {
     }
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let size = scene.picture_size();
-        let peels = peels(scene, plan);
-        let content = if plan.does(EffectKind::TransparentBackground) {
-            splat_picture::<4>(peels, size, plan, progress)
+        let backdrop = Backdrop::new(&scene, plan);
+        let (content, coverage) = if backdrop.is_some() {
+            splat_picture::<4>(scene, plan, progress)
         } else {
-            splat_picture::<3>(peels, size, plan, progress)
+            splat_picture::<3>(scene, plan, progress)
         };
-        Ok(picture(content))
+        Ok(before(picture(content), &coverage, backdrop.as_ref()))
     }
 
     #[cfg(feature = "gpu")]
@@ -130,14 +132,10 @@ impl Method for PointSplat {
     }
 }
 
-/// Splats `V` and `H` of `peels`; returns the content planes of the picture.
-fn splat_picture<const N: usize>(
-    peels: Vec<Peel>,
-    size: (usize, usize),
-    plan: &Plan,
-    progress: &Progress<'_>,
-) -> Vec<Plane> {
-    let SplatInputs { grids, sprites, visible_px } = SplatInputs::<N>::new(peels, size, plan);
+/// Splats `V` and `H` of `scene`; returns the content planes of the picture, and its coverage.
+fn splat_picture<const N: usize>(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> (Vec<Plane>, Plane) {
+    let size = scene.picture_size();
+    let SplatInputs { grids, sprites, visible_px } = SplatInputs::<N>::new(scene, plan);
     let limits = Limits::from_picture(&visible_px, plan.parameters.get::<PointSplatParameters>().delta);
     drop(visible_px);
     splat(&grids, &sprites, &limits, size, progress)
@@ -153,15 +151,18 @@ struct SplatInputs<const N: usize> {
 }
 
 impl<const N: usize> SplatInputs<N> {
-    /// Prepares the points of `V` and `H` of `peels`.
-    fn new(peels: Vec<Peel>, (width, height): (usize, usize), plan: &Plan) -> Self {
+    /// Prepares the points of `V` and `H` of `scene`.
+    fn new(scene: Scene, plan: &Plan) -> Self {
         let parameters = plan.parameters.get::<PointSplatParameters>();
-        let tests = OcclusionTests::new(parameters.epsilon, parameters.edge, coc_range_px(plan));
+        let tests = OcclusionTests::new(parameters.epsilon, parameters.edge, plan.coc_range_px);
+        let (width, height) = scene.picture_size();
+        let background = plan.background(&scene);
+        let peels = peels(scene);
         let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
         let visible_px = visible_coc_px(&peels, (width, height));
         let edge = |at: usize| tests.edge(&visible_px, at % width, at / width);
         let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
-        let images = Images { peels, visible_px, edges, tests, parameters };
+        let images = Images { peels, background, visible_px, edges, tests, parameters };
         let mut grids = Vec::new();
         let mut shares = ReducedShares::none();
         if parameters.accelerated {
@@ -179,6 +180,7 @@ impl<const N: usize> SplatInputs<N> {
 /// The visible and the hidden image.
 struct Images<'a> {
     peels: Vec<Peel>,
+    background: Option<Arc<Background>>,
     visible_px: Plane,
     edges: Vec<Edge>,
     tests: OcclusionTests,
@@ -188,7 +190,8 @@ struct Images<'a> {
 impl Images<'_> {
     /// `V` at `x, y`.
     fn visible<const N: usize>(&self, x: usize, y: usize) -> Option<Fragment<N>> {
-        Some(composite(&self.peels, (x, y), f32::NEG_INFINITY)?.normalised())
+        let share = self.background.as_ref().map_or(0.0, |background| background.share().get(x, y));
+        Some(composite(&self.peels, (x, y), f32::NEG_INFINITY)?.normalised(share))
     }
 
     /// `H` at `x, y`.

@@ -56,15 +56,15 @@ impl<const N: usize> Grid<N> {
     }
 }
 
-/// Splats `grids` into the layers given by `limits`; returns the content planes of the picture.
+/// Splats `grids` into the layers given by `limits`; returns the content planes of the picture, and its coverage.
 pub(super) fn splat<const N: usize>(
     grids: &[Grid<N>],
     sprites: &Sprites,
     limits: &[Limits],
     (width, height): (usize, usize),
     progress: &(dyn Fn(f32) + Sync),
-) -> Vec<Plane> {
-    let mut planes = vec![Plane::zeros(width, height); N];
+) -> (Vec<Plane>, Plane) {
+    let mut planes = vec![Plane::zeros(width, height); N + 1];
     let reaches: Vec<Vec<i32>> = grids.iter().map(Grid::reaches).collect();
     let mut chunks: Vec<_> =
         planes.iter_mut().map(|plane| plane.values_mut().chunks_mut(BAND_ROWS * width)).collect();
@@ -75,17 +75,18 @@ pub(super) fn splat<const N: usize>(
     let count = bands.len();
     bands.into_par_iter().enumerate().for_each_init(
         || Scratch::new((width, height)),
-        |scratch, (band, mut content)| {
+        |scratch, (band, mut rows_of_planes)| {
             let rows = band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
             scratch.clear(rows.len());
             for (grid, reaches) in grids.iter().zip(&reaches) {
                 scratch.splat_grid(grid, reaches, sprites, (limits, rows.clone()));
             }
-            scratch.blend(&mut content, width);
+            scratch.blend(&mut rows_of_planes, width);
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / count as f32);
         },
     );
-    planes
+    let coverage = planes.pop().unwrap_or_default();
+    (planes, coverage)
 }
 
 /// One row of a sprite, padded with a block of zeros at either end.
@@ -221,12 +222,14 @@ impl<const N: usize> Scratch<N> {
         }
     }
 
-    /// Blends the layers of the band's pixels into `content`.
-    fn blend(&self, content: &mut [&mut [f32]], width: usize) {
-        let rows = content.first().map_or(0, |plane| plane.len() / width);
+    /// Blends the layers of the band's pixels into the rows of content and, last, coverage.
+    fn blend(&self, planes: &mut [&mut [f32]], width: usize) {
+        let rows = planes.first().map_or(0, |plane| plane.len() / width);
         for (y, x) in (0..rows).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            let blended = blend(&self.total[y * self.blocks + x / LANES], x % LANES).unwrap_or([0.0; N]);
-            content.iter_mut().zip(blended).for_each(|(plane, value)| plane[y * width + x] = value);
+            let blended = blend(&self.total[y * self.blocks + x / LANES], x % LANES);
+            let (content, coverage) = blended.unwrap_or(([0.0; N], 0.0));
+            let values = content.into_iter().chain([coverage]);
+            planes.iter_mut().zip(values).for_each(|(plane, value)| plane[y * width + x] = value);
         }
     }
 }

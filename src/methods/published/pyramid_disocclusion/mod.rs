@@ -123,6 +123,16 @@ const DEVIATIONS: &[Deviation] = &[
         reason: "1.7·2^(n−1) px is the core of the kernel of n levels, whose variance is that of a larger disc",
     },
     Deviation {
+        law: Law::Locality,
+        within: [0.001, 0.0065],
+        reason: "the blur is a Gaussian, which reaches past the disc, and holes are filled from their surroundings",
+    },
+    Deviation {
+        law: Law::Edge,
+        within: [0.13, 0.29],
+        reason: "the blur is a Gaussian, and the depth in a filled hole may be that of the near object itself",
+    },
+    Deviation {
         law: Law::Convergence,
         within: [29.8, 30.8],
         reason: "one pinhole picture, a Gaussian of a few sizes, hidden parts are guessed",

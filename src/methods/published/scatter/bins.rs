@@ -31,6 +31,13 @@ pub(super) struct Bin {
 }
 
 impl Bin {
+    /// The pixels of row `y`.
+    pub(super) fn columns(&self, y: usize) -> impl Iterator<Item = usize> {
+        let from = self.spans.partition_point(|span| (span.y as usize) < y);
+        let spans = self.spans[from..].iter().take_while(move |span| span.y as usize == y);
+        spans.flat_map(|span| span.from as usize..span.to as usize)
+    }
+
     /// The spans whose sprites reach row `y`.
     pub(super) fn spans_reaching(&self, y: usize) -> &[Span] {
         let [above, below] = self.sprite.rows_reached();

@@ -8,14 +8,17 @@
 //! a complete surface hides what is behind it, and a partial one hides the same part. A large `saturation` gives the plain sum of
 //! the paper.
 //!
+//! Pixels without a surface have no sprite. The background comes behind all sprites ([`shared::Backdrop`]), in the part of a pixel that
+//! is left below the saturation.
+//!
 //! Sprites are sorted by radius into bins 1/32 of the radius wide, and at least 1/8 px. Those of one bin are drawn with one
 //! radius and added at once, so that the result does not depend on their order. Sprites of neighbouring pixels differ only at
 //! their edges: a row of a bin is drawn as steps, up at each left edge and down at each right edge, and summed once. Coverage is
-//! counted in integers, so the coverage of a pixel that no sprite covers is exactly 0.
+//! counted in whole steps, so the coverage of a pixel that no sprite covers is exactly 0.
 //!
 //! Cost: pixels × rows of their discs, and bins × pixels. Memory: the picture twice, and 24 bytes for each span of pixels in
-//! one bin. Limits, by design: the method reads only the pinhole picture. Where a blurred foreground has no visible background to
-//! share a pixel with, the division makes the whole pixel foreground, so the inner outline is sharp. On a surface of steep CoC
+//! one bin. Limits, by design: the method reads only the pinhole picture. Where a blurred foreground has no visible surface behind it
+//! to share a pixel with, the division makes the whole pixel foreground, so the inner outline is sharp. On a surface of steep CoC
 //! the nearer sprites saturate first, which shifts the blur towards them.
 
 mod bins;
@@ -28,7 +31,7 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{self, Visible, planes_from_rows};
+use crate::methods::shared::{self, Backdrop, VisibleSurfaces, before, planes_from_rows};
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use bins::{Bin, Span};
@@ -63,27 +66,86 @@ impl Method for Scatter {
     }
 
     fn blur(&self, scene: Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let Visible { content, coc_px } = shared::visible(scene, plan);
-        let (width, height) = (coc_px.width(), coc_px.height());
-        let bins = bins::sort(&coc_px, plan.optics.aperture);
-        let saturation = f64::from(plan.parameters.get::<ScatterParameters>().saturation);
-        let channels = content.len();
-        let arch = Arch::new();
-        let new_row = || Row::new(width, channels);
-        let planes = planes_from_rows((width, height), progress, new_row, |row, y, planes: &mut [_; 4]| {
-            row.clear();
-            arch.dispatch(DrawRow { row, bins: &bins, content: &content, y, saturation });
-            for (plane, sums) in planes.iter_mut().zip(&row.content) {
-                for ((value, &sum), &coverage) in plane.iter_mut().zip(sums).zip(&row.coverage) {
-                    *value = (sum / coverage) as f32;
-                }
-            }
-        });
-        Ok(shared::picture(planes.into_iter().take(channels).collect()))
+        let backdrop = Backdrop::new(&scene, plan);
+        let surfaces = shared::visible_surfaces(scene, plan);
+        let scattered = Scattered::new(&surfaces, plan);
+        if backdrop.is_none() {
+            let [red, green, blue, _] = scattered.planes::<4>(progress);
+            return Ok(shared::picture(vec![red, green, blue]));
+        }
+        let [red, green, blue, alpha, coverage] = scattered.planes::<5>(progress);
+        Ok(before(shared::picture(vec![red, green, blue, alpha]), &coverage, backdrop.as_ref()))
     }
 }
 
-/// A row of the result. Each pixel is covered by its own sprite, so no coverage stays 0.
+/// Steps that a presence of 1 is divided into: see [`Scattered::presence`].
+const PRESENCE_STEPS: f32 = 65_536.0;
+
+/// The surfaces to draw, sorted into bins.
+struct Scattered<'a> {
+    content: &'a [Plane],
+    /// Presence of each pixel in whole steps, so that sums of coverage are exact; `None` where all are 1.
+    presence: Option<Plane>,
+    bins: Vec<Bin>,
+    size: (usize, usize),
+    saturation: f64,
+}
+
+impl<'a> Scattered<'a> {
+    fn new(surfaces: &'a VisibleSurfaces, plan: &Plan) -> Self {
+        let VisibleSurfaces { content, presence, coc_px } = surfaces;
+        let presence = presence.clone().map(|mut presence| {
+            let whole_steps = |value: &mut f32| *value = (*value * PRESENCE_STEPS).round() / PRESENCE_STEPS;
+            presence.values_mut().iter_mut().for_each(whole_steps);
+            presence
+        });
+        Self {
+            content,
+            presence,
+            bins: bins::sort(coc_px, plan.optics.aperture),
+            size: (coc_px.width(), coc_px.height()),
+            saturation: f64::from(plan.parameters.get::<ScatterParameters>().saturation),
+        }
+    }
+
+    /// Content, divided by coverage, and, last, coverage.
+    fn planes<const N: usize>(&self, progress: &Progress<'_>) -> [Plane; N] {
+        let arch = Arch::new();
+        let new_row = || Row::new(self.size.0, self.content.len());
+        // The coverage of a complete surface.
+        let complete = self.saturation.min(1.0) as f32;
+        planes_from_rows(self.size, progress, new_row, |row, y, planes: &mut [_; N]| {
+            row.clear();
+            arch.dispatch(DrawRow { row, scattered: self, y });
+            let Some((coverages, content)) = planes.split_last_mut() else { return };
+            for (plane, sums) in content.iter_mut().zip(&row.content) {
+                for ((value, &sum), &coverage) in plane.iter_mut().zip(sums).zip(&row.coverage) {
+                    *value = if coverage > 0.0 { (sum / coverage) as f32 } else { 0.0 };
+                }
+            }
+            for (result, coverage) in coverages.iter_mut().zip(&row.coverage) {
+                *result = *coverage as f32;
+            }
+            self.add_outside(y, coverages);
+            coverages.iter_mut().for_each(|coverage| *coverage = (*coverage / complete).min(1.0));
+        })
+    }
+}
+
+impl Scattered<'_> {
+    /// Adds to the coverage of row `y` that of sprites outside the frame, as if they were like those of the pixels that they cover.
+    fn add_outside(&self, y: usize, coverages: &mut [f32]) {
+        let Some(presence) = &self.presence else { return };
+        let presence = presence.row(y);
+        for bin in &self.bins {
+            for x in bin.columns(y) {
+                coverages[x] += presence[x] * (1.0 - bin.sprite.share_within(self.size, [x, y])) as f32;
+            }
+        }
+    }
+}
+
+/// A row of the result.
 struct Row {
     /// Steps of one bin along the row: of its coverage, and of each channel.
     coverage_steps: Vec<f64>,
@@ -107,20 +169,22 @@ impl Row {
         self.content.iter_mut().for_each(|sums| sums.fill(0.0));
     }
 
-    /// Adds one step of a sprite for all pixels of `span`; `content` has the row of the span for each channel.
+    /// Adds one step of a sprite for all pixels of `span`; `content` has the row of the span for each channel, and `presence` its
+    /// presence where that is not 1.
     #[inline(always)]
-    fn add_step<'a>(&mut self, span: &Span, step: Step, content: impl Iterator<Item = &'a [f32]>) {
+    fn add_step<'a>(
+        &mut self,
+        (span, step): (&Span, Step),
+        presence: Option<&[f32]>,
+        content: impl Iterator<Item = &'a [f32]>,
+    ) {
         let width = self.coverage_steps.len();
         let (from, to) = (i64::from(span.from) + i64::from(step.dx), i64::from(span.to) + i64::from(step.dx));
         // Steps left of the frame are added at its first pixel; steps right of it have no effect.
         let outside = (-from).clamp(0, to - from) as usize;
         let inside = (from.max(0) as usize).min(width)..(to.max(0) as usize).min(width);
         let columns = span.from as usize..span.to as usize;
-        if outside > 0 {
-            self.coverage_steps[0] += step.height * outside as f64;
-        }
-        self.coverage_steps[inside.clone()].iter_mut().for_each(|sum| *sum += step.height);
-        for (sums, values) in self.content_steps.iter_mut().zip(content) {
+        let add = |sums: &mut [f64], values: &[f32]| {
             let values = &values[columns.clone()];
             if outside > 0 {
                 sums[0] += step.height * values[..outside].iter().map(|&value| f64::from(value)).sum::<f64>();
@@ -128,7 +192,15 @@ impl Row {
             for (sum, &value) in sums[inside.clone()].iter_mut().zip(&values[outside..]) {
                 *sum += step.height * f64::from(value);
             }
+        };
+        self.content_steps.iter_mut().zip(content).for_each(|(sums, values)| add(sums, values));
+        if let Some(presence) = presence {
+            return add(&mut self.coverage_steps, presence);
         }
+        if outside > 0 {
+            self.coverage_steps[0] += step.height * outside as f64;
+        }
+        self.coverage_steps[inside].iter_mut().for_each(|sum| *sum += step.height);
     }
 
     /// Integrates the steps of `columns`, adds the share that fits below `saturation`, and clears the steps.
@@ -158,11 +230,8 @@ impl Row {
 /// Draws row `y` of all sprites; compiled for each instruction set.
 struct DrawRow<'a> {
     row: &'a mut Row,
-    /// Nearest first.
-    bins: &'a [Bin],
-    content: &'a [Plane],
+    scattered: &'a Scattered<'a>,
     y: usize,
-    saturation: f64,
 }
 
 impl NullaryFnOnce for DrawRow<'_> {
@@ -170,22 +239,24 @@ impl NullaryFnOnce for DrawRow<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { row, bins, content, y, saturation } = self;
+        let Self { row, scattered: Scattered { content, presence, bins, saturation, .. }, y } = self;
         let width = row.coverage_steps.len();
         for bin in bins {
             let mut reached = width..0;
             for span in bin.spans_reaching(y) {
                 let steps = bin.sprite.row(y as i32 - span.y as i32);
                 let (Some(first), Some(last)) = (steps.first(), steps.last()) else { continue };
+                let presence = presence.as_ref().map(|presence| presence.row(span.y as usize));
                 for &step in steps {
-                    row.add_step(span, step, content.iter().map(|plane| plane.row(span.y as usize)));
+                    let content = content.iter().map(|plane| plane.row(span.y as usize));
+                    row.add_step((span, step), presence, content);
                 }
                 let from = (i64::from(span.from) + i64::from(first.dx)).clamp(0, width as i64) as usize;
                 let to = (i64::from(span.to) + i64::from(last.dx)).clamp(0, width as i64) as usize;
                 reached = reached.start.min(from)..reached.end.max(to);
             }
             if !reached.is_empty() {
-                row.add_bin(reached, bin.sprite.intensity, saturation);
+                row.add_bin(reached, bin.sprite.intensity, *saturation);
             }
         }
     }
@@ -197,11 +268,6 @@ const DEVIATIONS: &[Deviation] = &[
         law: Law::SeeThrough,
         within: [0.0, 0.001],
         reason: "one picture shows nothing behind a blurred foreground, and pixels in focus do not spread",
-    },
-    Deviation {
-        law: Law::Transparency,
-        within: [0.999, 1.27],
-        reason: "inside a near outline all coverage comes from the foreground, and the division makes it one",
     },
     Deviation {
         law: Law::Convergence,
@@ -219,8 +285,14 @@ mod tests {
     fn scattered(values: &[f32], coc: &[f32], saturation: f64) -> Vec<f64> {
         let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
         let mut row = Row::new(values.len(), 1);
-        let bins = bins::sort(&plane(coc), Aperture::DISC);
-        DrawRow { row: &mut row, bins: &bins, content: &[plane(values)], y: 0, saturation }.call();
+        let scattered = Scattered {
+            content: &[plane(values)],
+            presence: None,
+            bins: bins::sort(&plane(coc), Aperture::DISC),
+            size: (values.len(), 1),
+            saturation,
+        };
+        DrawRow { row: &mut row, scattered: &scattered, y: 0 }.call();
         row.content[0].iter().zip(&row.coverage).map(|(sum, coverage)| sum / coverage).collect()
     }
 

@@ -27,6 +27,8 @@ pub(super) struct Sprite {
     pub intensity: f64,
     /// Row of the first steps, relative to the centre of the disc.
     top: i32,
+    /// First column, and column after the last.
+    columns: [i32; 2],
     steps: Vec<Step>,
     /// Index of the first step of each row, and the number of steps.
     starts: Vec<usize>,
@@ -51,13 +53,33 @@ impl Sprite {
             steps.extend(shape.row(dy, limit_x));
             starts.push(steps.len());
         }
-        Self { intensity: 1.0 / area, top: -limit_y, steps, starts }
+        let columns =
+            steps.iter().fold([0, 0], |[from, to], step: &Step| [from.min(step.dx), to.max(step.dx)]);
+        Self { intensity: 1.0 / area, top: -limit_y, columns, steps, starts }
     }
 
     /// The steps of the row `dy` rows below the centre, from left to right.
     pub(super) fn row(&self, dy: i32) -> &[Step] {
         let row = (dy - self.top) as usize;
         &self.steps[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// Share of all pixels whose sprites of this shape cover pixel `x, y` that lie in a frame of `width × height` pixels.
+    pub(super) fn share_within(&self, (width, height): (usize, usize), [x, y]: [usize; 2]) -> f64 {
+        let [top, bottom] = self.rows_reached();
+        let [x, y, width, height] = [x, y, width, height].map(|value| value as i32);
+        // The pixel whose sprite covers the given one at the offset `dx, dy` is at `x − dx, y − dy`.
+        let first_dx = x + 1 - width;
+        let [from, to] = self.columns;
+        if from >= first_dx && to <= x + 1 && top > y - height && bottom <= y {
+            return 1.0;
+        }
+        let rows = (y + 1 - height).max(top)..=y.min(bottom);
+        let in_row = |dy: i32| {
+            let steps = self.row(dy).iter();
+            steps.map(|step| step.height * f64::from(x + 1 - step.dx.clamp(first_dx, x + 1))).sum::<f64>()
+        };
+        self.intensity * rows.map(in_row).sum::<f64>()
     }
 
     /// First and last row, relative to the centre.
@@ -181,6 +203,20 @@ mod tests {
                 }
                 assert!((sum - 1.0).abs() < 1e-12, "{blades} blades, {coc} px: {sum}");
             }
+        }
+    }
+
+    #[test]
+    fn the_share_within_a_frame_is_that_of_the_pixels_whose_sprites_cover_the_given_one() {
+        let sprite = Sprite::new(Aperture::new(5, 11.0).unwrap(), 4.3, (30, 20));
+        for [x, y] in [[15, 10], [0, 0], [29, 3], [2, 19]] {
+            let offsets = drawn(&sprite, 8).filter(|(offset, _)| {
+                let (x, y) = (x as f32 - offset.x, y as f32 - offset.y);
+                (0.0..30.0).contains(&x) && (0.0..20.0).contains(&y)
+            });
+            let expected: f64 = offsets.map(|(_, coverage)| coverage * sprite.intensity).sum();
+            let found = sprite.share_within((30, 20), [x, y]);
+            assert!((found - expected).abs() < 1e-12, "{x}, {y}: {found}, expected {expected}");
         }
     }
 

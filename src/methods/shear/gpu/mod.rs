@@ -12,7 +12,8 @@ mod kernels;
 
 use super::bokeh::Bokeh;
 use super::highlights::{self, Highlight, Occluders};
-use super::{prepare, resolve, spans};
+use super::resolve::Resolve;
+use super::{prepare, spans};
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
 use crate::image::{Image, Plane};
@@ -37,8 +38,8 @@ impl GpuBackend for ShearGpu {
         if let Some(discs) = discs {
             add_light(&mut image, &discs);
         }
-        if plan.does(EffectKind::Resolve) {
-            resolve::soften(&mut image, &focused_share, plan.strength(EffectKind::Resolve).unwrap_or(0.0));
+        if let Some(resolve) = Resolve::new(plan, scene) {
+            resolve.soften(&mut image, &focused_share);
         }
         Ok(image)
     }

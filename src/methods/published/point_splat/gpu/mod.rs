@@ -5,7 +5,7 @@
 //! so that no sum depends on the order of threads. Rows are rendered in strips, and the points of a strip in several
 //! dispatches, to limit the time of a pass.
 //!
-//! Cost: as on the CPU, plus the blocks that a tile visits in vain. Memory: 32 bytes per point and 24 per pixel, in
+//! Cost: as on the CPU, plus the blocks that a tile visits in vain. Memory: 32 bytes per point and 28 per pixel, in
 //! bands of rows where that is too much; and for each radius in use a table of the square around its sprite. With all
 //! radii up to C these take about 1000 C² bytes, which is what limits C.
 
@@ -21,8 +21,8 @@ use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, MAX_ROUNDS, Mirrored, Shader, bands, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
-use crate::methods::shared::{peels, picture};
-use crate::scene::{EffectKind, Scene};
+use crate::methods::shared::{Backdrop, before, picture};
+use crate::scene::Scene;
 use blocks::{BLOCK, Blocks, REGION, count_in_row};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -31,8 +31,11 @@ use weights::WeightTable;
 /// Side of a workgroup's tile, in pixels.
 const TILE: usize = 8;
 
-/// Bytes per point in either of its buffers, and per pixel of the result.
+/// Bytes per point in either of its buffers.
 const BYTES_PER_POINT: usize = 16;
+
+/// Maximum bytes per pixel of the result.
+const BYTES_PER_PIXEL: usize = 20;
 
 /// Bytes of the layers of two neighbouring pixels.
 const BYTES_PER_PAIR: usize = 2 * 3 * 5 * size_of::<f32>();
@@ -65,8 +68,8 @@ mirrored! {
         /// Blocks per row, and regions per row.
         blocks_across: u32,
         regions_across: i32,
-        /// Number of content planes.
-        channels: u32,
+        /// Number of planes of the picture: content and, where it has alpha, coverage.
+        planes: u32,
     }
 }
 
@@ -79,12 +82,12 @@ static SHADER: Shader = Shader {
 
 impl GpuBackend for PointSplat {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let content = if plan.does(EffectKind::TransparentBackground) {
-            GpuSplat::<4>::new(gpu, scene, plan).content(progress)?
-        } else {
-            GpuSplat::<3>::new(gpu, scene, plan).content(progress)?
+        let Some(backdrop) = Backdrop::new(scene, plan) else {
+            return Ok(picture(GpuSplat::<3>::new(gpu, scene, plan).picture(progress)?));
         };
-        Ok(picture(content))
+        let mut planes = GpuSplat::<4>::new(gpu, scene, plan).picture(progress)?;
+        let coverage = planes.pop().unwrap_or_default();
+        Ok(before(picture(planes), &coverage, Some(&backdrop)))
     }
 
     fn shader(&self) -> &'static Shader {
@@ -127,19 +130,22 @@ struct BandBuffers {
 }
 
 impl<'a, const N: usize> GpuSplat<'a, N> {
+    /// Number of planes of the picture.
+    const PLANES: usize = if N > 3 { N + 1 } else { N };
+
     /// Prepares the points of `scene`.
     fn new(gpu: &'a Gpu, scene: &Scene, plan: &Plan) -> Self {
         let size = scene.picture_size();
-        let inputs = SplatInputs::<N>::new(peels(scene.clone(), plan), size, plan);
+        let inputs = SplatInputs::<N>::new(scene.clone(), plan);
         let reach = reach(&inputs.grids);
         let delta = plan.parameters.get::<PointSplatParameters>().delta;
         Self { gpu, inputs, size, delta, reach, max_visits: MAX_VISITS }
     }
 
-    /// Renders the content planes of the picture.
-    fn content(&self, progress: &Progress<'_>) -> Result<Vec<Plane>, Error> {
+    /// Renders the planes of the picture: content and, where it has alpha, coverage.
+    fn picture(&self, progress: &Progress<'_>) -> Result<Vec<Plane>, Error> {
         let (width, height) = self.size;
-        let mut planes = vec![Plane::zeros(width, height); N];
+        let mut planes = vec![Plane::zeros(width, height); Self::PLANES];
         for band in self.bands()? {
             let pixels = band.rows.start * width..band.rows.end * width;
             let mut parts: Vec<&mut [f32]> =
@@ -159,10 +165,10 @@ impl<'a, const N: usize> GpuSplat<'a, N> {
         let (width, height) = self.size;
         let points = |y| count_in_row(&self.inputs.grids, y, self.size);
         let max_points = (0..height).into_par_iter().map(points).max().unwrap_or(0);
-        let rows_by_binding =
-            self.gpu.max_binding_bytes() as usize / (BYTES_PER_POINT * max_points.max(width));
+        let rows_by_binding = self.gpu.max_binding_bytes() as usize
+            / (BYTES_PER_POINT * max_points).max(BYTES_PER_PIXEL * width);
         let bytes_per_row =
-            2 * BYTES_PER_POINT * max_points + (BYTES_PER_POINT + size_of::<[f32; 2]>()) * width;
+            2 * BYTES_PER_POINT * max_points + (BYTES_PER_PIXEL + size_of::<[f32; 2]>()) * width;
         let rows_by_memory = (self.gpu.max_working_bytes() as usize - MAX_SUM_BYTES) / bytes_per_row;
         let max_rows = rows_by_binding.min(rows_by_memory);
         // The rows above and below the picture need memory too.
@@ -217,7 +223,7 @@ impl<'a, const N: usize> GpuSplat<'a, N> {
                 gpu.upload("the bounds of layers", &bounds)?,
             ],
             sums: gpu.zeros::<u8>("layers", strip_rows * width.div_ceil(2) * BYTES_PER_PAIR)?,
-            picture: gpu.zeros::<f32>("the picture", N * width * rows.len())?,
+            picture: gpu.zeros::<f32>("the picture", Self::PLANES * width * rows.len())?,
         })
     }
 
@@ -314,7 +320,7 @@ impl<'a, const N: usize> GpuSplat<'a, N> {
             is_first: u32::from(blocks.start == strip.start / BLOCK),
             blocks_across: buffers.blocks_across as u32,
             regions_across: width.div_ceil(REGION) as i32,
-            channels: N as u32,
+            planes: Self::PLANES as u32,
         }
     }
 }
@@ -355,7 +361,7 @@ mod tests {
         for (max_visits, min_passes) in [(MAX_VISITS, 2), (20_000_000, 6), (1_000_000, 60)] {
             let before = gpu.usage().unwrap().passes;
             let splat = GpuSplat { max_visits, ..GpuSplat::<3>::new(&gpu, &scene, &plan) };
-            let found = splat.content(&|_| {}).unwrap();
+            let found = splat.picture(&|_| {}).unwrap();
             let passes = gpu.usage().unwrap().passes - before;
             assert!(passes >= min_passes, "{passes} passes of {max_visits} visits");
             for (found, expected) in found.iter().zip(&expected.planes) {

@@ -21,13 +21,16 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mi
 use crate::image::{Image, Plane};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, at_pixels, peels,
-    picture_in_bands,
+    Backdrop, COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, at_pixels, peels,
+    picture_before,
 };
-use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene};
+use crate::scene::{OPAQUE_ALPHA, Scene};
 use lines::{Lines, blur_passes};
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Planes of content: red, green and blue.
+const CHANNELS: usize = 3;
 
 static SHADER: Shader = Shader {
     name: "recursive_gaussian",
@@ -55,8 +58,6 @@ mirrored! {
         fall_from: f32,
         fall_to: f32,
         fall_slope: f32,
-        /// Whether the peel has alpha where it covers: all peels but the backdrop of a transparent background do.
-        shows: u32,
         /// Whether the peel is the first one of the layer.
         first: u32,
     }
@@ -81,9 +82,9 @@ impl GpuBackend for RecursiveGaussian {
         let parameters = plan.parameters.get::<RecursiveGaussianParameters>();
         let (size, coc_infinity_px) = (scene.picture_size(), scene.coc_infinity_px);
         let layers = Layers::new(plan.coc_range_px, coc_infinity_px, parameters);
-        let peels = peels(scene.clone(), plan).into_iter().map(|peel| DepthPeel::new(peel, coc_infinity_px));
+        let backdrop = Backdrop::new(scene, plan);
+        let peels = peels(scene.clone()).into_iter().map(|peel| DepthPeel::new(peel, coc_infinity_px));
         let peels: Vec<DepthPeel> = peels.collect();
-        let transparent_background = plan.does(EffectKind::TransparentBackground);
         let renderer = Renderer {
             gpu,
             kernels: Kernels::new(gpu)?,
@@ -91,12 +92,11 @@ impl GpuBackend for RecursiveGaussian {
             cascaded: parameters.cascaded,
             max_value: max_value(&peels),
             peels,
-            transparent_background,
         };
-        let planes = 5 * (renderer.channels() + 1);
+        let planes = 5 * (CHANNELS + 1);
         let needs = RowNeeds { planes: 6 * renderer.peels.len() + planes, values: 0 };
         let reach = reach(&renderer.layers, renderer.cascaded);
-        picture_in_bands(gpu, (size, transparent_background), (reach, needs), progress, |band, progress| {
+        picture_before(gpu, (size, backdrop.as_ref()), (reach, needs), progress, |band, progress| {
             renderer.band(size, band, progress)
         })
     }
@@ -127,7 +127,7 @@ fn max_value(peels: &[DepthPeel]) -> f32 {
 }
 
 impl Matting {
-    fn new(Matte { rise, own, fall }: &Matte, shows: bool, first: bool) -> Self {
+    fn new(Matte { rise, own, fall }: &Matte, first: bool) -> Self {
         // Shaders have no infinity. No finite depth is past the largest finite value either.
         let finite = |value: f32| value.clamp(f32::MIN, f32::MAX);
         let values = |ramp: &Ramp| [ramp.from, ramp.to, ramp.slope].map(finite);
@@ -144,7 +144,6 @@ impl Matting {
             fall_from,
             fall_to,
             fall_slope,
-            shows: u32::from(shows),
             first: u32::from(first),
         }
     }
@@ -183,7 +182,6 @@ struct Renderer<'a> {
     /// Upper bound of all values of composites.
     max_value: f32,
     peels: Vec<DepthPeel>,
-    transparent_background: bool,
 }
 
 /// The buffers of a band.
@@ -210,11 +208,6 @@ struct FocusSide {
 }
 
 impl Renderer<'_> {
-    /// Number of content planes.
-    fn channels(&self) -> usize {
-        if self.transparent_background { 4 } else { 3 }
-    }
-
     /// Renders the rows of a band.
     fn band(&self, size: (usize, usize), band: &Band, progress: &Progress<'_>) -> Result<Planes, Error> {
         let buffers = self.buffers(size, band)?;
@@ -242,12 +235,12 @@ impl Renderer<'_> {
         let peels = self.peels.iter().map(|peel| Planes::from_peel(gpu, &peel.planes, &peel.depth, source));
         let zeros = self.peels.iter().skip(1).map(|_| gpu.zeros::<f32>("visibility", pixels));
         let ones = gpu.upload("visibility", &vec![1.0f32; pixels]);
-        let empty_planes = || Planes::zeros(gpu, self.channels() + 1, pixels);
+        let empty_planes = || Planes::zeros(gpu, CHANNELS + 1, pixels);
         let whole = Band { rows: source.clone(), source: source.clone() };
         Ok(BandBuffers {
             band,
             width: size.0,
-            frame: gpu.uniform(&Frame::new(size, &whole, self.channels()))?,
+            frame: gpu.uniform(&Frame::new(size, &whole, CHANNELS))?,
             peels: peels.collect::<Result<_, _>>()?,
             visibility: [ones].into_iter().chain(zeros).collect::<Result<_, _>>()?,
             layer: empty_planes()?,
@@ -257,7 +250,7 @@ impl Renderer<'_> {
 
     /// Empty coverage planes for the rows that are read.
     fn empty_planes(&self, buffers: &BandBuffers<'_>) -> Result<Planes, Error> {
-        Planes::zeros(self.gpu, self.channels() + 1, buffers.width * buffers.band.source.len())
+        Planes::zeros(self.gpu, CHANNELS + 1, buffers.width * buffers.band.source.len())
     }
 
     /// Computes the visibility of each peel behind those before it.
@@ -324,8 +317,7 @@ impl Renderer<'_> {
         };
         let overlapping = self.peels.iter().enumerate().filter(|(_, peel)| overlaps(peel));
         for (count, (i, _)) in overlapping.enumerate() {
-            let shows = !self.transparent_background || i + 1 < self.peels.len();
-            let matting = self.gpu.uniform(&Matting::new(matte, shows, count == 0))?;
+            let matting = self.gpu.uniform(&Matting::new(matte, count == 0))?;
             let bindings = [
                 (2, frame),
                 (3, &matting),
@@ -374,10 +366,9 @@ impl Renderer<'_> {
         }
         let filter = ExtendedBox::from_sigma(sigma_px);
         let passes = blur_passes(&filter, (buffers.width, buffers.band.source.len()), rows, self.max_value);
-        let rest = self.channels() + 1 - 3;
         let Planes { colors, rest: others } = &buffers.scratch;
-        self.passes(work, [&composite.colors, colors], &passes, 3)?;
-        self.passes(work, [&composite.rest, others], &passes, rest)
+        self.passes(work, [&composite.colors, colors], &passes, CHANNELS)?;
+        self.passes(work, [&composite.rest, others], &passes, 1)
     }
 
     /// Blurs `count` planes; the passes alternate between two buffers, and the result is in the first one.
@@ -426,8 +417,8 @@ impl Renderer<'_> {
         buffers: &BandBuffers<'_>,
     ) -> Result<Planes, Error> {
         let made = (size.0, buffers.band.rows.len());
-        let result = Planes::zeros(self.gpu, self.channels() + 1, made.0 * made.1)?;
-        let frame = self.gpu.uniform(&Frame::new(size, buffers.band, self.channels()))?;
+        let result = Planes::zeros(self.gpu, CHANNELS + 1, made.0 * made.1)?;
+        let frame = self.gpu.uniform(&Frame::new(size, buffers.band, CHANNELS))?;
         let bindings = [
             (2, &frame),
             (6, &result.colors),
