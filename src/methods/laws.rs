@@ -1,6 +1,6 @@
 //! The laws of the blur, and a method's declared deviations from them.
 //!
-//! `tests/laws.rs` checks every method against every law: it measures one figure in several cases. A method that breaks a law by
+//! `tests/laws.rs` and `tests/continuity` check every method against every law: they measure one figure in several cases. A method that breaks a law by
 //! design declares a [`Deviation`] in its [`MethodInfo`](super::MethodInfo). Its figures must then lie within the declared range,
 //! and at least one of them outside what the law allows, so that a declaration without need fails the test.
 
@@ -47,6 +47,36 @@ pub enum Law {
     Convergence,
     /// A supersampled stack gives the picture of the scene that its samples represent.
     Supersampling,
+    /// A translucent plane lets the same light pass however it is tilted.
+    TiltedPane,
+    /// A translucent plane that goes on in the next peel counts once.
+    SheetOfTwoPeels,
+    /// A translucent layer without a background keeps its alpha and colour.
+    LoneElement,
+    /// The alpha of a soft object without a background is the mean over the lens.
+    SoftDisc,
+    /// Layers of one colour give that colour, whatever their alpha.
+    OneColor,
+    /// A changed sample changes nothing beyond its blur.
+    Locality,
+    /// A steep opaque surface lets no light pass.
+    SteepRamp,
+    /// A rough opaque surface lets hardly any light pass.
+    Relief,
+    /// A lens that changes evenly changes the picture evenly.
+    EvenSweep,
+    /// A lens that changes changes the picture.
+    FrozenFrames,
+    /// The peak of a point of light falls as its disc grows.
+    Peak,
+    /// The picture becomes the input as the lens closes.
+    NearFocus,
+    /// The picture does not jump as the lens closes.
+    StepNearFocus,
+    /// Any number of peels is seen.
+    ManyPeels,
+    /// The order of a stack's peels does not matter.
+    PeelOrder,
 }
 
 impl Law {
@@ -75,6 +105,27 @@ impl Law {
             }
             Self::Convergence => "dB from the reference",
             Self::Supersampling => "dB from the reference, for four samples a pixel",
+            Self::TiltedPane => {
+                "error of the mean light through a tilted translucent plane, or of its mean alpha"
+            }
+            Self::SheetOfTwoPeels => {
+                "error of the mean light through a translucent plane that goes on in the next peel"
+            }
+            Self::LoneElement => "largest difference of a layer of alpha 0.3 with nothing behind it",
+            Self::SoftDisc => "largest error of alpha in a soft disc with nothing behind it",
+            Self::OneColor => {
+                "largest difference between colour and alpha times the one colour of all layers"
+            }
+            Self::Locality => "largest change beyond the blur of a changed sample",
+            Self::SteepRamp => "mean share of a white wall visible through a steep opaque plane",
+            Self::Relief => "mean share of a white wall visible through a rough opaque surface",
+            Self::EvenSweep => "largest change between two frames of a sweep, over the mean change",
+            Self::FrozenFrames => "frames of 45 in a sweep that do not change",
+            Self::Peak => "relative error of the peak of a point of light",
+            Self::NearFocus => "largest difference from the input at a CoC radius of 0.02 px or less",
+            Self::StepNearFocus => "largest change of a pixel between two CoC radii 0.01 px apart",
+            Self::ManyPeels => "largest difference in an even picture that 300 peels hold",
+            Self::PeelOrder => "largest difference between pictures of the same peels in another order",
         }
     }
 }
