@@ -51,14 +51,10 @@ pub enum Law {
     TiltedPane,
     /// A translucent plane that goes on in the next peel counts once.
     SheetOfTwoPeels,
-    /// A translucent layer without a background keeps its alpha and colour.
-    LoneElement,
     /// The alpha of a soft object without a background is the mean over the lens.
     SoftDisc,
-    /// Layers of one colour give that colour, whatever their alpha.
-    OneColor,
     /// A changed sample changes nothing beyond its blur.
-    Locality,
+    LocalChange,
     /// A steep opaque surface lets no light pass.
     SteepRamp,
     /// A rough opaque surface lets hardly any light pass.
@@ -111,12 +107,8 @@ impl Law {
             Self::SheetOfTwoPeels => {
                 "error of the mean light through a translucent plane that goes on in the next peel"
             }
-            Self::LoneElement => "largest difference of a layer of alpha 0.3 with nothing behind it",
             Self::SoftDisc => "largest error of alpha in a soft disc with nothing behind it",
-            Self::OneColor => {
-                "largest difference between colour and alpha times the one colour of all layers"
-            }
-            Self::Locality => "largest change beyond the blur of a changed sample",
+            Self::LocalChange => "largest change beyond the blur of a changed sample",
             Self::SteepRamp => "mean share of a white wall visible through a steep opaque plane",
             Self::Relief => "mean share of a white wall visible through a rough opaque surface",
             Self::EvenSweep => "largest change between two frames of a sweep, over the mean change",

@@ -10,13 +10,13 @@ use thinlens::scene::{EffectKind, Scene};
 use thinlens::stack::StackKind;
 
 pub(crate) const LONE_ELEMENT: Measured =
-    Measured { law: Law::LoneElement, bound: 2e-3, promised_by: Promise::All, figures: lone_elements };
+    Measured { law: Law::Element, bound: 2e-3, promised_by: Promise::All, figures: lone_elements };
 
 pub(crate) const SOFT_DISC: Measured =
     Measured { law: Law::SoftDisc, bound: 5e-3, promised_by: Promise::LensSampling, figures: soft_discs };
 
 pub(crate) const ONE_COLOR: Measured =
-    Measured { law: Law::OneColor, bound: 1e-5, promised_by: Promise::All, figures: one_color };
+    Measured { law: Law::ConstantColor, bound: 1e-5, promised_by: Promise::All, figures: one_color };
 
 const COLOR: [f32; 3] = [0.8, 0.5, 0.2];
 

@@ -9,7 +9,7 @@ use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::stack::StackKind;
 
 pub(crate) const LOCALITY: Measured =
-    Measured { law: Law::Locality, bound: 1e-6, promised_by: Promise::LensSampling, figures: changes };
+    Measured { law: Law::LocalChange, bound: 1e-6, promised_by: Promise::LensSampling, figures: changes };
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 44;
