@@ -12,7 +12,7 @@
 //! Both pixels lie within the largest CoC radius of the ray's own pixel, and shares are continuous in alpha: no sample changes the
 //! background elsewhere.
 
-use super::{Layer, OPAQUE_ALPHA};
+use super::layer::{Layer, OPAQUE_ALPHA};
 use crate::image::Plane;
 use glam::IVec2;
 use rayon::prelude::*;

@@ -11,11 +11,13 @@ mod stats;
 mod fill;
 mod focus;
 mod focus_distance;
+mod layer;
 mod light;
 mod merge;
 mod peel_stats;
 mod spread;
 pub(crate) mod surface;
+mod unmixing;
 mod workload;
 
 pub use background::Background;
@@ -24,6 +26,7 @@ pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
+pub use layer::{Layer, OPAQUE_ALPHA};
 pub use peel_stats::PeelStats;
 pub use stats::SceneStats;
 pub(crate) use stats::{BrightStep, bright_step_floor};
@@ -32,44 +35,13 @@ pub use workload::Workload;
 #[cfg(test)]
 pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
 
-use crate::image::{Image, Plane};
+use crate::image::Image;
 use crate::lens::{Field, ThinLens};
 pub use crate::stack::Antialiasing;
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Fragments of at least this alpha hide everything behind them.
-pub const OPAQUE_ALPHA: f32 = 0.999;
-
-/// One peel in CoC space.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Layer {
-    /// Red, green, blue: scene-linear, premultiplied, finite.
-    pub color: [Plane; 3],
-    /// Coverage or opacity, 0 … 1; 0 for an empty sample.
-    pub alpha: Plane,
-    /// Signed CoC radius in picture pixels, negative in front of focus; finite.
-    pub coc_px: Plane,
-}
-
-impl Layer {
-    /// Width in samples.
-    pub fn width(&self) -> usize {
-        self.alpha.width()
-    }
-
-    /// Height in samples.
-    pub fn height(&self) -> usize {
-        self.alpha.height()
-    }
-
-    /// Colour of column `x` of row `y`.
-    pub fn color_at(&self, x: usize, y: usize) -> [f32; 3] {
-        self.color.each_ref().map(|plane| plane.get(x, y))
-    }
-}
 
 /// A stack as methods get it: fragments `(x, y, c)`, no depth, no units.
 #[derive(Debug, Clone, PartialEq)]

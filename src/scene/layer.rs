@@ -1,0 +1,34 @@
+//! One peel in CoC space.
+
+use crate::image::Plane;
+
+/// Fragments of at least this alpha hide everything behind them.
+pub const OPAQUE_ALPHA: f32 = 0.999;
+
+/// One peel in CoC space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Red, green, blue: scene-linear, premultiplied, finite.
+    pub color: [Plane; 3],
+    /// Coverage or opacity, 0 … 1; 0 for an empty sample.
+    pub alpha: Plane,
+    /// Signed CoC radius in picture pixels, negative in front of focus; finite.
+    pub coc_px: Plane,
+}
+
+impl Layer {
+    /// Width in samples.
+    pub fn width(&self) -> usize {
+        self.alpha.width()
+    }
+
+    /// Height in samples.
+    pub fn height(&self) -> usize {
+        self.alpha.height()
+    }
+
+    /// Colour of column `x` of row `y`.
+    pub fn color_at(&self, x: usize, y: usize) -> [f32; 3] {
+        self.color.each_ref().map(|plane| plane.get(x, y))
+    }
+}
