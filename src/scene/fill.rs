@@ -6,10 +6,9 @@
 //! fades where the pixel shows the background ([`Background`]): nothing is behind its fragments there.
 
 use super::surface::CELL_PX;
-use super::unmixing::unmixed_colors;
+use super::unmixing::{replace_blurred, unmixed_colors};
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
-use crate::stack::Antialiasing;
 use rayon::prelude::*;
 
 /// Largest number of levels of the pyramid.
@@ -42,22 +41,21 @@ impl Scene {
     #[must_use]
     pub fn filled(self) -> Self {
         let mut scene = self.merged();
-        scene.layers.extend(estimated_layer(&scene.layers, scene.background.as_deref(), &scene.antialiasing));
+        let background = scene.background.as_deref();
+        if let [picture] = &mut scene.layers[..] {
+            // Peels hold each surface's own colours; one picture with depth has mixtures of two at every edge.
+            replace_blurred(picture, &unmixed_colors(picture, &scene.antialiasing));
+        }
+        scene.layers.extend(estimated_layer(&scene.layers, background));
         scene
     }
 }
 
 /// The estimated surface, empty where no farther surface is near; `None` without layers.
-fn estimated_layer(
-    layers: &[Layer],
-    background: Option<&Background>,
-    antialiasing: &Antialiasing,
-) -> Option<Layer> {
+fn estimated_layer(layers: &[Layer], background: Option<&Background>) -> Option<Layer> {
     let nearest = layers.first()?;
     let (width, height) = (nearest.width(), nearest.height());
-    // Peels hold each surface's own colours; one picture with depth has mixtures of two at every edge.
-    let antialiasing = if layers.len() == 1 { antialiasing } else { &Antialiasing::POINT_SAMPLES };
-    let mut levels = vec![base(nearest, antialiasing)];
+    let mut levels = vec![base(nearest)];
     while let Some(last) = levels.last()
         && last.width.max(last.height) > 2
         && levels.len() < MAX_LEVELS
@@ -84,9 +82,8 @@ fn last_coc(layers: &[Layer], x: usize, y: usize) -> Option<f32> {
     layers.iter().rev().find(|layer| layer.alpha.get(x, y) > 0.0).map(|layer| layer.coc_px.get(x, y))
 }
 
-fn base(layer: &Layer, antialiasing: &Antialiasing) -> Level {
+fn base(layer: &Layer) -> Level {
     let (width, height) = (layer.width(), layer.height());
-    let colors = unmixed_colors(layer, antialiasing);
     let cells = (0..width * height)
         .map(|i| {
             let (x, y) = (i % width, i / width);
@@ -94,7 +91,8 @@ fn base(layer: &Layer, antialiasing: &Antialiasing) -> Level {
             if alpha <= 0.0 {
                 return Cell::default();
             }
-            Cell { color: colors[i], coc_px: layer.coc_px.get(x, y), weight: 1.0 }
+            let color = layer.color_at(x, y).map(|value| value / alpha);
+            Cell { color, coc_px: layer.coc_px.get(x, y), weight: 1.0 }
         })
         .collect();
     Level { width, height, cells }
@@ -200,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_near_stripe_is_filled_with_the_surface_around_it() {
-        let fill = estimated_layer(&[stripe()], None, &Antialiasing::POINT_SAMPLES).unwrap();
+        let fill = estimated_layer(&[stripe()], None).unwrap();
         for x in 28..36 {
             assert_eq!(fill.alpha.get(x, 16), 1.0, "column {x} is filled");
             assert!((fill.coc_px.get(x, 16) - 6.0).abs() < 1e-4, "column {x} lies on the wall");
@@ -211,7 +209,7 @@ mod tests {
 
     #[test]
     fn nothing_is_filled_behind_the_farthest_surface() {
-        let fill = estimated_layer(&[stripe()], None, &Antialiasing::POINT_SAMPLES).unwrap();
+        let fill = estimated_layer(&[stripe()], None).unwrap();
         assert_eq!(fill.alpha.get(5, 16), 0.0, "no fill behind the wall");
     }
 
@@ -223,7 +221,7 @@ mod tests {
         let color = [0, 1, 2].map(|_| plane(&|_| 1.0));
         let layer =
             Layer { color, alpha: plane(&|_| 1.0), coc_px: plane(&|x| if near(x) { 0.0 } else { 3.0 }) };
-        let fill = estimated_layer(&[layer], None, &Antialiasing::POINT_SAMPLES).unwrap();
+        let fill = estimated_layer(&[layer], None).unwrap();
         assert_eq!(fill.alpha.get(32, 32), 0.0, "24 px from the wall, 3 px of blur");
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! In one picture with depth, colours are averages over the pixel and depth is one sample, so that a pixel at an edge may have the depth
 //! of the wall and a colour that is partly that of what stands before it. A surface that is continued behind the edge must not take that
-//! colour. Such a pixel gets the mean of the same surface's pixels near it that touch nothing nearer.
+//! colour. Such a pixel gets the mean of the same surface's pixels near it that touch nothing nearer. Where the surface is blurred, the pixel
+//! itself gets it too: it would spread the nearer surface's colour as a halo, and its own edge is not seen.
 //!
 //! How far a pixel is mixed grows with the difference in CoC radius to the nearest of its eight neighbours, and with how far colours are
 //! averages ([`Antialiasing`]), both continuously. Cost: the edges only.
@@ -17,6 +18,22 @@ const MIXED_PX: [f32; 2] = [0.5, 1.5];
 
 /// Half the side of the square in which pixels of the same surface are looked for, in pixels.
 const AROUND: isize = 4;
+
+/// CoC radii of the surface, in picture pixels, from which on its own edge pixels are replaced: none up to the first, all from the second.
+const BLURRED_PX: [f32; 2] = [1.0, 3.0];
+
+/// Replaces the colours `unmixed` from `layer` ([`unmixed_colors`]) in it where it is blurred.
+pub(super) fn replace_blurred(layer: &mut Layer, unmixed: &[[f32; 3]]) {
+    let [none, all] = BLURRED_PX;
+    let Layer { color, alpha, coc_px } = layer;
+    for (k, plane) in color.iter_mut().enumerate() {
+        let fragments = alpha.values().par_iter().zip(coc_px.values()).zip(unmixed);
+        plane.values_mut().par_iter_mut().zip(fragments).for_each(|(value, ((alpha, coc), unmixed))| {
+            let share = ((coc.abs() - none) / (all - none)).clamp(0.0, 1.0);
+            *value += share * (alpha * unmixed[k] - *value);
+        });
+    }
+}
 
 /// Unpremultiplied colours of `layer`, row by row, without what nearer surfaces mixed into them.
 pub(super) fn unmixed_colors(layer: &Layer, antialiasing: &Antialiasing) -> Vec<[f32; 3]> {
@@ -104,6 +121,19 @@ mod tests {
         assert_eq!(colors[2 * 24 + 12], [0.0, 1.0, 0.0], "without the stripe's red");
         assert_eq!(colors[2 * 24 + 11], [1.0, 0.0, 0.0], "the stripe keeps its own");
         assert_eq!(colors[2 * 24 + 20], [0.0, 1.0, 0.0], "as does the wall elsewhere");
+    }
+
+    #[test]
+    fn a_blurred_surface_loses_what_is_mixed_into_it_and_a_sharp_one_keeps_it() {
+        for (coc_px, expected) in [(9.0, 0.0), (2.0, 0.25), (0.9, 0.5)] {
+            let mut layer = stripe();
+            let is_stripe = |x: usize| (8..12).contains(&x);
+            layer.coc_px = Plane::from_fn(24, 5, |x, _| if is_stripe(x) { coc_px - 9.0 } else { coc_px });
+            let unmixed = unmixed_colors(&layer, &Antialiasing::AVERAGES);
+            replace_blurred(&mut layer, &unmixed);
+            assert_eq!(layer.color_at(12, 2)[0], expected, "c = {coc_px}");
+            assert_eq!(layer.color_at(20, 2), [0.0, 1.0, 0.0], "the wall elsewhere");
+        }
     }
 
     #[test]
