@@ -420,13 +420,13 @@ fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile
 }
 
 // [layer]: the last bin of the block, or blocks, in which the thread's ray last hit a translucent fragment, below the number of the
-// view (counted from 1) from bit BIN_BITS on. Entries of earlier views are smaller than those of the current one.
+// ray (counted from 1) from bit BIN_BITS on. Entries of earlier rays are smaller than those of the current one.
 var<private> translucent_hits: array<u32, MAX_TRANSLUCENT_LAYERS>;
 
-// Whether a hit of the translucent fragment of `order` and `key` in `group` is in a surface that the ray of view `number` hit before;
+// Whether a hit of the translucent fragment of `order` and `key` in `group` is in a surface that the thread's ray `number` hit before;
 // remembers it. A fragment counts once in a group, whatever its number of blocks there. CPU version: `TranslucentHits`.
 fn hit_before(group: Group, order: u32, key: u32, number: u32) -> bool {
-    let stamp = (number + 1u) << BIN_BITS;
+    let stamp = number << BIN_BITS;
     let same_from = stamp | of_bin(order >> BIN_SHIFT).y;
     let layer = layer_of(order);
     var before = translucent_hits[layer] >= same_from;
@@ -451,7 +451,7 @@ struct Composite {
     transmittance: f32,
 }
 
-// Composites the fragments of `group` at `pixel` along a ray of view `number` and transmittance `before`, front to back.
+// Composites the fragments of `group` at `pixel` along the thread's ray `number`, of transmittance `before`, front to back.
 fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite {
     var light = vec4f(0.0);
     var transmittance = before;
@@ -491,16 +491,17 @@ fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgr
         total = with_covered_ray(total, covered_view(i, turn), pixel);
     }
     for (var i = of_tile.covered_end; i < of_tile.end; i++) {
-        let number = ordered_views[i].y;
-        let view = views[view_index(turn, number)];
-        let list = list_of(tile, turn, number);
+        let view_number = ordered_views[i].y;
+        let view = views[view_index(turn, view_number)];
+        let list = list_of(tile, turn, view_number);
+        let ray_number = i - of_tile.covered_end + 1u;
         let passing = passing_to(view, pixel);
         var light = vec4f(0.0);
         var transmittance = passing;
         var entry = 0u;
         while transmittance > 0.0 {
             let next = groups[list + entry];
-            let passed = composite(unpacked(next), pixel, number, transmittance);
+            let passed = composite(unpacked(next), pixel, ray_number, transmittance);
             light += passed.light;
             transmittance = passed.transmittance;
             entry++;
