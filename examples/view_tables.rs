@@ -1,13 +1,17 @@
-//! Computes `src/lens/view_tables.bin`: joint lens and pixel sample tables by sliced optimal transport.
+//! Computes `view_tables.bin` and `row_tables.bin` of `src/lens`: joint lens and pixel sample tables by sliced optimal transport.
 //!
-//! `cargo run --release --example view_tables -- src/lens/view_tables.bin` (a few minutes).
+//! `cargo run --release --example view_tables -- src/lens` (a few minutes).
 //!
 //! A table of `n` points `(u, j)` is moved iteratively so that, along random directions and for every CoC radius `c` of
 //! a list, the sorted projections of `j + c·u` match the quantiles of the true distribution (uniform disc, uniform pixel).
 //! The points are then ordered by kernel herding, so that every prefix of a table is evenly spread.
+//!
+//! For the rows of a picture that take turns there are further sets, with the lens points of the table and other pixel points. The same
+//! projections move these until each set by itself, its prefixes, and all sets together are evenly spread.
 
 use glam::Vec2;
 use std::f32::consts::PI;
+use std::path::PathBuf;
 
 /// CoC radii at which `j + c·u` is made even; the last one is the lens alone.
 const RADII: [f32; 10] = [0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, f32::INFINITY];
@@ -20,15 +24,44 @@ const SLICES: usize = 12;
 
 type Point = (Vec2, Vec2);
 
+/// Number of sets of views that rows take turns with; the first is the table.
+const ROW_SETS: usize = 4;
+
+/// The smallest table with further sets.
+const SMALLEST_IN_TURNS: usize = 32;
+
+/// Directions of the projections for the further sets.
+const DIRECTIONS: usize = 128;
+
+/// Weights of a set by itself, of one of its prefixes, and of all sets together.
+const ALONE: f32 = 0.75;
+const PREFIX: f32 = 0.15;
+const TOGETHER: f32 = 0.1;
+
+/// Which errors of a wide blur the pixel points take up, with the lens points at rest: 0 for all, as in the least mean squared error, and 1
+/// for the pixel's part of them, as where both points move. Between them, no CoC radius is evenly spread at the cost of others.
+const REST: f32 = 0.2;
+
 fn main() -> std::io::Result<()> {
-    let path = std::env::args().nth(1).expect("the file to write as first argument");
-    let mut bytes = Vec::new();
+    let folder = PathBuf::from(std::env::args().nth(1).expect("the folder to write to as first argument"));
+    let lines = lines();
+    let (mut tables, mut further) = (Vec::new(), Vec::new());
+    let mut smaller = 0;
     for n in SIZES {
-        for (lens, jitter) in ordered(&optimised(n)) {
-            bytes.extend([lens.x, lens.y, jitter.x, jitter.y].iter().flat_map(|v| v.to_le_bytes()));
+        let table = ordered(&optimised(n));
+        tables.extend(table.iter().flat_map(|&(lens, jitter)| [lens, jitter]));
+        if n >= SMALLEST_IN_TURNS {
+            further.extend(further_jitters(&table, smaller, &lines).concat());
         }
+        smaller = n;
     }
-    std::fs::write(path, bytes)
+    std::fs::write(folder.join("view_tables.bin"), bytes(&tables))?;
+    std::fs::write(folder.join("row_tables.bin"), bytes(&further))
+}
+
+/// The vectors one after the other, little-endian.
+fn bytes(vectors: &[Vec2]) -> Vec<u8> {
+    vectors.iter().flat_map(|v| [v.x, v.y]).flat_map(f32::to_le_bytes).collect()
 }
 
 /// Point `i` of the R4 sequence (Roberts 2018), mapped to disc × pixel.
@@ -69,7 +102,7 @@ fn optimised(n: usize) -> Vec<Point> {
         let stride = (1.0 - 0.9 * step as f32 / STEPS as f32) / SLICES as f32;
         for (point, shift) in points.iter_mut().zip(&moves) {
             point.0 += stride * shift.0;
-            point.1 = (point.1 + stride * shift.1).clamp(Vec2::splat(-0.4999), Vec2::splat(0.4999));
+            point.1 = within_pixel(point.1 + stride * shift.1);
         }
     }
     centred(points)
@@ -113,4 +146,113 @@ fn ordered(points: &[Point]) -> Vec<Point> {
         result.push(points[chosen]);
     }
     result
+}
+
+/// A projection of `j + c·u`, and how the true distribution is spread along it.
+struct Line {
+    direction: Vec2,
+    coc: f32,
+    /// Evenly many values, sorted.
+    sorted: Vec<f32>,
+}
+
+impl Line {
+    fn project(&self, point: &Point) -> f32 {
+        self.direction.dot(self.coc * point.0 + point.1)
+    }
+
+    /// The place of rank `rank` of `count` evenly spread points.
+    fn quantile(&self, rank: usize, count: usize) -> f32 {
+        let place = (rank as f32 + 0.5) / count as f32 * self.sorted.len() as f32 - 0.5;
+        let (before, share) = (place.floor() as usize, place.fract());
+        let after = (before + 1).min(self.sorted.len() - 1);
+        self.sorted[before] * (1.0 - share) + self.sorted[after] * share
+    }
+}
+
+/// The lines for the further sets, in the order in which they are used: all finite radii for each direction.
+fn lines() -> Vec<Line> {
+    let truth: Vec<Point> = (0..12 * 1024).map(sequence).collect();
+    let directions = (0..DIRECTIONS).map(|k| {
+        let spread = k * 79 % DIRECTIONS; // each direction far from the last ones
+        Vec2::from_angle(PI * (spread as f32 + 0.5) / DIRECTIONS as f32)
+    });
+    let radii = RADII.into_iter().filter(|c| c.is_finite());
+    let pairs = directions.flat_map(|direction| radii.clone().map(move |coc| (direction, coc)));
+    pairs
+        .map(|(direction, coc)| {
+            let mut line = Line { direction, coc, sorted: Vec::new() };
+            line.sorted = truth.iter().map(|point| line.project(point)).collect();
+            line.sorted.sort_by(f32::total_cmp);
+            line
+        })
+        .collect()
+}
+
+/// The pixel points of sets 1, 2, … for the lens points of `table`, whose next smaller table has `smaller` points.
+fn further_jitters(table: &[Point], smaller: usize, lines: &[Line]) -> Vec<Vec<Vec2>> {
+    let n = table.len();
+    let mut sets: Vec<Vec<Point>> = (0..ROW_SETS).map(|set| shifted(table, set)).collect();
+    for step in 0..STEPS {
+        let mut moves = vec![vec![Vec2::ZERO; n]; ROW_SETS];
+        for slice in 0..SLICES {
+            let line = &lines[(step * SLICES + slice) % lines.len()];
+            let prefix = smaller + 1 + (step * 7 + slice * 13) % (n - smaller);
+            for set in 1..ROW_SETS {
+                fit(line, &sets, set..set + 1, n, ALONE, &mut moves);
+                fit(line, &sets, set..set + 1, prefix, PREFIX, &mut moves);
+            }
+            fit(line, &sets, 0..ROW_SETS, n, TOGETHER, &mut moves);
+        }
+        let stride = (1.0 - 0.9 * step as f32 / STEPS as f32) / SLICES as f32;
+        for (set, moves) in sets.iter_mut().zip(&moves).skip(1) {
+            for (point, shift) in set.iter_mut().zip(moves) {
+                point.1 = within_pixel(point.1 + stride * *shift);
+            }
+        }
+    }
+    let jitters = |set: Vec<Point>| centred_in_pixel(set.into_iter().map(|point| point.1).collect());
+    sets.into_iter().skip(1).map(jitters).collect()
+}
+
+/// `table` with its pixel points shifted by a Kronecker sequence with wrap-around: where the optimisation of set `set` starts.
+fn shifted(table: &[Point], set: usize) -> Vec<Point> {
+    let shift = Vec2::new(0.754_877_7, 0.569_840_3) * set as f32;
+    let wrapped = |jitter: Vec2| if set == 0 { jitter } else { (jitter + 0.5 + shift).fract_gl() - 0.5 };
+    table.iter().map(|&(lens, jitter)| (lens, wrapped(jitter))).collect()
+}
+
+/// Adds to `moves` what takes the first `count` points of each of the sets `chosen`, ranked together, to their quantiles on `line`.
+fn fit(
+    line: &Line,
+    sets: &[Vec<Point>],
+    chosen: std::ops::Range<usize>,
+    count: usize,
+    weight: f32,
+    moves: &mut [Vec<Vec2>],
+) {
+    let points = chosen.flat_map(|set| (0..count).map(move |i| (set, i)));
+    let mut ranked: Vec<(f32, usize, usize)> =
+        points.map(|(set, i)| (line.project(&sets[set][i]), set, i)).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let scale = weight / (line.coc * line.coc + 1.0).powf(REST);
+    for (rank, &(place, set, i)) in ranked.iter().enumerate() {
+        moves[set][i] += line.direction * (scale * (line.quantile(rank, ranked.len()) - place));
+    }
+}
+
+/// Moves the mean to zero, within the pixel.
+fn centred_in_pixel(mut jitters: Vec<Vec2>) -> Vec<Vec2> {
+    for _ in 0..20 {
+        let mean = jitters.iter().sum::<Vec2>() / jitters.len() as f32;
+        for jitter in &mut jitters {
+            *jitter = within_pixel(*jitter - mean);
+        }
+    }
+    jitters
+}
+
+/// The nearest point within the pixel, short of its edges.
+fn within_pixel(jitter: Vec2) -> Vec2 {
+    jitter.clamp(Vec2::splat(-0.4999), Vec2::splat(0.4999))
 }

@@ -16,7 +16,7 @@
 //! blue pictures are larger or smaller than the green one, and the *falloff* of brightness towards the corners: the fourth power of the
 //! cosine of the field angle, times the share of the aperture's light that passes the barrel.
 
-use super::views::{moved_views, row_sets, views};
+use super::views::{moved_views, views, views_in_turns};
 use super::{Aperture, ApertureImage, Field, View};
 use crate::error::Error;
 use crate::settings::Settings;
@@ -65,13 +65,6 @@ impl Rays {
         let channels: &[&[usize]] =
             if self.sets.len() == 1 { &[&[0, 1, 2, 3]] } else { &[&[0], &[1, 3], &[2]] };
         self.sets.iter().map(Vec::as_slice).zip(channels.iter().copied())
-    }
-
-    /// The views in set `set` of [`row_sets`].
-    #[must_use]
-    pub fn in_row_set(&self, set: usize) -> Self {
-        let views = |views: &Vec<View>| views.iter().map(|view| view.in_row_set(set)).collect();
-        Self { sets: self.sets.iter().map(views).collect() }
     }
 
     /// Only view `i` of every set.
@@ -147,8 +140,7 @@ impl Optics {
 
     /// `count` rays for every row of a picture: row `y` has set `y mod n` of the `n` sets.
     pub fn rays_in_turns(&self, count: usize) -> Vec<Rays> {
-        let rays = self.rays(count);
-        (0..row_sets(count)).map(|set| rays.in_row_set(set)).collect()
+        views_in_turns(count).iter().map(|views| self.aberrated(views)).collect()
     }
 
     /// `count` views rotated by `angle` on the lens and moved by `shift` in the pixel: see [`moved_views`].
