@@ -113,11 +113,11 @@ pub(super) fn views_in_turns(count: usize) -> Vec<Vec<View>> {
 
 /// The pixel points of sets 1, 2, 3 for the table that has `count` views; none where rows do not take turns.
 fn further_jitters(count: usize) -> impl Iterator<Item = &'static [u8]> {
-    let sets = if IN_TURNS.contains(&count) { 1..ROW_SETS } else { 1..1 };
+    let sets = if IN_TURNS.contains(&count) { ROW_SETS } else { 1 };
     let (smaller, size) = table_for(count);
     let before: usize = smaller.iter().filter(|&size| IN_TURNS.contains(size)).sum();
     let start = before * (ROW_SETS - 1);
-    sets.map(move |set| &ROW_TABLES[(start + (set - 1) * size) * PIXEL_POINT..][..size * PIXEL_POINT])
+    (1..sets).map(move |set| &ROW_TABLES[(start + (set - 1) * size) * PIXEL_POINT..][..size * PIXEL_POINT])
 }
 
 /// `count` views of a disc, all rotated by `angle` and moved by `shift` within the pixel. Random `angle` and `shift` give independent
