@@ -238,6 +238,7 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
     use crate::settings::DepthConvention;
     use crate::stack::Window;
 

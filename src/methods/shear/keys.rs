@@ -111,8 +111,8 @@ impl<'a> Keys<'a> {
 pub(super) struct KeyRow {
     /// The keys.
     pub(super) keys: Vec<Key>,
-    /// Scratch: for each column, how many bins nearer and farther its fragment reaches to neighbours in its column and in its row, whether
-    /// the current neighbour has been found, and whether any neighbour lies in another peel.
+    /// Scratch: for each column, how many bins nearer and farther the neighbours of its fragment's surface are in its column and in its row,
+    /// whether the current neighbour has been found, and whether any neighbour lies in another peel.
     nearer: [Vec<u16>; 2],
     farther: [Vec<u16>; 2],
     found: Vec<u16>,
@@ -236,13 +236,12 @@ fn join_other(row: &mut KeyRow, axis: usize, here: Samples<'_>, neighbours: Samp
     }
 }
 
-/// Extends a fragment of bin `bin` half-way to a neighbour of bin `other`, rounded up.
+/// Extends a fragment of bin `bin` towards a neighbour of bin `other`.
 #[inline(always)]
 fn extend((nearer, farther): (&mut u16, &mut u16), bin: u16, other: u16, joined: bool) {
     let [to_nearer, to_farther] = [bin.saturating_sub(other), other.saturating_sub(bin)];
-    let half = |bins: u16| if joined { (bins + 1) >> 1 } else { 0 };
-    *nearer = (*nearer).max(half(to_nearer));
-    *farther = (*farther).max(half(to_farther));
+    *nearer = (*nearer).max(if joined { to_nearer } else { 0 });
+    *farther = (*farther).max(if joined { to_farther } else { 0 });
 }
 
 /// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`.
@@ -255,9 +254,10 @@ fn pack(row: &mut KeyRow, bins: &[u16], last_bin: u16, alphas: &[f32]) {
     let (bins, alphas) = (&bins[..count], &alphas[..count]);
     for (x, key) in row.keys.iter_mut().enumerate() {
         let flags = if alphas[x] >= OPAQUE_ALPHA { OPAQUE } else { Key::from(changes[x]) * CHANGES_PEEL };
-        // Past the nearest bin and past the last one there is none to join.
-        let nearer = (nearer_above[x] + nearer_beside[x]).min(bins[x]);
-        let farther = (farther_above[x] + farther_beside[x]).min(last_bin.saturating_sub(bins[x]));
+        // Half-way, and past the nearest bin and past the last one there is none to join.
+        let half_way = |above: u16, beside: u16| (above + beside + 1) >> 1;
+        let nearer = half_way(nearer_above[x], nearer_beside[x]).min(bins[x]);
+        let farther = half_way(farther_above[x], farther_beside[x]).min(last_bin.saturating_sub(bins[x]));
         let first = Key::from(bins[x] - nearer);
         let packed = (first << BIN_SHIFT) | (Key::from(nearer + farther) << EXTRA_SHIFT) | flags;
         *key = if bins[x] == EMPTY { NO_KEY } else { packed };
