@@ -5,6 +5,9 @@
 //! colour. Such a pixel gets the mean of the same surface's pixels near it that touch nothing nearer. Where the surface is blurred, the pixel
 //! itself gets it too: it would spread the nearer surface's colour as a halo, and its own edge is not seen.
 //!
+//! On a textured surface the difference may be texture, so that a pixel is replaced only as far as its colour is beyond the surface's own
+//! variation.
+//!
 //! How far a pixel is mixed grows with the difference in CoC radius to the nearest of its eight neighbours, and with how far colours are
 //! averages ([`Antialiasing`]), both continuously. Cost: the edges only.
 
@@ -15,6 +18,12 @@ use rayon::prelude::*;
 
 /// Differences in CoC radius to a nearer neighbour, in picture pixels: none of the colour is mixed up to the first, all from the second.
 const MIXED_PX: [f32; 2] = [0.5, 1.5];
+
+/// A difference from a surface's mean is explained by this multiple of its variance: that of two standard deviations.
+const EXPLAINED: f32 = 4.0;
+
+/// Share of a difference that the surface's variance may explain: from here on the pixel keeps its colour.
+const MAX_EXPLAINED: f32 = 0.1;
 
 /// Half the side of the square in which pixels of the same surface are looked for, in pixels.
 const AROUND: isize = 4;
@@ -80,19 +89,38 @@ fn mixed_share(layer: &Layer, x: usize, y: usize) -> f32 {
     ((coc - nearest - none) / (all - none)).clamp(0.0, 1.0)
 }
 
-/// The colour `own` of pixel `i`, of which the share `mixed[i]` is replaced by the mean of its surface nearby.
+/// The colour `own` of pixel `i`, of which the share `mixed[i]` is replaced by the mean of its surface nearby, as far as that can be trusted.
 fn cleaned(layer: &Layer, mixed: &[f32], i: usize, own: [f32; 3]) -> [f32; 3] {
     let (width, coc) = (layer.width(), layer.coc_px.values()[i]);
-    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    let (mut sum, mut squares, mut total) = ([0.0; 3], 0.0, 0.0);
     for (x, y) in around(layer, i % width, i / width, AROUND) {
         let apart = (layer.coc_px.get(x, y) - coc).abs() / CELL_PX;
         let weight = (1.0 - mixed[y * width + x]) * (1.0 - apart).max(0.0);
-        sum.iter_mut().zip(color(layer, x, y)).for_each(|(sum, value)| *sum += weight * value);
+        let color = color(layer, x, y);
+        sum.iter_mut().zip(color).for_each(|(sum, value)| *sum += weight * value);
+        squares += weight * squared(color);
         total += weight;
     }
+    if total <= 0.0 {
+        return own;
+    }
+    let mean = sum.map(|sum| sum / total);
+    let variance = (squares / total - squared(mean)).max(0.0);
     // Less than one clean pixel in sight replaces less.
-    let replaced = mixed[i] * total.min(1.0);
-    std::array::from_fn(|k| own[k] + if total > 0.0 { replaced * (sum[k] / total - own[k]) } else { 0.0 })
+    let replaced = mixed[i] * total.min(1.0) * trust(own, mean, variance);
+    std::array::from_fn(|k| own[k] + replaced * (mean[k] - own[k]))
+}
+
+/// How far the difference of `own` from the `mean` of a surface can only be a mixture: not where the surface's own `variance` explains it.
+fn trust(own: [f32; 3], mean: [f32; 3], variance: f32) -> f32 {
+    let difference = squared(std::array::from_fn(|k| own[k] - mean[k]));
+    let explained = EXPLAINED * variance / (difference + EXPLAINED * variance).max(f32::MIN_POSITIVE);
+    (1.0 - explained / MAX_EXPLAINED).max(0.0)
+}
+
+/// The squared length of a colour.
+fn squared(color: [f32; 3]) -> f32 {
+    color.iter().map(|value| value * value).sum()
 }
 
 #[cfg(test)]
@@ -140,6 +168,15 @@ mod tests {
     fn point_samples_are_not_mixed() {
         let colors = unmixed_colors(&stripe(), &Antialiasing::POINT_SAMPLES);
         assert_eq!(colors[2 * 24 + 12], [0.5, 0.5, 0.0], "its own colour");
+    }
+
+    #[test]
+    fn what_may_be_the_surfaces_texture_is_kept() {
+        let mut layer = stripe();
+        let texture = |x: usize| if x % 2 == 0 { 0.6 } else { 0.0 };
+        layer.color[0] = Plane::from_fn(24, 5, |x, _| if (8..12).contains(&x) { 1.0 } else { texture(x) });
+        let colors = unmixed_colors(&layer, &Antialiasing::AVERAGES);
+        assert_eq!(colors[2 * 24 + 12][0], 0.6);
     }
 
     #[test]
