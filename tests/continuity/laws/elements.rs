@@ -25,11 +25,11 @@ fn lone_elements(engine: &Engine) -> Vec<Figure> {
     const SIZE: usize = 40;
     const ALPHA: f32 = 0.3;
     let fills: &[bool] = if engine.has(EffectKind::Fill) { &[false, true] } else { &[false] };
-    let infinities_px = [6.0, 40.0];
+    // Only rays tell the many CoC radii of a slope apart.
+    let slopes_px: &[f32] = if engine.method.lens_sampling().is_some() { &[0.0, 0.1] } else { &[0.0] };
     let cases = [-8.0, 0.0, 5.0].into_iter().flat_map(|coc_px| {
-        [0.0, 0.1]
-            .into_iter()
-            .flat_map(move |slope_px| infinities_px.map(move |infinity_px| (coc_px, slope_px, infinity_px)))
+        let of_slope = move |&slope_px: &f32| [6.0, 40.0].map(|infinity_px| (coc_px, slope_px, infinity_px));
+        slopes_px.iter().flat_map(of_slope)
     });
     let measured =
         engine.some_of(cases.collect(), 2).into_iter().flat_map(|(coc_px, slope_px, infinity_px)| {

@@ -9,7 +9,7 @@ use thinlens::methods::Law;
 use thinlens::scene::{Layer, Scene};
 
 pub(crate) const MANY_PEELS: Measured =
-    Measured { law: Law::ManyPeels, bound: 1e-4, promised_by: Promise::All, figures: many_peels };
+    Measured { law: Law::ManyPeels, bound: 2e-4, promised_by: Promise::All, figures: many_peels };
 
 pub(crate) const PEEL_ORDER: Measured =
     Measured { law: Law::PeelOrder, bound: 1e-6, promised_by: Promise::All, figures: orders };
