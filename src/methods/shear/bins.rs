@@ -1,16 +1,23 @@
 //! Bins of CoC radius: the slices in which the scene is sheared.
 //!
-//! All fragments of a bin move alike, by its centre's CoC radius, so a bin's width is an error in the radius. Bins are
-//! [`FOCUS_WIDTH_PX`] wide up to [`FOCUS_PX`], where the picture follows the radius closest, then widen by [`GROWTH`] of what the radius
-//! exceeds that by up to a plateau, and beyond `plateau / SHARE` are a [`SHARE`] of the radius wide. They are anchored at `c = 0`, so that
-//! they do not move when the CoC range changes from frame to frame.
+//! All fragments of a bin move alike, by its centre's CoC radius, so a bin's width is an error in the radius. Widths follow the radius
+//! ([`Scale`]): they are smallest in focus, where a sweep of the f-number has the smallest steps, reach a 16th of a pixel, and from
+//! [`FOCUS_PX`] on grow to a plateau, and beyond `plateau / SHARE` are a [`SHARE`] of the radius. Bins are anchored at `c = 0`, and blocks of
+//! bins as well, so that neither moves when the CoC range changes from frame to frame.
 
+use super::spans::LEVELS;
 use crate::scene::surface::SAME_HIT_PX;
+
+/// Width of the bins in focus, in picture pixels.
+const LEAST_WIDTH_PX: f32 = 1.0 / 64.0;
 
 /// Width of the bins near focus, in picture pixels.
 const FOCUS_WIDTH_PX: f32 = 1.0 / 16.0;
 
-/// CoC radius up to which bins have that width, in picture pixels.
+/// Width of the bins between these two as a share of their radius.
+const FOCUS_SHARE: f32 = 0.05;
+
+/// CoC radius up to which bins are narrow, in picture pixels.
 const FOCUS_PX: f32 = 3.0;
 
 /// Growth of a bin's width with its radius beyond that.
@@ -30,76 +37,100 @@ pub(super) fn plateau_px(views: usize) -> f32 {
     PLATEAU_PX[usize::from(views >= MANY_VIEWS)]
 }
 
+/// Number of bins of the largest blocks.
+const LARGEST_BLOCK: i32 = 1 << (LEVELS - 1);
+
 /// The bin index of a sample without a fragment.
 pub(super) const EMPTY: u16 = u16::MAX;
 
 /// Largest number of bins a range may have: a bin's index has twelve bits where rays remember it.
 pub(super) const MAX_BINS: usize = 1 << 12;
 
+/// A range of CoC radii in which the width of bins is `width_px + growth · (c − start_px)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Piece {
+    start_px: f32,
+    /// Position of `start_px` on the scale.
+    start: f32,
+    width_px: f32,
+    growth: f32,
+}
+
+impl Piece {
+    /// The position of CoC radius `size`: the integral of the reciprocal of the width.
+    fn position(&self, size: f32) -> f32 {
+        let steps = (size - self.start_px) / self.width_px;
+        self.start + if self.growth > 0.0 { (1.0 + self.growth * steps).ln() / self.growth } else { steps }
+    }
+
+    /// The CoC radius at `position`: the inverse of [`Piece::position`].
+    fn radius(&self, position: f32) -> f32 {
+        let steps = position - self.start;
+        let widths =
+            if self.growth > 0.0 { ((steps * self.growth).exp() - 1.0) / self.growth } else { steps };
+        self.start_px + self.width_px * widths
+    }
+}
+
 /// The scale of bins with a plateau: a strictly rising function of the CoC radius, on which bin `b` covers `b − ½ … b + ½`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Scale {
-    plateau_px: f32,
-    /// Radius and position at the end of the narrow bins, at the start of the plateau and at its end.
-    ends: [[f32; 2]; 3],
+    pieces: [Piece; 6],
 }
 
 impl Scale {
     fn new(plateau_px: f32) -> Self {
-        let narrow = [FOCUS_PX, FOCUS_PX / FOCUS_WIDTH_PX];
-        let plateau = [
-            FOCUS_PX + (plateau_px - FOCUS_WIDTH_PX) / GROWTH,
-            narrow[1] + (plateau_px / FOCUS_WIDTH_PX).ln() / GROWTH,
+        let (least_px, shared_px) = (LEAST_WIDTH_PX / FOCUS_SHARE, FOCUS_WIDTH_PX / FOCUS_SHARE);
+        let plateau_from_px = FOCUS_PX + (plateau_px - FOCUS_WIDTH_PX) / GROWTH;
+        let wide_px = (plateau_px / SHARE).max(plateau_from_px);
+        let starts_and_growths = [
+            (0.0, LEAST_WIDTH_PX, 0.0),
+            (least_px, LEAST_WIDTH_PX, FOCUS_SHARE),
+            (shared_px, FOCUS_WIDTH_PX, 0.0),
+            (FOCUS_PX, FOCUS_WIDTH_PX, GROWTH),
+            (plateau_from_px, plateau_px, 0.0),
+            (wide_px, plateau_px, SHARE),
         ];
-        let wide_px = (plateau_px / SHARE).max(plateau[0]);
-        let wide = [wide_px, plateau[1] + (wide_px - plateau[0]) / plateau_px];
-        Self { plateau_px, ends: [narrow, plateau, wide] }
+        let mut before: Option<Piece> = None;
+        let pieces = starts_and_growths.map(|(start_px, width_px, growth)| {
+            let start = before.map_or(0.0, |before| before.position(start_px));
+            let piece = Piece { start_px, start, width_px, growth };
+            before = Some(piece);
+            piece
+        });
+        Self { pieces }
+    }
+
+    /// The last piece of which `begins` holds.
+    fn piece(&self, begins: impl Fn(&Piece) -> bool) -> &Piece {
+        self.pieces.iter().rfind(|piece| begins(piece)).unwrap_or(&self.pieces[0])
     }
 
     /// The position of CoC radius `c`.
     fn position(&self, c: f32) -> f32 {
-        let [narrow, plateau, wide] = self.ends;
         let size = c.abs();
-        let position = if size <= narrow[0] {
-            size / FOCUS_WIDTH_PX
-        } else if size <= plateau[0] {
-            narrow[1] + (1.0 + (size - narrow[0]) * GROWTH / FOCUS_WIDTH_PX).ln() / GROWTH
-        } else if size <= wide[0] {
-            plateau[1] + (size - plateau[0]) / self.plateau_px
-        } else {
-            wide[1] + (size / wide[0]).ln() / SHARE
-        };
-        position.copysign(c)
+        self.piece(|piece| piece.start_px <= size).position(size).copysign(c)
     }
 
     /// The CoC radius at `position`: the inverse of [`Scale::position`].
     fn radius(&self, position: f32) -> f32 {
-        let [narrow, plateau, wide] = self.ends;
         let steps = position.abs();
-        let size = if steps <= narrow[1] {
-            steps * FOCUS_WIDTH_PX
-        } else if steps <= plateau[1] {
-            narrow[0] + FOCUS_WIDTH_PX * (((steps - narrow[1]) * GROWTH).exp() - 1.0) / GROWTH
-        } else if steps <= wide[1] {
-            plateau[0] + (steps - plateau[1]) * self.plateau_px
-        } else {
-            wide[0] * ((steps - wide[1]) * SHARE).exp()
-        };
-        size.copysign(position)
+        self.piece(|piece| piece.start <= steps).radius(steps).copysign(position)
     }
 }
 
-/// Cells per pixel up to [`FINE_PX`] and beyond it. A cell is at most half as wide as the narrowest bin there, so that it holds at most one
-/// bin's end and one comparison finds a bin.
-const CELLS_PER_PX: [f32; 2] = [32.0, 8.0];
-
-/// CoC radius up to which cells are fine, in picture pixels.
-const FINE_PX: f32 = 4.0;
+/// CoC radius from which on there are this many cells per pixel. A cell is at most half as wide as the narrowest bin there, so that it
+/// holds at most one bin's end and one comparison finds a bin.
+const CELLS_PER_PX: [(f32, f32); 3] = [(0.0, 128.0), (1.25, 32.0), (4.0, 8.0)];
 
 /// The position of CoC radius `c` on a scale of cells.
 fn cell_position(c: f32) -> f32 {
+    let [(_, fine), (medium_px, medium), (coarse_px, coarse)] = CELLS_PER_PX;
     let size = c.abs();
-    (size.min(FINE_PX) * CELLS_PER_PX[0] + (size - FINE_PX).max(0.0) * CELLS_PER_PX[1]).copysign(c)
+    let cells = size.min(medium_px) * fine
+        + (size.min(coarse_px) - medium_px).max(0.0) * medium
+        + (size - coarse_px).max(0.0) * coarse;
+    cells.copysign(c)
 }
 
 /// The bins of a range of CoC radii, numbered from the nearest.
@@ -125,6 +156,8 @@ impl Bins {
     pub(super) fn new(range_px: [f32; 2], plateau_px: f32) -> Self {
         let scale = Scale::new(plateau_px);
         let [first, last] = range_px.map(|c| (scale.position(c) + 0.5).floor() as i32);
+        // Blocks begin at multiples of the largest one, whatever the range.
+        let first = first.div_euclid(LARGEST_BLOCK) * LARGEST_BLOCK;
         let centers_px: Vec<f32> = (first..=last).map(|b| scale.radius(b as f32)).collect();
         assert!(centers_px.len() <= MAX_BINS, "CoC radii {range_px:?} make {} bins", centers_px.len());
         let ends_px: Vec<f32> = (first..=last)
@@ -177,7 +210,8 @@ mod tests {
     fn every_radius_lies_in_the_bin_whose_centre_is_nearest_on_the_scale() {
         for plateau_px in [0.5, 0.25] {
             let (bins, scale) = (Bins::new([-151.3, 48.2], plateau_px), Scale::new(plateau_px));
-            let first = (scale.position(-151.3) + 0.5).floor();
+            let first = ((scale.position(-151.3) + 0.5).floor() / LARGEST_BLOCK as f32).floor()
+                * LARGEST_BLOCK as f32;
             for i in 0..20_000 {
                 let c = -151.3 + 199.5 * i as f32 / 20_000.0;
                 let expected = scale.position(c) - first;
@@ -194,9 +228,16 @@ mod tests {
             let bin = bins.index(c) as usize;
             bins.ends_px[bin] - bins.ends_px[bin - 1]
         };
-        for (c, expected) in
-            [(0.0, 0.0625), (-2.9, 0.0625), (4.0, 0.1875), (10.0, 0.5), (-12.0, 0.5), (64.0, 2.0)]
-        {
+        for (c, expected) in [
+            (0.0, 1.0 / 64.0),
+            (-0.6, 0.03),
+            (2.0, 0.0625),
+            (-2.9, 0.0625),
+            (4.0, 0.1875),
+            (10.0, 0.5),
+            (-12.0, 0.5),
+            (64.0, 2.0),
+        ] {
             assert!(
                 (width_px(c) / expected - 1.0).abs() < 0.1,
                 "at {c}: {}, expected {expected}",
@@ -208,7 +249,7 @@ mod tests {
     #[test]
     fn focus_is_the_centre_of_a_bin_and_bins_do_not_move_with_the_range() {
         let (narrow, wide) = (Bins::new([-1.0, 1.0], 0.5), Bins::new([-100.0, 30.0], 0.5));
-        assert_eq!(narrow.centers_px()[narrow.index(0.01) as usize], 0.0, "bin of focus");
+        assert_eq!(narrow.centers_px()[narrow.index(0.005) as usize], 0.0, "bin of focus");
         let center_px = |bins: &Bins, c| bins.centers_px()[bins.index(c) as usize];
         for c in [-0.9, -0.3, 0.2, 0.8] {
             assert_eq!(center_px(&narrow, c), center_px(&wide, c), "c = {c}");
@@ -216,15 +257,20 @@ mod tests {
     }
 
     #[test]
-    fn a_range_of_one_radius_is_one_bin() {
+    fn a_range_of_one_radius_has_one_block_of_bins_at_most() {
         let bins = Bins::new([3.0, 3.0], 0.5);
-        assert_eq!((bins.count(), bins.index(3.0)), (1, 0), "one bin");
+        assert_eq!(
+            bins.index(3.0) as usize,
+            bins.count() - 1,
+            "the last one; those before complete its block"
+        );
+        assert!(bins.count() <= LARGEST_BLOCK as usize);
     }
 
     #[test]
     fn radius_inverts_position() {
         let scale = Scale::new(0.25);
-        for b in [-200.0, -33.0, -1.5, 0.0, 0.5, 31.9, 48.1, 70.0, 180.0] {
+        for b in [-250.0, -33.0, -1.5, 0.0, 0.5, 19.9, 31.9, 48.1, 76.0, 90.0, 180.0] {
             assert!((scale.position(scale.radius(b)) - b).abs() < 1e-2, "position {b}");
         }
     }
@@ -232,7 +278,7 @@ mod tests {
     #[test]
     fn the_same_surface_is_looked_for_a_pixel_and_a_bin_before() {
         let bins = Bins::new([-60.0, 60.0], 0.5);
-        for (c, reach_px) in [(0.0, 1.0625), (2.0, 1.0625), (12.0, 1.5), (50.0, 2.6)] {
+        for (c, reach_px) in [(0.0, 1.0156), (2.0, 1.0625), (12.0, 1.5), (50.0, 2.6)] {
             let bin = bins.index(c) as usize;
             let from = bins.same_hit_from(bin) as usize;
             let reach = bins.centers_px()[bin] - bins.centers_px()[from];

@@ -35,9 +35,9 @@ pub(super) const CHANGES_PEEL: Key = 2;
 /// The key of a sample without a fragment.
 pub(super) const NO_KEY: Key = Key::MAX;
 
-/// Largest number of bins that a fragment is in: its own, and on either side those within half of [`MAX_JOIN_PX`] along rows and as many
-/// along columns, of at least a 16th of a pixel each.
-pub(super) const MAX_BINS_OF_FRAGMENT: usize = 2 * 2 * (MAX_JOIN_PX as usize * 16 / 2 + 1) + 1;
+/// Largest number of bins that a fragment is in: its own, and on either side those within [`MAX_JOIN_PX`], half of it along rows and half
+/// along columns. Two pixels across focus have fewer than a hundred bins.
+pub(super) const MAX_BINS_OF_FRAGMENT: usize = 2 * (MAX_JOIN_PX as usize * 50) + 1;
 
 /// Samples around the picture that have no fragment, so that no neighbour lies outside.
 const PAD: usize = 2;

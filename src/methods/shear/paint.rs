@@ -530,7 +530,7 @@ impl<S: Simd> Painter<'_, S> {
         mut free: Mask,
     ) {
         let Source { layer, row, span, step } = *source;
-        if span.overlaps && !span.opaque {
+        if !span.opaque {
             let same_from = canvas.bins.same_hit_from(step.bins[0] as usize);
             free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, step, span));
             if free == 0 {

@@ -1,6 +1,6 @@
 //! Rows as spans: for each row and each bin, the ranges of columns whose fragments move together.
 //!
-//! A view often moves several neighbouring bins alike, near focus most of them. Spans are therefore also kept for blocks of 2, 4 and 8
+//! A view often moves several neighbouring bins alike, near focus most of them. Spans are therefore also kept for blocks of 2, 4, 8 and 16
 //! bins, aligned to multiples of their size; a block's spans are the unions of its bins' spans. With one shift all fragments of a block lie
 //! at the same output pixels, where the layers are in order, so that painting a block gives the picture of its bins.
 
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
 /// Number of levels of blocks: a block of level `l` has `2^l` bins.
-pub(super) const LEVELS: usize = 4;
+pub(super) const LEVELS: usize = 5;
 
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,8 +28,6 @@ pub(super) struct Span {
     pub(super) opaque: bool,
     /// Whether its fragments are translucent and continue in another layer: see [`CHANGES_PEEL`].
     pub(super) changes_peel: bool,
-    /// Whether any of its fragments is in other bins as well, so that a ray may hit its surface again.
-    pub(super) overlaps: bool,
 }
 
 impl Span {
@@ -81,7 +79,7 @@ impl RowSpans {
             starts[bin + 1] += starts[bin];
         }
         let mut next = starts.clone();
-        let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false, overlaps: false };
+        let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false };
         let mut spans = Vec::with_capacity(2 * found.len());
         spans.resize(found.len(), none);
         for (bin, span) in found {
@@ -109,10 +107,7 @@ impl RowSpans {
             let next = self.spans[from.start];
             from.start += 1;
             match self.spans[block..].last_mut() {
-                Some(last) if last.is_continued_by(&next) => {
-                    last.end = last.end.max(next.end);
-                    last.overlaps |= next.overlaps;
-                }
+                Some(last) if last.is_continued_by(&next) => last.end = last.end.max(next.end),
                 _ => self.spans.push(next),
             }
         }
@@ -205,15 +200,12 @@ fn scan(keys: &[Key], layer: u16, found: &mut Vec<(u16, Span)>) {
 struct OpenSpans {
     /// The open bins are `first .. first + count`.
     first: u16,
-    /// For each open bin, the first column of its span, with [`OVERLAPS`] if any of the span's fragments is in other bins as well.
+    /// For each open bin, the first column of its span.
     starts: [u32; MAX_BINS_OF_FRAGMENT],
     count: u16,
     /// [`OPAQUE`] and [`CHANGES_PEEL`] of the open spans' fragments.
     flags: Key,
 }
-
-/// The highest bit of a column.
-const OVERLAPS: u32 = 1 << 31;
 
 impl OpenSpans {
     /// Closes the spans that `key` does not continue and opens those that it begins at column `x`.
@@ -224,7 +216,6 @@ impl OpenSpans {
         } else {
             ((key >> BIN_SHIFT) as u16, 1 + (key >> EXTRA_SHIFT & EXTRA_MASK) as u16)
         };
-        let overlaps = if count > 1 { OVERLAPS } else { 0 };
         let continues = |bin: u16| flags == self.flags && bin >= first && bin < first + count;
         for k in 0..self.count {
             let bin = self.first + k;
@@ -232,26 +223,27 @@ impl OpenSpans {
                 found.push((bin, self.span(k, x, layer)));
             }
         }
-        let mut starts = [x | overlaps; MAX_BINS_OF_FRAGMENT];
-        if flags == self.flags {
-            let (from, to) = (first.max(self.first), (first + count).min(self.first + self.count));
-            for bin in from..to {
-                starts[(bin - first) as usize] = self.starts[(bin - self.first) as usize] | overlaps;
-            }
+        let (from, to) = (first.max(self.first), (first + count).min(self.first + self.count));
+        if flags == self.flags && from < to {
+            let [kept, first_kept] = [self.first, first].map(|first| (from - first) as usize);
+            let last_kept = first_kept + (to - from) as usize;
+            self.starts.copy_within(kept..kept + (to - from) as usize, first_kept);
+            self.starts[..first_kept].fill(x);
+            self.starts[last_kept..count as usize].fill(x);
+        } else {
+            self.starts[..count as usize].fill(x);
         }
-        (self.first, self.starts, self.count, self.flags) = (first, starts, count, flags);
+        (self.first, self.count, self.flags) = (first, count, flags);
     }
 
     /// The span of open bin `k`, which ends at column `end`.
     fn span(&self, k: u16, end: u32, layer: u16) -> Span {
-        let start = self.starts[k as usize];
         Span {
-            start: start & !OVERLAPS,
+            start: self.starts[k as usize],
             end,
             layer,
             opaque: self.flags & OPAQUE != 0,
             changes_peel: self.flags & CHANGES_PEEL != 0,
-            overlaps: start & OVERLAPS != 0,
         }
     }
 }
@@ -267,7 +259,7 @@ mod tests {
     }
 
     fn span(start: u32, end: u32, opaque: bool) -> Span {
-        Span { start, end, layer: 0, opaque, changes_peel: false, overlaps: false }
+        Span { start, end, layer: 0, opaque, changes_peel: false }
     }
 
     #[test]
