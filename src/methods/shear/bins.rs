@@ -11,8 +11,8 @@ use crate::scene::surface::SAME_HIT_PX;
 /// Width of the bins in focus, in picture pixels.
 const LEAST_WIDTH_PX: f32 = 1.0 / 64.0;
 
-/// Width of the bins near focus, in picture pixels.
-const FOCUS_WIDTH_PX: f32 = 1.0 / 16.0;
+/// Width of the bins near focus as a share of the plateau's: a 16th of a pixel for few views.
+const FOCUS_SHARE_OF_PLATEAU: f32 = 1.0 / 8.0;
 
 /// Width of the bins between these two as a share of their radius.
 const FOCUS_SHARE: f32 = 0.05;
@@ -80,14 +80,15 @@ struct Scale {
 
 impl Scale {
     fn new(plateau_px: f32) -> Self {
-        let (least_px, shared_px) = (LEAST_WIDTH_PX / FOCUS_SHARE, FOCUS_WIDTH_PX / FOCUS_SHARE);
-        let plateau_from_px = FOCUS_PX + (plateau_px - FOCUS_WIDTH_PX) / GROWTH;
+        let focus_px = plateau_px * FOCUS_SHARE_OF_PLATEAU;
+        let (least_px, shared_px) = (LEAST_WIDTH_PX / FOCUS_SHARE, focus_px / FOCUS_SHARE);
+        let plateau_from_px = FOCUS_PX + (plateau_px - focus_px) / GROWTH;
         let wide_px = (plateau_px / SHARE).max(plateau_from_px);
         let starts_and_growths = [
             (0.0, LEAST_WIDTH_PX, 0.0),
             (least_px, LEAST_WIDTH_PX, FOCUS_SHARE),
-            (shared_px, FOCUS_WIDTH_PX, 0.0),
-            (FOCUS_PX, FOCUS_WIDTH_PX, GROWTH),
+            (shared_px, focus_px, 0.0),
+            (FOCUS_PX, focus_px, GROWTH),
             (plateau_from_px, plateau_px, 0.0),
             (wide_px, plateau_px, SHARE),
         ];
@@ -121,7 +122,7 @@ impl Scale {
 
 /// CoC radius from which on there are this many cells per pixel. A cell is at most half as wide as the narrowest bin there, so that it
 /// holds at most one bin's end and one comparison finds a bin.
-const CELLS_PER_PX: [(f32, f32); 3] = [(0.0, 128.0), (1.25, 32.0), (4.0, 8.0)];
+const CELLS_PER_PX: [(f32, f32); 3] = [(0.0, 128.0), (1.25, 64.0), (4.0, 16.0)];
 
 /// The position of CoC radius `c` on a scale of cells.
 fn cell_position(c: f32) -> f32 {

@@ -19,6 +19,9 @@ use rayon::prelude::*;
 /// CoC radii in picture pixels from which on a fragment's excess goes into a disc: none of it up to the first, all of it from the second.
 const DISC_FROM_PX: [f32; 2] = [0.5, 1.5];
 
+/// How much brighter than the threshold a fragment is whose whole excess goes into a disc: a quarter of a stop.
+const FULL_DISC_FROM: f32 = 1.19;
+
 /// Half the side of the square around a highlight whose fragments below the threshold are its surroundings, in samples.
 const SURROUNDINGS: usize = 4;
 
@@ -61,7 +64,7 @@ fn extract_from(
         .into_iter()
         .map(|(x, y, base)| {
             let (color, coc_px) = (layer.color_at(x, y), layer.coc_px.get(x, y));
-            let share = share_of_disc(coc_px);
+            let share = share_of_disc(coc_px) * share_of_light(brightness(color) / threshold);
             let excess: [f32; 3] = std::array::from_fn(|k| share * (color[k] - base[k]));
             let planes = layer.color.iter_mut().zip(color.iter().zip(excess));
             planes.for_each(|(plane, (value, excess))| plane.set(x, y, value - excess));
@@ -79,6 +82,11 @@ fn extract_from(
 fn share_of_disc(coc_px: f32) -> f32 {
     let [none, all] = DISC_FROM_PX;
     smooth_step((coc_px.abs() - none) / (all - none))
+}
+
+/// Share of the excess of a fragment `times` as bright as the threshold that goes into a disc.
+fn share_of_light(times: f32) -> f32 {
+    ((times - 1.0) / (FULL_DISC_FROM - 1.0)).clamp(0.0, 1.0)
 }
 
 fn brightness(color: [f32; 3]) -> f32 {

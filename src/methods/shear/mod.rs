@@ -51,6 +51,7 @@ use crate::methods::contract::{
     LensSampling, Method, MethodInfo, PixelFilter, Plan, Progress, Role, Sampler,
 };
 use crate::methods::cost::Cost;
+use crate::methods::laws::{Deviation, Law};
 use crate::scene::{Effect, EffectKind, Inputs, Scene, Workload};
 use crate::settings::{ParameterTable, Parameters};
 use parameters::ShearParameters;
@@ -84,7 +85,23 @@ impl Method for Shear {
             ],
             lens_samples: Some("views"),
             steps: &["16", "64", "256"],
-            deviations: &[],
+            deviations: &[
+                Deviation {
+                    law: Law::ConstantColor,
+                    within: [0.0, 6e-4],
+                    reason: "a ray of a transmittance below 0.002 counts as occluded",
+                },
+                Deviation {
+                    law: Law::PeelOrder,
+                    within: [0.0, 0.02],
+                    reason: "a rough surface goes on within its peel, and to another peel by half a pixel only: which peel holds it matters",
+                },
+                Deviation {
+                    law: Law::FrozenFrames,
+                    within: [0.0, 3.0],
+                    reason: "bins are a 64th of a pixel wide in focus, and a pull has the same blur on both sides of it",
+                },
+            ],
         }
     }
 

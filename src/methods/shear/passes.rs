@@ -63,12 +63,31 @@ fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
         };
         let affordable = with.disc_area_px <= HIGHLIGHT_COVER * pixels
             && with.fragments as f64 <= HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
-        if bright_step_floor(step + 1) <= requested || !affordable {
+        if bright_step_floor(step + 1) <= requested {
             break;
+        }
+        if !affordable {
+            // Part of the step: the threshold moves continuously with the size of the discs.
+            let share = share_of(bright, &discs, stats);
+            let discs = BrightStep {
+                fragments: discs.fragments + (share * bright.fragments as f64) as usize,
+                disc_area_px: discs.disc_area_px + share * bright.disc_area_px,
+            };
+            return (bright_step_floor(step + 1) * 0.5f32.powf(0.5 * share as f32), discs);
         }
         (discs, threshold) = (with, bright_step_floor(step).max(requested));
     }
     (threshold, discs)
+}
+
+/// The share of the discs of a step that the budget has room for beside `discs`.
+fn share_of(step: &BrightStep, discs: &BrightStep, stats: &SceneStats) -> f64 {
+    let pixels = (stats.picture_size.0 * stats.picture_size.1) as f64;
+    let count = HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
+    let room = |budget: f64, taken: f64, asked: f64| ((budget - taken) / asked.max(1e-9)).clamp(0.0, 1.0);
+    let by_area = room(HIGHLIGHT_COVER * pixels, discs.disc_area_px, step.disc_area_px);
+    let by_count = room(count, discs.fragments as f64, step.fragments as f64);
+    by_area.min(by_count)
 }
 
 fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {

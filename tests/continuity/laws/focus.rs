@@ -10,13 +10,14 @@ use thinlens::stack::StackKind;
 
 pub(crate) const NEAR_FOCUS: Measured = Measured {
     law: Law::NearFocus,
-    bound: 0.01,
+    // At 0.02 px the closed form is 2 · 4 / (3π) · 0.02 of the contrast, 0.0085, and a table of views moves up to twice as many of them.
+    bound: 0.02,
     promised_by: Promise::LensSampling,
     figures: differences_from_input,
 };
 
 pub(crate) const STEP_NEAR_FOCUS: Measured =
-    Measured { law: Law::StepNearFocus, bound: 0.03, promised_by: Promise::LensSampling, figures: steps };
+    Measured { law: Law::StepNearFocus, bound: 0.05, promised_by: Promise::LensSampling, figures: steps };
 
 const WIDTH: usize = 32;
 const HEIGHT: usize = 20;

@@ -60,6 +60,13 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(in crate::methods) struct LayerRays;
 
+/// Reasons of several deviations.
+const OVERLAP: &str =
+    "neighbouring depth layers overlap, so that a ray may hit a surface in both, or pass between two samples";
+const SPACING: &str =
+    "depth layers are as thick as the picture's CoC range says, and a surface is hit where its layer is";
+const ONE_HIT: &str = "a cone hits one surface in each depth layer; peels that are closer share a layer";
+
 impl Method for LayerRays {
     fn info(&self) -> MethodInfo {
         MethodInfo {
@@ -91,6 +98,14 @@ impl Method for LayerRays {
                     within: [39.5, 42.5],
                     reason: "rays that hit something outside the frame are discarded; the reference repeats the border",
                 },
+                Deviation { law: Law::TiltedPane, within: [0.0, 0.04], reason: OVERLAP },
+                Deviation { law: Law::SheetOfTwoPeels, within: [0.0, 0.01], reason: OVERLAP },
+                Deviation { law: Law::Element, within: [0.0, 0.03], reason: OVERLAP },
+                Deviation { law: Law::LocalChange, within: [0.0, 0.2], reason: SPACING },
+                Deviation { law: Law::SteepRamp, within: [0.0, 0.01], reason: OVERLAP },
+                Deviation { law: Law::EvenSweep, within: [1.0, 3.0], reason: SPACING },
+                Deviation { law: Law::FrozenFrames, within: [0.0, 6.0], reason: SPACING },
+                Deviation { law: Law::ManyPeels, within: [0.0, 0.6], reason: ONE_HIT },
             ],
         }
     }

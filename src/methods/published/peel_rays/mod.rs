@@ -54,11 +54,22 @@ impl Method for PeelRays {
             effects: &[EffectKind::BladeCurvature, EffectKind::Squeeze],
             lens_samples: Some("rays"),
             steps: &["16", "64", "256"],
-            deviations: &[Deviation {
-                law: Law::NoCracksAcrossCorners,
-                within: [-0.001, 0.02],
-                reason: "the linear search may step across the corner of a sample, whose neighbours are no longer one surface",
-            }],
+            deviations: &[
+                Deviation {
+                    law: Law::NoCracksAcrossCorners,
+                    within: [-0.001, 0.02],
+                    reason: "the linear search may step across the corner of a sample, whose neighbours are no longer one surface",
+                },
+                Deviation { law: Law::TiltedPane, within: [0.0, 0.1], reason: THIN },
+                Deviation { law: Law::SheetOfTwoPeels, within: [0.0, 0.02], reason: THIN },
+                Deviation { law: Law::Element, within: [0.0, 0.04], reason: THIN },
+                Deviation { law: Law::LocalChange, within: [0.0, 0.04], reason: STEPS },
+                Deviation { law: Law::SteepRamp, within: [0.0, 0.2], reason: THIN },
+                Deviation { law: Law::Relief, within: [0.0, 0.2], reason: THIN },
+                Deviation { law: Law::EvenSweep, within: [1.0, 3.0], reason: ONE_SET },
+                Deviation { law: Law::FrozenFrames, within: [0.0, 6.0], reason: ONE_SET },
+                Deviation { law: Law::ManyPeels, within: [0.0, 0.01], reason: STEPS },
+            ],
         }
     }
 
@@ -89,6 +100,12 @@ impl LensSampling for PeelRays {
         Box::new(RaySampler::<Marcher>::new(scene, plan))
     }
 }
+
+/// Reasons of several deviations.
+const THIN: &str =
+    "the height field of a peel is thin: a ray may pass between two of its samples, or hit both";
+const STEPS: &str = "the ray takes a fixed number of steps through the CoC range, so that surfaces closer than a step are missed";
+const ONE_SET: &str = "all pixels have the same lens samples, so that each moves the whole picture at once";
 
 /// What rays are marched through.
 #[derive(Debug)]
