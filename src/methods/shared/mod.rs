@@ -1,6 +1,6 @@
 //! Code that several methods use: the stack as content and coverage, sorted fragments and N-buffers for rays, samplers that
-//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes and ray
-//! batches.
+//! render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU planes, ray
+//! batches and the limit of translucent layers.
 
 mod content;
 mod disc;
@@ -19,6 +19,8 @@ mod rays;
 mod rows;
 mod sub_image_work;
 mod sub_images;
+#[cfg(feature = "gpu")]
+mod translucency;
 
 pub(super) use content::{CoveragePlanes, Peel, Visible, coc_range_px, peels, picture, visible};
 pub(super) use disc::{DiscAreas, soft_area};
@@ -53,3 +55,5 @@ pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]
 pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};
+#[cfg(feature = "gpu")]
+pub(super) use translucency::{MAX_TRANSLUCENT_LAYERS, has_translucent};
