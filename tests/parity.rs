@@ -234,9 +234,12 @@ fn surface_scenes() -> Vec<(&'static str, Scene)> {
     });
     let farthest =
         layer(67, 41, |x, y| if is_bar(x) { (painted(x, y, 7, 1.0), 11.0) } else { ([0.0; 4], 0.0) });
-    let relief = |amplitude: f32| {
-        layer(67, 41, move |x, y| (painted(x, y, 8, 1.0), 2.0 + amplitude * (2.0 * noise(x, y, 9) - 1.0)))
+    let relief = |alpha: f32, amplitude: f32| {
+        layer(67, 41, move |x, y| (painted(x, y, 8, alpha), 2.0 + amplitude * (2.0 * noise(x, y, 9) - 1.0)))
     };
+    let close_before = layer(67, 41, |x, y| {
+        (painted(x, y, 4, 1.0), 0.02 * (x as f32 - 33.0) + 0.1 * (y as f32 - 20.0) - 0.2)
+    });
     let mut mixed = scene(layers(67, 41, 0.5));
     mixed.antialiasing = Antialiasing::by_pixel(Plane::from_fn(67, 41, |x, y| {
         ((x as f32 + y as f32 - 20.0) / 50.0).clamp(0.0, 1.0)
@@ -247,8 +250,10 @@ fn surface_scenes() -> Vec<(&'static str, Scene)> {
         ("a pane that changes peel", scene(vec![before, behind, farthest])),
         ("an opaque slope of a pixel a row", scene(vec![slope(1.0, [0.0, 1.0]), wall(24.0)])),
         ("an opaque diagonal slope", scene(vec![slope(1.0, [0.6, 0.6]), wall(34.0)])),
-        ("relief", scene(vec![relief(1.0), wall(11.0)])),
-        ("rough relief", scene(vec![relief(3.0), wall(11.0)])),
+        ("peels in the wrong order, close together", scene(vec![slope(1.0, [0.02, 0.1]), close_before])),
+        ("relief", scene(vec![relief(1.0, 1.0), wall(11.0)])),
+        ("rough relief", scene(vec![relief(1.0, 3.0), wall(11.0)])),
+        ("translucent relief", scene(vec![relief(0.5, 2.0), wall(11.0)])),
         ("mixed kinds", mixed),
     ]
 }
@@ -512,9 +517,10 @@ fn bands_leave_no_seams() {
     let whole = Gpu::open(true).unwrap().unwrap();
     for method in methods_with_gpu_backend() {
         let name = method.info().name;
-        for blur in [0.3, 1.0] {
+        // From 32 views on, rows take turns with several sets of views.
+        for (blur, views) in [(0.3, 24), (1.0, 48)] {
             let scene = Scene::new(layers(61, 157, blur), StackKind::PointSampled, 1, 60.0);
-            let (scene, plan) = prepared(method, scene, &Values::default(), 24);
+            let (scene, plan) = prepared(method, scene, &Values::default(), views);
             let before = whole.usage().unwrap().passes;
             let expected = on_gpu(&whole, &scene, &plan);
             let passes = whole.usage().unwrap().passes - before;

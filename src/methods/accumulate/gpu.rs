@@ -7,7 +7,6 @@
 //! Memory: 28 bytes per fragment, and per pixel that of [`Batches`]. Translucent scenes have 32 layers at most.
 
 use super::Accumulate;
-use super::surfaces::is_translucent;
 use super::tiles::{REACH_PX, SLABS, TILE};
 use super::volume::{Ray, Volume};
 use crate::error::Error;
@@ -16,7 +15,8 @@ use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, picture_of_batches,
+    Batch, Batches, MAX_TRANSLUCENT_LAYERS, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds,
+    has_translucent, picture_of_batches,
 };
 use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX, ROUGHNESS, SAME_HIT_PX};
 use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
@@ -25,9 +25,6 @@ use std::ops::Range;
 
 /// Bytes per fragment: in the largest buffer (extents), and in all buffers.
 const FRAGMENT_BYTES: [usize; 2] = [8, 28];
-
-/// Largest number of layers of a stack with translucent fragments: a ray remembers a hit for each.
-const MAX_TRANSLUCENT_LAYERS: usize = 32;
 
 static SHADER: Shader = Shader {
     name: "accumulate",
@@ -280,15 +277,6 @@ impl Volume<&Layer> {
         RayEnds { jitter: &self.jitter, background: self.background.as_deref(), lost_rays: self.lost_rays }
     }
 
-    /// Whether some fragment is translucent.
-    fn is_translucent(&self) -> bool {
-        let alphas = |layer: &&Layer| {
-            let alphas = layer.alpha.values().iter();
-            alphas.fold(false, |any, &alpha| any | ((alpha > 0.0) & is_translucent(alpha)))
-        };
-        self.layers.iter().any(alphas)
-    }
-
     /// Maximum number of rows of a picture of `width` columns in a band on `gpu`.
     fn max_rows(&self, gpu: &Gpu, width: usize) -> usize {
         let fragments = (self.supersample as usize).pow(2) * self.layers.len();
@@ -299,16 +287,7 @@ impl Volume<&Layer> {
 impl GpuBackend for Accumulate {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
         let volume = Volume::new(scene, plan);
-        let translucent = volume.is_translucent();
-        if translucent && volume.layers.len() > MAX_TRANSLUCENT_LAYERS {
-            return Err(Error::device("the layers of a translucent scene are too many for the GPU")
-                .with("found", format!("{} layers", volume.layers.len()))
-                .with(
-                    "expected",
-                    format!("{MAX_TRANSLUCENT_LAYERS} layers at most, or opaque fragments only"),
-                )
-                .help("use `device = cpu`"));
-        }
+        let translucent = has_translucent(&volume.layers)?;
         let lens = Lens::new(gpu, &volume, &plan.optics.rays_in_turns(plan.lens_samples()))?;
         let follow = gpu.kernel_with(&SHADER, "follow", &[("TRANSLUCENT", f64::from(translucent))])?;
         let (width, height) = scene.picture_size();

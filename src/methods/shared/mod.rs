@@ -1,6 +1,6 @@
 //! Code that several methods use: the stack as content and coverage, the background behind it, sorted fragments and N-buffers for
 //! rays, samplers that render each pixel independently, the area of a discrete disc, image pyramids, sub-images by depth, and GPU
-//! planes and ray batches.
+//! planes, ray batches and the limit of translucent layers.
 
 mod backdrop;
 mod content;
@@ -21,6 +21,8 @@ mod rays;
 mod rows;
 mod sub_image_work;
 mod sub_images;
+#[cfg(feature = "gpu")]
+mod translucency;
 
 pub(super) use backdrop::{Backdrop, before, known};
 pub(super) use content::{
@@ -59,3 +61,5 @@ pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]
 pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};
+#[cfg(feature = "gpu")]
+pub(super) use translucency::{MAX_TRANSLUCENT_LAYERS, has_translucent};

@@ -1,15 +1,16 @@
 //! A scene to be rendered on a GPU: the tables that the CPU computes once, and the limits that follow from the GPU's memory.
 
-use super::kernels::{LIST_ENTRIES, MAX_TRANSLUCENT_LAYERS, PLANES, Params, SUMS, TEXEL_BYTES};
+use super::kernels::{LIST_ENTRIES, PLANES, Params, SUMS, TEXEL_BYTES};
 use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::methods::contract::{LostRays, Plan};
+use crate::methods::shared::has_translucent;
 use crate::methods::shear::bins::{Bins, MAX_BINS};
 use crate::methods::shear::keys::{Key, Keys};
 use crate::methods::shear::row_views::RowViews;
 use crate::methods::shear::sampler::{self, barrel_softness, bins};
 use crate::methods::shear::{prefilter, resolve};
-use crate::scene::{Background, EffectKind, Layer, OPAQUE_ALPHA, Scene};
+use crate::scene::{Background, EffectKind, Layer, Scene};
 use std::ops::Range;
 
 /// Bytes of a fragment: its colour and its key.
@@ -51,16 +52,7 @@ impl<'a> Frame<'a> {
         plan: &'a Plan,
     ) -> Result<Self, Error> {
         let views = plan.lens_samples();
-        let translucent = layers.iter().any(is_translucent);
-        if translucent && layers.len() > MAX_TRANSLUCENT_LAYERS {
-            return Err(Error::device("the layers of a translucent scene are too many for the GPU")
-                .with("found", format!("{} layers", layers.len()))
-                .with(
-                    "expected",
-                    format!("{MAX_TRANSLUCENT_LAYERS} layers at most, or opaque fragments only"),
-                )
-                .help("use `device = cpu`"));
-        }
+        let translucent = has_translucent(layers)?;
         let picture = sampler::Frame::new(scene, plan);
         let bins = bins(plan, views);
         let strength = plan.strength(EffectKind::Prefilter).unwrap_or(0.0);
@@ -122,11 +114,6 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Whether some fragment of `layer` is translucent.
-fn is_translucent(layer: &Layer) -> bool {
-    layer.alpha.values().iter().fold(false, |any, &alpha| any | ((alpha > 0.0) & (alpha < OPAQUE_ALPHA)))
-}
-
 /// The shader's parameters for one band that is the whole picture.
 fn params(picture: &sampler::Frame<'_>, layers: usize, bins: &Bins, views: usize) -> Params {
     let (width, height) = picture.size;
@@ -163,5 +150,5 @@ fn params(picture: &sampler::Frame<'_>, layers: usize, bins: &Bins, views: usize
 fn focused_bins(bins: &Bins) -> Range<usize> {
     let is_focused = |&coc_px: &f32| resolve::focus(coc_px) > 0.0;
     let first = bins.centers_px().iter().position(is_focused).unwrap_or(0);
-    first..bins.centers_px().iter().rposition(|coc_px| is_focused(coc_px)).map_or(first, |last| last + 1)
+    first..bins.centers_px().iter().rposition(is_focused).map_or(first, |last| last + 1)
 }

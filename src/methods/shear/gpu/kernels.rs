@@ -1,6 +1,7 @@
 //! The shader of `shear`, and the constants and structures that it shares with the program.
 
 use crate::gpu::{Constant, Mirrored, Shader, mirrored};
+use crate::methods::shared::MAX_TRANSLUCENT_LAYERS;
 use crate::methods::shear::bins::MAX_BINS;
 use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
 use crate::methods::shear::paint::{MIN_HIT_VIEWS, MIN_TRANSMITTANCE};
@@ -57,9 +58,6 @@ pub(super) const PLANES: usize = 5;
 /// Planes of sums: red, green, blue, rays that hit something in focus, rays that end in the background, lost rays, and rays that the
 /// barrel hides.
 pub(super) const SUMS: usize = 7;
-
-/// Largest number of layers of a stack with translucent fragments: a thread remembers a hit for each.
-pub(super) const MAX_TRANSLUCENT_LAYERS: usize = 32;
 
 mirrored! {
     /// The parameters of all kernels, documented in the shader.
