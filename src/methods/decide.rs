@@ -252,7 +252,7 @@ mod tests {
         let many = plan(&lights(9000));
         assert!(many.does(EffectKind::Highlights), "the brightest is still a disc");
         let threshold = many.strength(EffectKind::Highlights).unwrap();
-        assert!(threshold > 2.8, "the area is not: {threshold}");
+        assert!(threshold > 2.5, "most of the area is not: {threshold}");
         let reason = &many.effect(EffectKind::Highlights).reason;
         assert!(reason.contains("raised"), "and the plan says so: {reason}");
     }

@@ -6,10 +6,11 @@
 //!
 //! Cost: none for [`Border::Clamp`]; otherwise the scene is copied once, and the blur has more pixels. Limits: the padding on each side is
 //! at most as wide and as high as the frame (or [`MIN_LIMIT_PX`]), which makes up to nine times the pixels; past that, its last sample is
-//! repeated.
+//! repeated. Rows are added in multiples of [`ROW_SETS`], so that every row of the frame keeps its set of views.
 
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
+use crate::lens::ROW_SETS;
 use crate::settings::Border;
 use glam::Vec2;
 use rayon::prelude::*;
@@ -45,7 +46,8 @@ impl Scene {
             Border::Mirror => mirror_padded,
             Border::Transparent => zero_padded,
         };
-        let outside_px = [width, height].map(|side| reach_px.min(side.max(MIN_LIMIT_PX)));
+        let [columns, rows] = [width, height].map(|side| reach_px.min(side.max(MIN_LIMIT_PX)));
+        let outside_px = [columns, rows.next_multiple_of(ROW_SETS)];
         let outside = outside_px.map(|pixels| pixels * self.supersample);
         // One plane at a time, so that only one of them is held twice.
         let pad = |plane: Plane| padded(&plane, outside);

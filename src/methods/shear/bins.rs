@@ -5,7 +5,6 @@
 //! [`FOCUS_PX`] on grow to a plateau, and beyond `plateau / SHARE` are a [`SHARE`] of the radius. Bins are anchored at `c = 0`, and blocks of
 //! bins as well, so that neither moves when the CoC range changes from frame to frame.
 
-use super::spans::LEVELS;
 use crate::scene::surface::SAME_HIT_PX;
 
 /// Width of the bins in focus, in picture pixels.
@@ -36,6 +35,9 @@ const SHARE: f32 = 1.0 / 32.0;
 pub(super) fn plateau_px(views: usize) -> f32 {
     PLATEAU_PX[usize::from(views >= MANY_VIEWS)]
 }
+
+/// Number of levels of blocks of bins: a block of level `l` has `2^l` bins.
+pub(super) const LEVELS: usize = 5;
 
 /// Number of bins of the largest blocks.
 const LARGEST_BLOCK: i32 = 1 << (LEVELS - 1);

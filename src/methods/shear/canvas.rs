@@ -1,8 +1,8 @@
 //! The input of painting, and how far each view moves it.
 
-use super::bins::Bins;
+use super::bins::{Bins, LEVELS};
 use super::resolve;
-use super::spans::{LEVELS, Spans};
+use super::spans::Spans;
 use crate::lens::{Field, Optics, View};
 use crate::methods::contract::LostRays;
 use crate::scene::{Background, Layer};

@@ -4,16 +4,13 @@
 //! bins, aligned to multiples of their size; a block's spans are the unions of its bins' spans. With one shift all fragments of a block lie
 //! at the same output pixels, where the layers are in order, so that painting a block gives the picture of its bins.
 
-use super::bins::Bins;
+use super::bins::{Bins, LEVELS};
 use super::keys::{
     BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT, NO_KEY, OPAQUE,
 };
 use crate::scene::Layer;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
-
-/// Number of levels of blocks: a block of level `l` has `2^l` bins.
-pub(super) const LEVELS: usize = 5;
 
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -264,8 +261,9 @@ mod tests {
 
     #[test]
     fn fragments_of_one_bin_are_one_run() {
-        let spans = find(&[layer(&[1.0; 4], &[3.0; 4])], &Bins::new([3.0, 3.0], 0.5));
-        assert_eq!(spans.rows[0].of_bin(0), [span(0, 4, true)], "the whole row");
+        let bins = Bins::new([3.0, 3.0], 0.5);
+        let spans = find(&[layer(&[1.0; 4], &[3.0; 4])], &bins);
+        assert_eq!(spans.rows[0].of_bin(bins.index(3.0) as usize), [span(0, 4, true)], "the whole row");
     }
 
     #[test]
@@ -344,7 +342,9 @@ mod tests {
 
     #[test]
     fn empty_samples_end_runs() {
-        let spans = find(&[layer(&[1.0, 0.0, 1.0], &[3.0; 3])], &Bins::new([3.0, 3.0], 0.5));
-        assert_eq!(spans.rows[0].of_bin(0), [span(0, 1, true), span(2, 3, true)], "two spans");
+        let bins = Bins::new([3.0, 3.0], 0.5);
+        let spans = find(&[layer(&[1.0, 0.0, 1.0], &[3.0; 3])], &bins);
+        let found = spans.rows[0].of_bin(bins.index(3.0) as usize);
+        assert_eq!(found, [span(0, 1, true), span(2, 3, true)], "two spans");
     }
 }
