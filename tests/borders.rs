@@ -88,14 +88,13 @@ fn segment(distance: f32) -> f32 {
 }
 
 /// Tolerance of a method's alpha against the share of a disc, in front of and behind focus. Gaussians and
-/// pyramids are not discs; three methods never blend content in front of focus with content in focus, not even with an empty border.
+/// pyramids are not discs, and the glow of `opaque-blur` makes silhouettes too opaque.
 fn allowed(method: &str, coc_px: f32) -> f32 {
     let [before, behind] = match method {
-        "recursive-gaussian" => [0.14, 0.09],
+        "recursive-gaussian" => [0.14, 0.1],
         "b-buffer" => [0.06, 0.06],
         "pyramid-disocclusion" => [0.26, 0.17],
         "opaque-blur" => [0.48, 0.09],
-        "gather" | "scatter" => [0.48, 0.01],
         _ => [0.01, 0.01],
     };
     if coc_px < 0.0 { before } else { behind }
