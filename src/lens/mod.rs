@@ -21,6 +21,7 @@ pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
 pub(crate) use radial::{Landing, Radial};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
+pub(crate) use views::ROW_SETS;
 pub use views::{View, views};
 
 use crate::error::Error;

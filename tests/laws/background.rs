@@ -4,7 +4,7 @@ use super::{Trial, blur, grey, layer, noise, scene};
 use std::f32::consts::PI;
 use thinlens::image::Image;
 use thinlens::methods::{Law, METHODS};
-use thinlens::scene::{Layer, Scene};
+use thinlens::scene::{EffectKind, Scene};
 use thinlens::stack::StackKind;
 
 /// `scene` with another CoC radius at infinity.
@@ -42,9 +42,13 @@ fn difference(a: &Image, b: &Image, counts: impl Fn(usize, usize) -> bool) -> f3
 #[test]
 fn clear_pixels_change_nothing_beyond_the_largest_blur_of_them() {
     const LARGEST_COC_PX: f32 = 6.0;
+    const ESTIMATE_PX: f32 = 9.0;
     for method in METHODS {
         let mut trial = Trial::new(method, Law::Locality);
         for whole in [false, true] {
+            // What is estimated behind the bar depends on its surroundings, as far as rays reach from the bar's depth to the wall's.
+            let estimates = !whole && method.info().effects.contains(&EffectKind::Fill);
+            let reach_px = LARGEST_COC_PX + if estimates { ESTIMATE_PX } else { 0.0 };
             let expected = blur(method, &closed(whole, |_, _| false), 64);
             // A sample in the wall, one beside the bar, one in the bar, and nine in a corner.
             for (left, top, side) in [(20, 24, 1), (51, 24, 1), (55, 24, 1), (0, 0, 3)] {
@@ -55,7 +59,7 @@ fn clear_pixels_change_nothing_beyond_the_largest_blur_of_them() {
                     let away = |at: usize, from: usize| {
                         (from as f32 - at as f32).max(at as f32 - (from + side - 1) as f32).max(0.0)
                     };
-                    away(x, left).hypot(away(y, top)) > LARGEST_COC_PX + 1.0
+                    away(x, left).hypot(away(y, top)) > reach_px + 1.0
                 };
                 let off = difference(&image, &expected, is_far);
                 trial.add(
@@ -64,53 +68,6 @@ fn clear_pixels_change_nothing_beyond_the_largest_blur_of_them() {
                     format!("{side} × {side} at {left}, {top}, wall behind: {whole}"),
                 );
             }
-        }
-        trial.check();
-    }
-}
-
-#[test]
-fn a_lone_translucent_element_keeps_its_alpha_and_its_colour() {
-    for method in METHODS {
-        let mut trial = Trial::new(method, Law::Element);
-        for coc in [-7.0, -0.4, 0.0, 2.2, 7.0] {
-            for alpha in [0.05, 0.3, 0.8] {
-                let color = [0.6 * alpha, 0.2 * alpha, 0.9 * alpha, alpha];
-                let element = focused(scene(vec![layer(48, 32, |_, _| (color, coc))]), 9.0);
-                let image = blur(method, &element, 256);
-                let off = difference(&image, &Image::from_fn(48, 32, |_, _| color), |_, _| true);
-                trial.add(off, [0.0, 2e-3], format!("alpha {alpha}, c = {coc}"));
-            }
-        }
-        trial.check();
-    }
-}
-
-#[test]
-fn a_constant_colour_stays_constant_under_any_alpha() {
-    let alphas = [0.0, 0.02, 0.3, 0.93, 0.9995, 1.0];
-    let pattern = |seed: usize, coc: fn(usize) -> f32| {
-        layer(60, 40, move |x, y| {
-            let alpha = alphas[(noise(x / 3, y / 3, seed) * 5.99) as usize];
-            ([0.6 * alpha, 0.2 * alpha, 0.9 * alpha, alpha], coc(x))
-        })
-    };
-    let cases: [(&str, Vec<Layer>); 3] = [
-        ("near", vec![pattern(1, |_| -5.0)]),
-        ("far and slanted", vec![pattern(2, |x| 1.0 + 0.1 * x as f32)]),
-        ("two layers", vec![pattern(3, |_| -4.0), pattern(4, |_| 3.0)]),
-    ];
-    for method in METHODS {
-        let mut trial = Trial::new(method, Law::ConstantColor);
-        for (case, layers) in &cases {
-            let image = blur(method, &focused(scene(layers.clone()), 8.0), 256);
-            let pixels = (0..40).flat_map(|y| (0..60).map(move |x| (x, y))).map(|(x, y)| image.pixel(x, y));
-            let off = pixels.fold(0.0, |max: f32, [r, g, b, alpha]| {
-                let channels = [(r, 0.6), (g, 0.2), (b, 0.9)];
-                channels.into_iter().fold(max, |max, (value, of)| max.max((value - of * alpha).abs()))
-            });
-            // Fragments of an alpha of 0.9995 are opaque.
-            trial.add(off, [0.0, 0.9 * 6e-4], *case);
         }
         trial.check();
     }

@@ -87,11 +87,6 @@ impl Method for Shear {
             steps: &["16", "64", "256"],
             deviations: &[
                 Deviation {
-                    law: Law::ConstantColor,
-                    within: [0.0, 6e-4],
-                    reason: "a ray of a transmittance below 0.002 counts as occluded",
-                },
-                Deviation {
                     law: Law::PeelOrder,
                     within: [0.0, 0.02],
                     reason: "a rough surface goes on within its peel, and to another peel by half a pixel only: which peel holds it matters",
