@@ -31,7 +31,7 @@ static TABLES: &[u8] = include_bytes!("view_tables.bin");
 const POINT: usize = 4 * size_of::<f32>();
 
 /// Number of sets of views that the rows of a picture take turns with.
-pub const ROW_SETS: usize = 4;
+pub(crate) const ROW_SETS: usize = 4;
 
 /// Numbers of views for which rows take turns: with fewer, rows would differ visibly from one another, and more have steps too small to be
 /// seen.

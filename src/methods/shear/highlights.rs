@@ -17,7 +17,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 /// CoC radii in picture pixels from which on a fragment's excess goes into a disc: none of it up to the first, all of it from the second.
-const DISC_FROM_PX: [f32; 2] = [0.5, 1.5];
+const DISC_FROM_PX: [f32; 2] = [1.0, 1.5];
 
 /// How much brighter than the threshold a fragment is whose whole excess goes into a disc: a quarter of a stop.
 const FULL_DISC_FROM: f32 = 1.19;

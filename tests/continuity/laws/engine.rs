@@ -117,6 +117,7 @@ impl Engine {
 
 impl Engine {
     /// Whether it runs on the CPU.
+    #[allow(dead_code, reason = "the example prints every engine alike")]
     pub(crate) fn is_cpu(&self) -> bool {
         self.gpu.is_none()
     }

@@ -68,7 +68,7 @@ impl Method for PeelRays {
                 Deviation { law: Law::Relief, within: [0.0, 0.2], reason: THIN },
                 Deviation { law: Law::EvenSweep, within: [1.0, 3.0], reason: ONE_SET },
                 Deviation { law: Law::FrozenFrames, within: [0.0, 6.0], reason: ONE_SET },
-                Deviation { law: Law::ManyPeels, within: [0.0, 0.01], reason: STEPS },
+                Deviation { law: Law::ManyPeels, within: [0.0, 0.3], reason: STEPS },
             ],
         }
     }
