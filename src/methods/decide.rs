@@ -236,7 +236,11 @@ mod tests {
 
     /// Statistics with `fragments` of luminance 2 to 2.8 and one of 1000, whose discs cover 300 px each.
     fn lights(fragments: usize) -> SceneStats {
-        let step = |fragments| BrightStep { fragments, disc_area_px: 300.0 * fragments as f64 };
+        let step = |fragments| BrightStep {
+            fragments,
+            discs: fragments as f64,
+            disc_area_px: 300.0 * fragments as f64,
+        };
         let mut stats = stats();
         (stats.bright[2], stats.bright[19]) = (step(fragments), step(1));
         stats

@@ -29,7 +29,7 @@ pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use layer::{Layer, OPAQUE_ALPHA};
 pub use peel_stats::PeelStats;
 pub use stats::SceneStats;
-pub(crate) use stats::{BrightStep, bright_step_floor};
+pub(crate) use stats::{BrightStep, bright_step_floor, share_of_disc};
 pub(crate) use workload::Discs;
 pub use workload::Workload;
 #[cfg(test)]

@@ -20,8 +20,16 @@ pub(crate) const BRIGHT_STEPS: usize = 32;
 pub(crate) struct BrightStep {
     /// Number of fragments.
     pub fragments: usize,
-    /// Sum of the areas of their discs, `π c²`, in picture pixels.
+    /// Number of their discs, each by its share of the fragment's light ([`share_of_disc`]).
+    pub discs: f64,
+    /// Sum of the areas of these discs, `π c²` each, in picture pixels.
     pub disc_area_px: f64,
+}
+
+/// Share of the light of a bright fragment of the CoC radius `coc_px` that may be drawn as a disc: none up to a pixel, all from one and a
+/// half on.
+pub(crate) fn share_of_disc(coc_px: f32) -> f32 {
+    ((coc_px.abs() - 1.0) / 0.5).clamp(0.0, 1.0)
 }
 
 /// The statistics of a scene: all that a plan is decided from, apart from the settings.
@@ -229,7 +237,9 @@ impl Tally {
                 && let Some(step) = bright_step(brightness)
             {
                 self.bright[step].fragments += 1;
-                self.bright[step].disc_area_px += std::f64::consts::PI * f64::from(coc[x]).powi(2);
+                let share = f64::from(share_of_disc(coc[x]));
+                self.bright[step].discs += share;
+                self.bright[step].disc_area_px += share * std::f64::consts::PI * f64::from(coc[x]).powi(2);
                 self.highlight_light += f64::from(brightness);
             }
         }
@@ -258,6 +268,7 @@ impl Tally {
         self.neighbours.add(other.neighbours);
         for (sum, step) in self.bright.iter_mut().zip(&other.bright) {
             sum.fragments += step.fragments;
+            sum.discs += step.discs;
             sum.disc_area_px += step.disc_area_px;
         }
         self.light.resize(self.light.len().max(other.light.len()), LightStep::default());

@@ -7,17 +7,16 @@
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
-use super::resolve::smooth_step;
 use super::spans::{Span, Spans};
 use crate::image::Image;
 use crate::lens::Field;
 use crate::methods::contract::Plan;
-use crate::scene::{Antialiasing, EffectKind, Layer, Scene};
+use crate::scene::{Antialiasing, EffectKind, Layer, Scene, share_of_disc};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// CoC radii in picture pixels from which on a fragment's excess goes into a disc: none of it up to the first, all of it from the second.
-const DISC_FROM_PX: [f32; 2] = [1.0, 1.5];
+/// Fragments nearer than a highlight by less than this belong to its own surface, in picture pixels.
+const OWN_SURFACE_PX: f32 = 0.75;
 
 /// How much brighter than the threshold a fragment is whose whole excess goes into a disc: a quarter of a stop.
 const FULL_DISC_FROM: f32 = 1.19;
@@ -76,12 +75,6 @@ fn extract_from(
             }
         })
         .collect()
-}
-
-/// Share of the excess of a fragment of the CoC radius `coc_px` that goes into a disc; the rest is blurred with its surface.
-fn share_of_disc(coc_px: f32) -> f32 {
-    let [none, all] = DISC_FROM_PX;
-    smooth_step((coc_px.abs() - none) / (all - none))
 }
 
 /// Share of the excess of a fragment `times` as bright as the threshold that goes into a disc.
@@ -176,7 +169,7 @@ fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, oc
         .enumerate()
         .for_each(|(strip, ((red, green), blue))| {
             let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut visibility = Vec::new();
+            let mut visibility = Visibility::default();
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
@@ -186,6 +179,35 @@ fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, oc
                 }
             }
         });
+}
+
+/// How far a highlight is visible from the columns of a row.
+#[derive(Debug, Default)]
+struct Visibility {
+    /// The share of it that each column sees.
+    shares: Vec<f32>,
+    /// `[layer][column]`: 1 more than the bin in which a translucent fragment of the layer last occluded it; 0 before any did.
+    hits: Vec<u16>,
+}
+
+impl Visibility {
+    /// All of it, from `columns` columns.
+    fn start(&mut self, columns: usize) {
+        self.shares.clear();
+        self.shares.resize(columns, 1.0);
+        self.hits.clear();
+    }
+
+    /// Whether a translucent fragment of `layer` in `bin` belongs to a surface that occluded `column` before, in bin `same_from` or
+    /// later: it is in several bins, and counts once. Remembers it.
+    fn is_repeated(&mut self, layer: usize, column: usize, bin: u16, same_from: u16) -> bool {
+        let columns = self.shares.len();
+        if self.hits.len() < (layer + 1) * columns {
+            self.hits.resize((layer + 1) * columns, 0);
+        }
+        let last = std::mem::replace(&mut self.hits[layer * columns + column], bin + 1);
+        last > same_from
+    }
 }
 
 /// A highlight with its shape.
@@ -212,7 +234,7 @@ impl<'a> Disc<'a> {
         y: usize,
         mut row: [&mut [f32]; 3],
         occluders: &Occluders<'_>,
-        visibility: &mut Vec<f32>,
+        visibility: &mut Visibility,
     ) {
         for shape in &self.shapes {
             self.draw_shape(shape, y, &mut row, occluders, visibility);
@@ -225,7 +247,7 @@ impl<'a> Disc<'a> {
         y: usize,
         row: &mut [&mut [f32]; 3],
         occluders: &Occluders<'_>,
-        visibility: &mut Vec<f32>,
+        visibility: &mut Visibility,
     ) {
         let position = self.highlight.position;
         let (dy, reach) = (y as f32 - position.y, self.bokeh.reach_px(shape));
@@ -240,10 +262,9 @@ impl<'a> Disc<'a> {
         if first >= end {
             return;
         }
-        visibility.clear();
-        visibility.resize(end - first, 1.0);
+        visibility.start(end - first);
         self.occlude(shape, y, first, visibility, occluders);
-        for (x, &visible) in (first..end).zip(visibility.iter()) {
+        for (x, &visible) in (first..end).zip(visibility.shares.iter()) {
             let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
             if share > 0.0 {
                 for &channel in shape.colors {
@@ -259,13 +280,13 @@ impl<'a> Disc<'a> {
         shape: &Shape,
         y: usize,
         first: usize,
-        visibility: &mut [f32],
+        visibility: &mut Visibility,
         occluders: &Occluders<'_>,
     ) {
         let Highlight { position, coc_px, .. } = *self.highlight;
         let height = occluders.spans.rows.len();
         // Fragments nearer by less than this belong to the highlight's own surface.
-        let own_surface_px = f32::max(0.75, 0.06 * coc_px.abs());
+        let own_surface_px = f32::max(OWN_SURFACE_PX, 0.06 * coc_px.abs());
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
             if bin_coc >= coc_px - own_surface_px {
                 break;
@@ -275,9 +296,11 @@ impl<'a> Disc<'a> {
             let row = ((y as f32) * (1.0 - f) + position.y * f + 0.5).floor();
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
+            let same_from = occluders.bins.same_hit_from(bin);
             for span in occluders.spans.rows[row].of_bin(bin) {
                 let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
-                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), alpha);
+                let hit = (bin as u16, same_from);
+                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), (alpha, hit));
             }
         }
     }
@@ -306,12 +329,12 @@ fn occlude_by(
     span: &Span,
     columns: [f32; 2],
     map: Affine,
-    (first, visibility): (usize, &mut [f32]),
-    alpha: Option<&[f32]>,
+    (first, visibility): (usize, &mut Visibility),
+    (alpha, (bin, same_from)): (Option<&[f32]>, (u16, u16)),
 ) {
     let ends = columns.map(|s| map.offset + map.scale * s);
     let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-    let last = first + visibility.len() - 1;
+    let last = first + visibility.shares.len() - 1;
     if to < first as f32 - 0.5 || from > last as f32 + 0.5 {
         return;
     }
@@ -319,11 +342,14 @@ fn occlude_by(
     let end = (to + 0.5).floor().min(last as f32) as usize;
     for x in begin..=end {
         let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
+        if alpha.is_some() && visibility.is_repeated(span.layer as usize, x - first, bin, same_from) {
+            continue;
+        }
         let opacity = alpha.map_or(1.0, |row| {
             let source = (x as f32 - map.offset) / map.scale;
             row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
         });
-        let visible = &mut visibility[x - first];
+        let visible = &mut visibility.shares[x - first];
         *visible = (*visible - covered * opacity).max(0.0);
     }
 }

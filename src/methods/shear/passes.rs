@@ -48,6 +48,7 @@ fn brighter(stats: &SceneStats, threshold: f32) -> BrightStep {
     let steps = stats.bright.iter().enumerate().filter(|(step, _)| bright_step_floor(step + 1) > threshold);
     steps.fold(BrightStep::default(), |sum, (_, step)| BrightStep {
         fragments: sum.fragments + step.fragments,
+        discs: sum.discs + step.discs,
         disc_area_px: sum.disc_area_px + step.disc_area_px,
     })
 }
@@ -59,10 +60,11 @@ fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
     for (step, bright) in stats.bright.iter().enumerate().rev() {
         let with = BrightStep {
             fragments: discs.fragments + bright.fragments,
+            discs: discs.discs + bright.discs,
             disc_area_px: discs.disc_area_px + bright.disc_area_px,
         };
         let affordable = with.disc_area_px <= HIGHLIGHT_COVER * pixels
-            && with.fragments as f64 <= HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
+            && with.discs <= HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
         if bright_step_floor(step + 1) <= requested {
             break;
         }
@@ -71,6 +73,7 @@ fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
             let share = share_of(bright, &discs, stats);
             let discs = BrightStep {
                 fragments: discs.fragments + (share * bright.fragments as f64) as usize,
+                discs: discs.discs + share * bright.discs,
                 disc_area_px: discs.disc_area_px + share * bright.disc_area_px,
             };
             return (bright_step_floor(step + 1) * 0.5f32.powf(0.5 * share as f32), discs);
@@ -86,7 +89,7 @@ fn share_of(step: &BrightStep, discs: &BrightStep, stats: &SceneStats) -> f64 {
     let count = HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
     let room = |budget: f64, taken: f64, asked: f64| ((budget - taken) / asked.max(1e-9)).clamp(0.0, 1.0);
     let by_area = room(HIGHLIGHT_COVER * pixels, discs.disc_area_px, step.disc_area_px);
-    let by_count = room(count, discs.fragments as f64, step.fragments as f64);
+    let by_count = room(count, discs.discs, step.discs);
     by_area.min(by_count)
 }
 
@@ -230,7 +233,7 @@ mod tests {
 
     #[test]
     fn without_discs_dots_are_brighter_by_the_ratio_of_disc_area_to_views() {
-        let discs = BrightStep { fragments: 2, disc_area_px: 1280.0 };
+        let discs = BrightStep { fragments: 2, discs: 2.0, disc_area_px: 1280.0 };
         let text = without_discs(discs, Some(64));
         assert!(text.contains("64 dots 10.0 times as bright"), "640 px over 64 views: {text}");
         assert!(without_discs(discs, Some(1024)).contains("would be enough"), "more views than pixels");
