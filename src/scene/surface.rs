@@ -23,7 +23,7 @@ pub(crate) const ROUGHNESS: f32 = 2.0;
 /// a silhouette between two smooth surfaces the outer two are small, so that the two stay separate and no edge thickens.
 #[inline(always)]
 pub(crate) fn join_limit_px(before: f32, after: f32) -> f32 {
-    (ROUGHNESS * (before + after)).min(MAX_JOIN_PX).max(JOIN_PX)
+    (ROUGHNESS * (before + after)).clamp(JOIN_PX, MAX_JOIN_PX)
 }
 
 /// Whether neighbouring samples of these CoC radii, in picture pixels, belong to one surface.

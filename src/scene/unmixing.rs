@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn what_may_be_the_surfaces_texture_is_kept() {
         let mut layer = stripe();
-        let texture = |x: usize| if x % 2 == 0 { 0.6 } else { 0.0 };
+        let texture = |x: usize| if x.is_multiple_of(2) { 0.6 } else { 0.0 };
         layer.color[0] = Plane::from_fn(24, 5, |x, _| if (8..12).contains(&x) { 1.0 } else { texture(x) });
         let colors = unmixed_colors(&layer, &Antialiasing::AVERAGES);
         assert_eq!(colors[2 * 24 + 12][0], 0.6);

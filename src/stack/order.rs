@@ -69,8 +69,8 @@ pub(super) fn sort(peels: &mut [Peel], convention: DepthConvention) -> Option<Fi
 /// The counts of every peel, and the pixels that are not in order.
 fn disorder(peels: &[Peel], far: &FarDepth) -> (Vec<Behind>, Vec<(usize, usize)>) {
     let (width, height) = peels.first().map_or((0, 0), |peel| (peel.depth.width(), peel.depth.height()));
-    let rows: Vec<(Vec<Behind>, Vec<(usize, usize)>)> =
-        (0..height).into_par_iter().map(|y| disorder_of_row(peels, far, width, y)).collect();
+    type Row = (Vec<Behind>, Vec<(usize, usize)>);
+    let rows: Vec<Row> = (0..height).into_par_iter().map(|y| disorder_of_row(peels, far, width, y)).collect();
     let mut behind = vec![Behind::default(); peels.len()];
     let mut disordered = Vec::new();
     for (counts, pixels) in rows {

@@ -19,7 +19,7 @@ fn fault(law: &Measured, engine: &Engine) -> Option<String> {
     let all_lawful = figures.iter().all(lawful);
     let expected = match law.deviation(engine) {
         None => (!all_lawful).then(|| format!("at most {}", law.bound)),
-        Some(_) if all_lawful && engine.is_cpu() => {
+        Some(_) if all_lawful && engine.gpu.is_none() => {
             Some("no declared deviation, since every case keeps the law".to_owned())
         }
         Some(Deviation { within: [min, max], .. }) => {

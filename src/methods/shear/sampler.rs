@@ -78,7 +78,7 @@ pub(super) struct ShearSampler<'p> {
 enum PaintLayers {
     Unprepared(Vec<Layer>),
     /// With their original colours, from which they are prepared for another number of views.
-    Prepared(Prepared, SavedColors),
+    Prepared(Box<Prepared>, SavedColors),
 }
 
 /// Everything that painting `views` views reads.
@@ -265,9 +265,11 @@ impl Sampler for ShearSampler<'_> {
         {
             PaintLayers::Unprepared(layers) => {
                 let saved = SavedColors::from_layers(&layers);
-                (Prepared::new(layers, frame, views), saved)
+                (Box::new(Prepared::new(layers, frame, views)), saved)
             }
-            PaintLayers::Prepared(prepared, saved) => (prepared.for_views(&saved, frame, views), saved),
+            PaintLayers::Prepared(prepared, saved) => {
+                (Box::new(prepared.for_views(&saved, frame, views)), saved)
+            }
         };
         let width = frame.size.0;
         let reach = Reach::from_spans(&prepared.spans, &prepared.bins, frame.size);

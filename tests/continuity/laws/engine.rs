@@ -13,7 +13,8 @@ use thinlens::settings::{Effort, Origin, ParameterValues, Settings, Values};
 pub(crate) struct Engine {
     /// The method.
     pub(crate) method: &'static dyn Method,
-    gpu: Option<&'static Gpu>,
+    /// The GPU; `None` for the CPU.
+    pub(crate) gpu: Option<&'static Gpu>,
 }
 
 /// How a scene is blurred: everything else is the program's default.
@@ -112,14 +113,6 @@ impl Engine {
                 image
             }
         }
-    }
-}
-
-impl Engine {
-    /// Whether it runs on the CPU.
-    #[allow(dead_code, reason = "the example prints every engine alike")]
-    pub(crate) fn is_cpu(&self) -> bool {
-        self.gpu.is_none()
     }
 }
 
