@@ -262,7 +262,7 @@ fn surface_scenes() -> Vec<(&'static str, Scene)> {
 fn many_layers(count: usize, alpha: f32) -> Scene {
     let near = |i: usize| {
         layer(23, 17, move |x, y| {
-            let present = (x + 3 * y + i) % 13 == 0;
+            let present = (x + 3 * y + i).is_multiple_of(13);
             (painted(x, y, i, if present { alpha } else { 0.0 }), 0.05 * i as f32 - 9.0)
         })
     };

@@ -276,6 +276,7 @@ impl<'a> ProbeSet<'a> {
     }
 
     /// The error estimate for `image`, rendered by `plan`.
+    #[cfg(feature = "cli")]
     pub(crate) fn estimate_image(&self, image: &Image, plan: &Plan) -> ErrorEstimate {
         self.of(plan).estimate_image(image, truth::exact_lights(self.scene, plan).as_ref())
     }
