@@ -91,7 +91,7 @@ struct Params {
 // hit of the same translucent surface.
 @group(0) @binding(17) var<uniform> bin_table: array<vec4u, HALF_MAX_BINS>;
 // The rows that the band reads: share of the background in the pixel, CoC radius of the pixel's last fragment in pixels, and share of
-// averages in the pixel.
+// averages in the pixel, and share of the background behind a fragment that a ray passes beside in the pixel.
 @group(0) @binding(18) var pixels: texture_2d_array<f32>;
 
 // A lens sample.
@@ -235,9 +235,9 @@ fn passing_to(view: View, pixel: vec2u) -> f32 {
     return barrel_transmittance(vec2f(view.lens_x, view.lens_y), pixel);
 }
 
-// The share of the background, and the CoC radius of the last fragment, at `pixel` of the band moved by `shift`.
-fn background_at(pixel: vec2u, shift: vec2i) -> vec2f {
-    return textureLoad(pixels, source_of(pixel, shift), 0u, 0).xy;
+// What `pixels` has at `pixel` of the band moved by `shift`.
+fn background_at(pixel: vec2u, shift: vec2i) -> vec4f {
+    return textureLoad(pixels, source_of(pixel, shift), 0u, 0);
 }
 
 // Where a ray of `view` from `pixel` ends that has `left` of its light: in the background, or where the stack has nothing. CPU version:
@@ -251,7 +251,7 @@ fn end_of(view: View, pixel: vec2u, left: f32) -> vec2f {
     if share < 1.0 {
         let moved = at_infinity.y * vec2f(view.lens_x, view.lens_y) + vec2f(view.jitter_x, view.jitter_y);
         let shift = vec2i(floor(moved + vec2f(view.shift_x, view.shift_y) + 0.5));
-        share = max(share, background_at(pixel, shift).x);
+        share = max(share, background_at(pixel, shift).w);
     }
     let transparent = min(left, share);
     return vec2f(transparent, left - transparent);

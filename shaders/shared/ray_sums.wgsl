@@ -48,7 +48,8 @@ struct Sum {
 // [red, green, blue, alpha][row][column].
 @group(0) @binding(2) var<storage, read_write> picture: array<f32>;
 
-// [row][column]: share of the background in the pixel, CoC radius of the pixel's last fragment, and extent of the rays' origins.
+// [row][column]: share of the background in the pixel, CoC radius of the pixel's last fragment, extent of the rays' origins, and share of
+// the background behind a fragment that a ray passes beside in the pixel.
 @group(0) @binding(14) var<storage, read> pixels: array<vec4f>;
 
 const NO_RAYS: Sum = Sum(vec3f(0.0), 0.0, 0.0, 0.0);
@@ -96,13 +97,13 @@ fn jitter_at(pixel: vec2u) -> f32 {
     return pixels[(i32(pixel.y) - batch.top) * batch.columns + i32(pixel.x)].z;
 }
 
-// Share and last CoC radius of the background's pixel below a ray that at CoC radius c is at sample position `start + c·step`; past the border, the border's
+// The background's pixel below a ray that at CoC radius c is at sample position `start + c·step`; past the border, the border's
 // pixel.
-fn background_below(start: vec2f, step: vec2f, supersample: f32, c: f32) -> vec2f {
+fn background_below(start: vec2f, step: vec2f, supersample: f32, c: f32) -> vec4f {
     // Half a sample more keeps the division away from whole numbers, where it may round down.
     let pixel = vec2i(floor((floor(start + c * step) + 0.5) / supersample));
     let kept = clamp(pixel, vec2i(0, batch.top), vec2i(batch.columns - 1, batch.bottom));
-    return pixels[(kept.y - batch.top) * batch.columns + kept.x].xy;
+    return pixels[(kept.y - batch.top) * batch.columns + kept.x];
 }
 
 // The sum of a ray that has collected `color`, has the transmittance `left` after all fragments, and at CoC radius c is at sample
@@ -113,7 +114,7 @@ fn ended_ray(color: vec3f, left: f32, start: vec2f, step: vec2f, supersample: f3
         let at_infinity = background_below(start, step, supersample, batch.coc_infinity_px);
         var share = at_infinity.x;
         if share < 1.0 {
-            share = max(share, background_below(start, step, supersample, at_infinity.y).x);
+            share = max(share, background_below(start, step, supersample, at_infinity.y).w);
         }
         transparent = min(left, share);
     }

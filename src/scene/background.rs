@@ -6,8 +6,9 @@
 //! proportional to it between the two. A ray of transmittance `l` that has passed all fragments ends in the background with
 //! `min(l, share)`; the rest of it is lost, which means that the stack has nothing there.
 //!
-//! Where a ray ends in a hidden pixel, it has passed beside what hides it. If the pixel on that side shows the background, the background
-//! continues behind the fragment: a lone object is as transparent at its blurred edges as its coverage says.
+//! Where a ray ends in a hidden pixel, it has passed beside what hides it. If the pixel on that side is clear, the background
+//! continues behind the fragment: a lone object is as transparent at its blurred edges as its coverage says. Most of the light has to pass
+//! that pixel ([`BESIDE_FROM`]): the fractions of rims rarely add up to 1, and what they leave of a closed scene is no background.
 //!
 //! Both pixels lie within the largest CoC radius of the ray's own pixel, and shares are continuous in alpha: no sample changes the
 //! background elsewhere.
@@ -23,11 +24,17 @@ use rayon::prelude::*;
 /// their blurred edges too opaque: by 0.08 for a disc of alpha 0.5, against 0.01 with a tenth.
 const CLEAR_FROM: f32 = 0.1;
 
+/// Transmittance of the pixel beside a fragment up to which it says nothing of what is behind the fragment; from there on it says so in
+/// proportion, wholly where it is clear.
+const BESIDE_FROM: f32 = 0.5;
+
 /// The background of a scene in which it is visible somewhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Background {
     /// Share of the background in each pixel of the picture, 0 … 1.
     share: Plane,
+    /// Share of the background behind a fragment that a ray passes beside in each pixel, 0 … 1.
+    beside: Plane,
     /// Signed CoC radius of the last fragment of each pixel, the farthest of its samples, in picture pixels.
     last_coc_px: Plane,
     /// CoC radius at infinity in picture pixels.
@@ -43,27 +50,35 @@ impl Background {
             return None;
         }
         let (width, height) = (first.width() / supersample, first.height() / supersample);
-        let (mut share, mut last_coc_px) = (Plane::zeros(width, height), Plane::zeros(width, height));
+        let [mut share, mut beside, mut last_coc_px] = [(); 3].map(|()| Plane::zeros(width, height));
         let rows = share.values_mut().par_chunks_mut(width.max(1));
+        let rows = rows.zip(beside.values_mut().par_chunks_mut(width.max(1)));
         let rows = rows.zip(last_coc_px.values_mut().par_chunks_mut(width.max(1))).enumerate();
-        rows.for_each(|(y, (share, last_coc_px))| {
-            for (x, (share, last)) in share.iter_mut().zip(last_coc_px).enumerate() {
+        rows.for_each(|(y, ((share, beside), last_coc_px))| {
+            for (x, ((share, beside), last)) in share.iter_mut().zip(beside).zip(last_coc_px).enumerate() {
                 let samples = (0..supersample * supersample).map(|i| {
                     through(layers, x * supersample + i % supersample, y * supersample + i / supersample)
                 });
                 let (sum, farthest) = samples
                     .fold((0.0, f32::NEG_INFINITY), |(sum, farthest), (t, coc)| (sum + t, coc.max(farthest)));
-                *share = (sum / (CLEAR_FROM * (supersample * supersample) as f32)).min(1.0);
+                let transmittance = sum / (supersample * supersample) as f32;
+                *share = (transmittance / CLEAR_FROM).min(1.0);
+                *beside = ((transmittance - BESIDE_FROM) / (1.0 - BESIDE_FROM)).max(0.0);
                 *last = if farthest.is_finite() { farthest } else { coc_infinity_px };
             }
         });
         let visible = share.values().iter().any(|&share| share > 0.0);
-        visible.then_some(Self { share, last_coc_px, coc_infinity_px })
+        visible.then_some(Self { share, beside, last_coc_px, coc_infinity_px })
     }
 
     /// Share of the background in each pixel of the picture, 0 … 1.
     pub fn share(&self) -> &Plane {
         &self.share
+    }
+
+    /// Share of the background behind a fragment that a ray passes beside in each pixel, 0 … 1.
+    pub fn beside(&self) -> &Plane {
+        &self.beside
     }
 
     /// Signed CoC radius of the last fragment of each pixel in picture pixels.
@@ -95,7 +110,7 @@ impl Background {
             return share;
         }
         let (x, y) = clamped(at(self.last_coc_px.get(x, y)));
-        share.max(self.share.get(x, y))
+        share.max(self.beside.get(x, y))
     }
 }
 
@@ -166,5 +181,15 @@ mod tests {
         assert_eq!(met(1.0, 0.2), 1.0, "it ends beside the object");
         assert_eq!(met(4.0, 0.5), 1.0, "it ends behind it and has passed it on its left");
         assert_eq!(met(5.0, 0.1), 0.0, "through the object, which a ray does not pass");
+    }
+
+    #[test]
+    fn a_rim_that_is_little_transparent_says_nothing_of_what_is_behind_an_object_beside_it() {
+        // The object's rim lets 0.3 of the light pass, in column 3.
+        let row: Vec<(f32, f32)> = (0..12).map(|x| if x == 3 { (0.7, -4.0) } else { (1.0, -4.0) }).collect();
+        let background = Background::behind(&[layer(&row)], 1, 5.0).unwrap();
+        let met = |x: f32, u: f32| background.met_by(|c| IVec2::new((x + c * u + 0.5).floor() as i32, 0));
+        assert_eq!(met(0.5, 0.5), 1.0, "it ends in the rim itself");
+        assert_eq!(met(5.0, 0.5), 0.0, "it ends behind the object and has passed the rim");
     }
 }

@@ -97,14 +97,15 @@ impl RayEnds<'_> {
         ends_px.map_or([near, far], |ends_px| [near.min(ends_px), far.max(ends_px)])
     }
 
-    /// For each pixel in the rows that `band` of a picture of `width` columns reads: share and last CoC radius of the background, and extent
-    /// of the rays' origins; one texel without meaning if all pixels are alike.
+    /// For each pixel in the rows that `band` of a picture of `width` columns reads: share and last CoC radius of the background, extent
+    /// of the rays' origins, and share of the background beside; one texel without meaning if all pixels are alike.
     fn upload(self, gpu: &Gpu, (width, band): (usize, &Band)) -> Result<Buffer, Error> {
         let pixel = |x, y| {
-            let [share, last_coc_px] = self.background.map_or([0.0; 2], |background| {
-                [background.share().get(x, y), background.last_coc_px().get(x, y)]
+            let [share, beside, last_coc_px] = self.background.map_or([0.0; 3], |background| {
+                [background.share(), background.beside(), background.last_coc_px()]
+                    .map(|plane| plane.get(x, y))
             });
-            [share, last_coc_px, self.jitter.at(x, y), 0.0]
+            [share, last_coc_px, self.jitter.at(x, y), beside]
         };
         let pixels: Vec<[f32; 4]> = if self.differ() {
             band.source.clone().flat_map(|y| (0..width).map(move |x| pixel(x, y))).collect()

@@ -101,10 +101,11 @@ impl<'a> Frame<'a> {
     pub(super) fn pixel_row(&self, y: usize, texels: &mut [[f32; 4]]) {
         let (background, antialiasing) = (self.picture.background.as_deref(), &self.picture.antialiasing);
         for (x, texel) in texels.iter_mut().enumerate() {
-            let [share, last_coc_px] = background.map_or([0.0; 2], |background| {
-                [background.share().get(x, y), background.last_coc_px().get(x, y)]
+            let [share, beside, last_coc_px] = background.map_or([0.0; 3], |background| {
+                [background.share(), background.beside(), background.last_coc_px()]
+                    .map(|plane| plane.get(x, y))
             });
-            *texel = [share, last_coc_px, antialiasing.at(x, y), 0.0];
+            *texel = [share, last_coc_px, antialiasing.at(x, y), beside];
         }
     }
 
