@@ -7,7 +7,8 @@
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
-use super::spans::{Span, Spans};
+use super::keys::Extent;
+use super::spans::{self, Span, Spans};
 use crate::image::Image;
 use crate::lens::Field;
 use crate::methods::contract::Plan;
@@ -119,25 +120,29 @@ fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
 #[derive(Debug)]
 pub(super) struct Occluders<'a> {
     /// Width of the picture.
-    pub(super) width: usize,
-    /// The spans of all layers.
-    pub(super) spans: &'a Spans,
+    width: usize,
+    /// The spans of all layers, by [`Extent::Occluder`].
+    spans: Spans,
     /// The bins of the spans.
-    pub(super) bins: &'a Bins,
+    bins: &'a Bins,
     /// The layers.
-    pub(super) layers: &'a [Layer],
+    layers: &'a [Layer],
 }
 
-/// Adds the discs of `highlights` to `image`, each in the shape of the lens of `plan` and occluded by nearer fragments. A highlight that is
-/// an average in part is drawn as a fragment of either width, by that part.
+/// Adds the discs of `highlights` to `image`, each in the shape of the lens of `plan` and occluded by nearer fragments of `layers`,
+/// whose CoC radii `bins` cover. A highlight that is an average in part is drawn as a fragment of either width, by that part.
 pub(super) fn draw(
     image: &mut Image,
     highlights: &[Highlight],
     (plan, field): (&Plan, Field),
-    occluders: &Occluders<'_>,
+    (layers, bins): (&[Layer], &Bins),
 ) {
     /// Width of the square that a point sample represents, in picture pixels.
     const POINT_SAMPLE_PX: f32 = 1.0;
+    if highlights.is_empty() {
+        return;
+    }
+    let occluders = &Occluders::new(layers, bins);
     let parts = [
         (POINT_SAMPLE_PX, parts(highlights, |highlight| 1.0 - highlight.antialiased)),
         (plan.averages_px, parts(highlights, |highlight| highlight.antialiased)),
@@ -169,7 +174,7 @@ fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, oc
         .enumerate()
         .for_each(|(strip, ((red, green), blue))| {
             let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut visibility = Visibility::default();
+            let mut visibility = Vec::new();
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
@@ -179,35 +184,6 @@ fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, oc
                 }
             }
         });
-}
-
-/// How far a highlight is visible from the columns of a row.
-#[derive(Debug, Default)]
-struct Visibility {
-    /// The share of it that each column sees.
-    shares: Vec<f32>,
-    /// `[layer][column]`: 1 more than the bin in which a translucent fragment of the layer last occluded it; 0 before any did.
-    hits: Vec<u16>,
-}
-
-impl Visibility {
-    /// All of it, from `columns` columns.
-    fn start(&mut self, columns: usize) {
-        self.shares.clear();
-        self.shares.resize(columns, 1.0);
-        self.hits.clear();
-    }
-
-    /// Whether a translucent fragment of `layer` in `bin` belongs to a surface that occluded `column` before, in bin `same_from` or
-    /// later: it is in several bins, and counts once. Remembers it.
-    fn is_repeated(&mut self, layer: usize, column: usize, bin: u16, same_from: u16) -> bool {
-        let columns = self.shares.len();
-        if self.hits.len() < (layer + 1) * columns {
-            self.hits.resize((layer + 1) * columns, 0);
-        }
-        let last = std::mem::replace(&mut self.hits[layer * columns + column], bin + 1);
-        last > same_from
-    }
 }
 
 /// A highlight with its shape.
@@ -234,7 +210,7 @@ impl<'a> Disc<'a> {
         y: usize,
         mut row: [&mut [f32]; 3],
         occluders: &Occluders<'_>,
-        visibility: &mut Visibility,
+        visibility: &mut Vec<f32>,
     ) {
         for shape in &self.shapes {
             self.draw_shape(shape, y, &mut row, occluders, visibility);
@@ -247,7 +223,7 @@ impl<'a> Disc<'a> {
         y: usize,
         row: &mut [&mut [f32]; 3],
         occluders: &Occluders<'_>,
-        visibility: &mut Visibility,
+        visibility: &mut Vec<f32>,
     ) {
         let position = self.highlight.position;
         let (dy, reach) = (y as f32 - position.y, self.bokeh.reach_px(shape));
@@ -262,9 +238,10 @@ impl<'a> Disc<'a> {
         if first >= end {
             return;
         }
-        visibility.start(end - first);
+        visibility.clear();
+        visibility.resize(end - first, 1.0);
         self.occlude(shape, y, first, visibility, occluders);
-        for (x, &visible) in (first..end).zip(visibility.shares.iter()) {
+        for (x, &visible) in (first..end).zip(visibility.iter()) {
             let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
             if share > 0.0 {
                 for &channel in shape.colors {
@@ -280,7 +257,7 @@ impl<'a> Disc<'a> {
         shape: &Shape,
         y: usize,
         first: usize,
-        visibility: &mut Visibility,
+        visibility: &mut Vec<f32>,
         occluders: &Occluders<'_>,
     ) {
         let Highlight { position, coc_px, .. } = *self.highlight;
@@ -296,11 +273,9 @@ impl<'a> Disc<'a> {
             let row = ((y as f32) * (1.0 - f) + position.y * f + 0.5).floor();
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
-            let same_from = occluders.bins.same_hit_from(bin);
             for span in occluders.spans.rows[row].of_bin(bin) {
                 let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
-                let hit = (bin as u16, same_from);
-                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), (alpha, hit));
+                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), alpha);
             }
         }
     }
@@ -314,7 +289,13 @@ struct Affine {
     scale: f32,
 }
 
-impl Occluders<'_> {
+impl<'a> Occluders<'a> {
+    /// The occluders in `layers`, whose CoC radii `bins` cover.
+    fn new(layers: &'a [Layer], bins: &'a Bins) -> Self {
+        let width = layers.first().map_or(0, Layer::width);
+        Self { width, spans: spans::find(layers, bins, Extent::Occluder), bins, layers }
+    }
+
     /// The columns that `span` covers; a span that ends at the picture's border is unbounded there.
     fn columns_of(&self, span: &Span) -> [f32; 2] {
         let start = if span.start == 0 { f32::NEG_INFINITY } else { span.start as f32 - 0.5 };
@@ -329,12 +310,12 @@ fn occlude_by(
     span: &Span,
     columns: [f32; 2],
     map: Affine,
-    (first, visibility): (usize, &mut Visibility),
-    (alpha, (bin, same_from)): (Option<&[f32]>, (u16, u16)),
+    (first, visibility): (usize, &mut [f32]),
+    alpha: Option<&[f32]>,
 ) {
     let ends = columns.map(|s| map.offset + map.scale * s);
     let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-    let last = first + visibility.shares.len() - 1;
+    let last = first + visibility.len() - 1;
     if to < first as f32 - 0.5 || from > last as f32 + 0.5 {
         return;
     }
@@ -342,14 +323,11 @@ fn occlude_by(
     let end = (to + 0.5).floor().min(last as f32) as usize;
     for x in begin..=end {
         let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
-        if alpha.is_some() && visibility.is_repeated(span.layer as usize, x - first, bin, same_from) {
-            continue;
-        }
         let opacity = alpha.map_or(1.0, |row| {
             let source = (x as f32 - map.offset) / map.scale;
             row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
         });
-        let visible = &mut visibility.shares[x - first];
+        let visible = &mut visibility[x - first];
         *visible = (*visible - covered * opacity).max(0.0);
     }
 }
@@ -359,7 +337,6 @@ mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::lens::{Aperture, Field, Optics};
-    use crate::methods::shear::spans;
 
     const SIZE: usize = 64;
 
@@ -382,14 +359,13 @@ mod tests {
         let near = Plane::filled(SIZE, SIZE, wall_px);
         let layers = [Layer { color: [zeros(), zeros(), zeros()], alpha, coc_px: near }];
         let bins = Bins::new([-10.0, 25.0], 0.5);
-        let spans = spans::find(&layers, &bins);
         let highlight = Highlight { position: Vec2::splat(32.0), coc_px, energy: [1.0; 3], antialiased: 0.0 };
         let mut image = Image::transparent(SIZE, SIZE);
         draw_alike(
             &mut image,
             &[highlight],
             &Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), size_px),
-            &Occluders { width: SIZE, spans: &spans, bins: &bins, layers: &layers },
+            &Occluders::new(&layers, &bins),
         );
         image
     }

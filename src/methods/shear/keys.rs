@@ -52,7 +52,18 @@ pub(super) struct Keys<'a> {
     padded: Vec<Padded>,
     /// The farthest bin.
     last_bin: u16,
+    extent: Extent,
     arch: Arch,
+}
+
+/// How far fragments extend to the neighbours of their surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// Half-way to nearer and to farther ones: for rays, which may hit the surface from either side and count it once.
+    HalfWay,
+    /// Opaque ones to farther neighbours, translucent ones not at all: for what occludes a highlight. No fragment is in a nearer bin than
+    /// its own, and each translucent one counts once.
+    Occluder,
 }
 
 /// The bins and CoC radii of a layer, with [`PAD`] samples on each side.
@@ -94,10 +105,10 @@ impl Padded {
 }
 
 impl<'a> Keys<'a> {
-    /// The keys of the fragments of `layers` in `bins`.
-    pub(super) fn new(layers: &'a [Layer], bins: &Bins) -> Self {
+    /// The keys of the fragments of `layers` in `bins`, which extend by `extent`.
+    pub(super) fn new(layers: &'a [Layer], bins: &Bins, extent: Extent) -> Self {
         let padded = layers.iter().map(|layer| Padded::new(layer, bins)).collect();
-        Self { layers, padded, last_bin: (bins.count() - 1) as u16, arch: Arch::new() }
+        Self { layers, padded, last_bin: (bins.count() - 1) as u16, extent, arch: Arch::new() }
     }
 
     /// Fills `row` with the keys of row `y` of layer `layer`.
@@ -146,7 +157,7 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { keys: Keys { layers, padded, last_bin, .. }, layer, y, row } = self;
+        let Self { keys: Keys { layers, padded, last_bin, extent, .. }, layer, y, row } = self;
         let own = &padded[layer];
         let width = row.keys.len();
         row.nearer.iter_mut().chain(&mut row.farther).for_each(|bins| bins.fill(0));
@@ -170,7 +181,7 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
                 join_other(row, axis, here, Samples::of(peel, part(peel, [dx, dy])));
             }
         }
-        pack(row, here.bins, *last_bin, layers[layer].alpha.row(y));
+        pack(row, here.bins, (*last_bin, *extent), layers[layer].alpha.row(y));
     }
 }
 
@@ -244,9 +255,9 @@ fn extend((nearer, farther): (&mut u16, &mut u16), bin: u16, other: u16, joined:
     *farther = (*farther).max(if joined { to_farther } else { 0 });
 }
 
-/// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`.
+/// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`; they extend by `extent`.
 #[inline(always)]
-fn pack(row: &mut KeyRow, bins: &[u16], last_bin: u16, alphas: &[f32]) {
+fn pack(row: &mut KeyRow, bins: &[u16], (last_bin, extent): (u16, Extent), alphas: &[f32]) {
     let count = row.keys.len();
     let [[nearer_above, nearer_beside], [farther_above, farther_beside]] =
         [&row.nearer, &row.farther].map(|axes| [&axes[0][..count], &axes[1][..count]]);
@@ -256,8 +267,14 @@ fn pack(row: &mut KeyRow, bins: &[u16], last_bin: u16, alphas: &[f32]) {
         let flags = if alphas[x] >= OPAQUE_ALPHA { OPAQUE } else { Key::from(changes[x]) * CHANGES_PEEL };
         // Half-way, and past the nearest bin and past the last one there is none to join.
         let half_way = |above: u16, beside: u16| (above + beside + 1) >> 1;
-        let nearer = half_way(nearer_above[x], nearer_beside[x]).min(bins[x]);
-        let farther = half_way(farther_above[x], farther_beside[x]).min(last_bin.saturating_sub(bins[x]));
+        let (nearer, farther) = match extent {
+            Extent::HalfWay => {
+                (half_way(nearer_above[x], nearer_beside[x]), half_way(farther_above[x], farther_beside[x]))
+            }
+            Extent::Occluder if flags == OPAQUE => (0, farther_above[x].max(farther_beside[x])),
+            Extent::Occluder => (0, 0),
+        };
+        let (nearer, farther) = (nearer.min(bins[x]), farther.min(last_bin.saturating_sub(bins[x])));
         let first = Key::from(bins[x] - nearer);
         let packed = (first << BIN_SHIFT) | (Key::from(nearer + farther) << EXTRA_SHIFT) | flags;
         *key = if bins[x] == EMPTY { NO_KEY } else { packed };

@@ -620,6 +620,7 @@ mod tests {
     use super::*;
     use crate::lens::{Aperture, views};
     use crate::methods::shear::bins::Bins;
+    use crate::methods::shear::keys::Extent;
     use crate::methods::shear::spans;
 
     const WIDTH: usize = 53;
@@ -647,7 +648,7 @@ mod tests {
     fn with_canvas<T>(paint: impl Fn(&Canvas<'_>, &[Shear]) -> T) -> T {
         let layers = layers();
         let bins = Bins::new([-12.0, 2.0], 0.5);
-        let spans = spans::find(&layers, &bins);
+        let spans = spans::find(&layers, &bins, Extent::HalfWay);
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(

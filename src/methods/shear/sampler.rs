@@ -2,7 +2,8 @@
 
 use super::bins::{Bins, plateau_px};
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
-use super::highlights::{self, Highlight, Occluders};
+use super::highlights::{self, Highlight};
+use super::keys::Extent;
 use super::paint::RowSums;
 use super::reach::Reach;
 use super::resolve::Resolve;
@@ -96,7 +97,7 @@ impl Prepared {
     /// Prepares `layers` for `views` views.
     fn new(layers: Vec<Layer>, frame: &Frame<'_>, views: usize) -> Self {
         let bins = bins(frame.plan, views);
-        let spans = spans::find(&layers, &bins);
+        let spans = spans::find(&layers, &bins, Extent::HalfWay);
         Self::with_spans(layers, (bins, spans), frame, views)
     }
 
@@ -194,9 +195,7 @@ impl Prepared {
 
     /// Adds the discs of `highlights` to `image`.
     fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
-        let Self { bins, spans, layers, .. } = self;
-        let occluders = Occluders { width: image.width(), spans, bins, layers };
-        highlights::draw(image, highlights, (frame.plan, frame.field), &occluders);
+        highlights::draw(image, highlights, (frame.plan, frame.field), (&self.layers, &self.bins));
     }
 }
 

@@ -6,7 +6,8 @@
 
 use super::bins::{Bins, LEVELS};
 use super::keys::{
-    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT, NO_KEY, OPAQUE,
+    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Extent, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT,
+    NO_KEY, OPAQUE,
 };
 use crate::scene::Layer;
 use rayon::prelude::*;
@@ -147,10 +148,10 @@ impl Spans {
     }
 }
 
-/// Finds the spans of `layers`.
-pub(super) fn find(layers: &[Layer], bins: &Bins) -> Spans {
+/// Finds the spans of `layers`, whose fragments extend by `extent`.
+pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
     let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
-    let keys = Keys::new(layers, bins);
+    let keys = Keys::new(layers, bins, extent);
     let scratch = || (KeyRow::new(width), Vec::new());
     let rows: Vec<RowSpans> = (0..height)
         .into_par_iter()
@@ -250,6 +251,10 @@ mod tests {
     use super::*;
     use crate::image::Plane;
 
+    fn find(layers: &[Layer], bins: &Bins) -> Spans {
+        super::find(layers, bins, Extent::HalfWay)
+    }
+
     fn layer(alpha: &[f32], coc: &[f32]) -> Layer {
         let plane = |values: &[f32]| Plane::from_fn(values.len(), 1, |x, _| values[x]);
         Layer { color: std::array::from_fn(|_| plane(alpha)), alpha: plane(alpha), coc_px: plane(coc) }
@@ -279,6 +284,27 @@ mod tests {
                     spans.iter().any(|span| span.start <= x && span.end >= x + 2)
                 };
                 assert!((0..bins.count()).any(|bin| holds(&bin)), "{coc:?}: columns {x} and {}", x + 1);
+            }
+        }
+    }
+
+    #[test]
+    fn no_occluder_is_in_a_nearer_bin_than_its_own_and_a_translucent_one_is_in_its_own_alone() {
+        let bins = Bins::new([0.0, 3.0], 0.5);
+        let coc = [0.0, 1.0, 2.0, 3.0];
+        for (alpha, extends) in [(1.0, true), (0.5, false)] {
+            let spans = super::find(&[layer(&[alpha; 4], &coc)], &bins, Extent::Occluder);
+            for (x, coc) in coc.into_iter().enumerate() {
+                let own = usize::from(bins.index(coc));
+                let holds = |bin: usize| {
+                    spans.rows[0].of_bin(bin).iter().any(|span| (span.start..span.end).contains(&(x as u32)))
+                };
+                assert!(holds(own) && !(0..own).any(holds), "column {x} of alpha {alpha}");
+                assert_eq!(
+                    (own + 1..bins.count()).any(holds),
+                    extends && x < 3,
+                    "column {x} of alpha {alpha}"
+                );
             }
         }
     }

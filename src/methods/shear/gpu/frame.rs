@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::methods::contract::{LostRays, Plan};
 use crate::methods::shared::has_translucent;
 use crate::methods::shear::bins::{Bins, MAX_BINS};
-use crate::methods::shear::keys::{Key, Keys};
+use crate::methods::shear::keys::{Extent, Key, Keys};
 use crate::methods::shear::row_views::RowViews;
 use crate::methods::shear::sampler::{self, barrel_softness, bins};
 use crate::methods::shear::{prefilter, resolve};
@@ -59,7 +59,8 @@ impl<'a> Frame<'a> {
         let radius_per_coc =
             plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
-        let (keys, params) = (Keys::new(layers, &bins), params(&picture, layers.len(), &bins, views));
+        let (keys, params) =
+            (Keys::new(layers, &bins, Extent::HalfWay), params(&picture, layers.len(), &bins, views));
         Ok(Self { gpu, picture, layers, translucent, views, bins, keys, row_views, radius_per_coc, params })
     }
 

@@ -13,8 +13,8 @@ mod band;
 mod frame;
 mod kernels;
 
-use super::highlights::{self, Highlight, Occluders};
-use super::{prepare, spans};
+use super::highlights::{self, Highlight};
+use super::prepare;
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
 use crate::image::{Image, Plane};
@@ -89,9 +89,7 @@ fn draw_discs(frame: &Frame<'_>, highlights: &[Highlight]) -> Option<Image> {
     }
     let (bins, layers, picture) = (&frame.bins, frame.layers, &frame.picture);
     let (width, height) = picture.size;
-    let spans = spans::find(layers, bins);
     let mut discs = Image::transparent(width, height);
-    let occluders = Occluders { width, spans: &spans, bins, layers };
-    highlights::draw(&mut discs, highlights, (picture.plan, picture.field), &occluders);
+    highlights::draw(&mut discs, highlights, (picture.plan, picture.field), (layers, bins));
     Some(discs)
 }
