@@ -16,8 +16,9 @@ use crate::scene::{Antialiasing, EffectKind, Layer, Scene, share_of_disc};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Fragments nearer than a highlight by less than this belong to its own surface, in picture pixels.
-const OWN_SURFACE_PX: f32 = 0.75;
+/// Fragments nearer than a highlight by less than the first belong to its own surface, and those nearer by more than the second to
+/// others, in picture pixels and as a share of the highlight's CoC radius: whichever is more.
+const OWN_SURFACE: [(f32, f32); 2] = [(0.25, 0.03), (0.75, 0.06)];
 
 /// How much brighter than the threshold a fragment is whose whole excess goes into a disc: a quarter of a stop.
 const FULL_DISC_FROM: f32 = 1.19;
@@ -262,10 +263,9 @@ impl<'a> Disc<'a> {
     ) {
         let Highlight { position, coc_px, .. } = *self.highlight;
         let height = occluders.spans.rows.len();
-        // Fragments nearer by less than this belong to the highlight's own surface.
-        let own_surface_px = f32::max(OWN_SURFACE_PX, 0.06 * coc_px.abs());
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
-            if bin_coc >= coc_px - own_surface_px {
+            let share = share_that_hides(coc_px, bin_coc);
+            if share <= 0.0 {
                 break;
             }
             // Axial colour changes all CoC radii of these colours by the same amount.
@@ -275,10 +275,16 @@ impl<'a> Disc<'a> {
             let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
             for span in occluders.spans.rows[row].of_bin(bin) {
                 let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
-                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), alpha);
+                occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), (share, alpha));
             }
         }
     }
+}
+
+/// Share of a fragment with the CoC radius `occluder_px` that hides a highlight with `coc_px`: what is not of its own surface.
+fn share_that_hides(coc_px: f32, occluder_px: f32) -> f32 {
+    let [own_px, other_px] = OWN_SURFACE.map(|(least_px, share)| f32::max(least_px, share * coc_px.abs()));
+    ((coc_px - occluder_px - own_px) / (other_px - own_px)).clamp(0.0, 1.0)
 }
 
 /// `p = offset + scale · s`: the projection of column `s` of an occluder's row to column `p` of the picture, seen from the
@@ -311,7 +317,7 @@ fn occlude_by(
     columns: [f32; 2],
     map: Affine,
     (first, visibility): (usize, &mut [f32]),
-    alpha: Option<&[f32]>,
+    (share, alpha): (f32, Option<&[f32]>),
 ) {
     let ends = columns.map(|s| map.offset + map.scale * s);
     let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
@@ -328,7 +334,7 @@ fn occlude_by(
             row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
         });
         let visible = &mut visibility[x - first];
-        *visible = (*visible - covered * opacity).max(0.0);
+        *visible = (*visible - share * covered * opacity).max(0.0);
     }
 }
 
