@@ -23,7 +23,7 @@ pub(super) fn smooth_step(t: f32) -> f32 {
 }
 
 /// Opening of the lens from which on the filter has its full weight, see [`crate::lens::ThinLens::opening_px`], in picture pixels.
-const FULL_OPENING_PX: f32 = 0.5;
+const FULL_OPENING_PX: f32 = 1.5;
 
 /// The filter of one picture.
 #[derive(Debug, Clone)]
