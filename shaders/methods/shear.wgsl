@@ -444,11 +444,12 @@ fn hit_before(group: Group, order: u32, key: u32, number: u32) -> bool {
     return before;
 }
 
-// Light that a ray gathers: colour, and in the fourth component the coverage in focus; and the transmittance after it, 0 for an
-// occluded ray.
+// Light that a ray gathers: colour, and in the fourth component the coverage in focus; the transmittance after it, 0 for an occluded ray;
+// and the transmittance that the ray had when it came to count as occluded.
 struct Composite {
     light: vec4f,
     transmittance: f32,
+    spent: f32,
 }
 
 // Composites the fragments of `group` at `pixel` along the thread's ray `number`, of transmittance `before`, front to back.
@@ -472,12 +473,11 @@ fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite 
         let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
         light += transmittance * vec4f(color.rgb, alpha * focus_of(middle_of(order >> BIN_SHIFT, group)));
         transmittance *= 1.0 - alpha;
-        transmittance = select(0.0, transmittance, transmittance >= MIN_TRANSMITTANCE);
-        if transmittance <= 0.0 {
-            break;
+        if transmittance < MIN_TRANSMITTANCE {
+            return Composite(light, 0.0, transmittance);
         }
     }
-    return Composite(light, transmittance);
+    return Composite(light, transmittance, 0.0);
 }
 
 @compute @workgroup_size(16, 16)
@@ -498,18 +498,21 @@ fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgr
         let passing = passing_to(view, pixel);
         var light = vec4f(0.0);
         var transmittance = passing;
+        var spent = 0.0;
         var entry = 0u;
         while transmittance > 0.0 {
             let next = groups[list + entry];
             let passed = composite(unpacked(next), pixel, ray_number, transmittance);
             light += passed.light;
             transmittance = passed.transmittance;
+            spent = passed.spent;
             entry++;
             if (next.y & LAST) != 0u {
                 break;
             }
         }
         total = with_ray(total, view, pixel, passing, light, transmittance);
+        total.lost += spent;
     }
     add_batch(pixel, total);
 }

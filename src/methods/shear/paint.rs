@@ -35,7 +35,7 @@ const LANES: usize = MARGIN;
 /// One bit for each lane of a chunk.
 type Mask = u16;
 
-/// A ray of less transmittance counts as occluded.
+/// A ray of less transmittance goes no further.
 pub(super) const MIN_TRANSMITTANCE: f32 = 0.002;
 
 /// A pixel is empty if no more than this number of its rays, weighted by coverage, hit anything.
@@ -57,7 +57,7 @@ struct Sums {
     focused: Vec<Chunk>,
     /// Number of rays that end in the background, weighted by transmittance.
     transparent: Vec<Chunk>,
-    /// Number of rays that end where the stack has nothing, weighted by transmittance.
+    /// Number of rays that end where the stack has nothing or with too little light to go on, weighted by transmittance.
     lost: Vec<Chunk>,
 }
 
@@ -267,6 +267,15 @@ impl RowSums {
 
     fn active_chunks(&self) -> usize {
         self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
+    }
+
+    /// Ends the attenuated rays of the lanes in `spent`: what they have left is lost.
+    #[inline(always)]
+    fn occlude(&mut self, chunk: usize, spent: Mask) {
+        self.occluded[chunk] |= spent;
+        for lane in (0..LANES).filter(|&lane| has(spent, lane)) {
+            self.sums.lost[chunk].0[lane] += self.transmittance[chunk].0[lane];
+        }
     }
 
     /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
@@ -565,7 +574,7 @@ impl<S: Simd> Painter<'_, S> {
             .iter()
             .enumerate()
             .fold(0, |mask, (lane, &left)| mask | Mask::from(left < MIN_TRANSMITTANCE) << lane);
-        self.row.occluded[chunk] |= spent & free;
+        self.row.occlude(chunk, spent & free);
     }
 }
 

@@ -16,7 +16,7 @@ pub(crate) const SOFT_DISC: Measured =
     Measured { law: Law::SoftDisc, bound: 5e-3, promised_by: Promise::LensSampling, figures: soft_discs };
 
 pub(crate) const ONE_COLOR: Measured =
-    Measured { law: Law::ConstantColor, bound: 6e-4, promised_by: Promise::All, figures: one_color };
+    Measured { law: Law::ConstantColor, bound: 1e-5, promised_by: Promise::All, figures: one_color };
 
 const COLOR: [f32; 3] = [0.8, 0.5, 0.2];
 
