@@ -124,8 +124,8 @@ override LAST_BATCH = true;
 // Side of a window in blocks: as many as a tile can touch.
 const WINDOW = TILE / BLOCK + 1u;
 
-// Distance in rows between the pixels of a thread.
-const ROWS_APART = 4u;
+// Distance in rows and columns between the pixels of a thread.
+const APART = TILE / 2u;
 
 // Share of the view through `lens` that the barrel lets pass to `pixel`.
 fn barrel_transmittance(lens: vec2f, pixel: vec2u) -> f32 {
@@ -147,34 +147,30 @@ fn last_bin(key: u32) -> u32 {
     return (key >> BIN_SHIFT) + ((key >> EXTRA_SHIFT) & EXTRA_MASK);
 }
 
-// The blocks of bins that the CPU paints at once: the largest ones of 2, 4 or 8 bins that are aligned to multiples of their size and
-// lie within a group. Within a block layers are in order.
+// The blocks of bins that the CPU paints at once: the largest ones of up to 2^(LEVELS − 1) bins that are aligned to multiples of their
+// size and lie within a group. Within a block layers are in order. The block of size 2^l around a bin lies within a group if the bin
+// before the group and the one after it differ from that bin in a bit from the l-th on.
 
-// Number of bins of the block of `group` that has `bin`, as its binary logarithm.
-fn level_of(bin: u32, group: Group) -> u32 {
-    var found = 0u;
-    for (var level = 1u; level < LEVELS; level++) {
-        let start = (bin >> level) << level;
-        found = select(found, level, start >= group.first && start + (1u << level) <= group.end);
-    }
-    return found;
+// For bins of `group`, one less than the size of their blocks.
+fn rests_of(bins: vec4u, group: Group) -> vec4u {
+    var differing = min(bins ^ vec4u(group.first - 1u), bins ^ vec4u(group.end));
+    differing = min(differing, vec4u((1u << LEVELS) - 1u));
+    // All bits below the highest one.
+    differing |= differing >> vec4u(1u);
+    differing |= differing >> vec4u(2u);
+    differing |= differing >> vec4u(4u);
+    return differing >> vec4u(1u);
 }
 
 // The first bins of the blocks of `group` that have `bins`.
 fn blocks_of(bins: vec4u, group: Group) -> vec4u {
-    var found = bins;
-    for (var level = 1u; level < LEVELS; level++) {
-        let start = (bins >> vec4u(level)) << vec4u(level);
-        let fits = (start >= vec4u(group.first)) & (start + vec4u(1u << level) <= vec4u(group.end));
-        found = select(found, start, fits);
-    }
-    return found;
+    return bins & ~rests_of(bins, group);
 }
 
 // The bin in the middle of the block of `group` that has `bin`: its CoC radius is the block's.
 fn middle_of(bin: u32, group: Group) -> u32 {
-    let level = level_of(bin, group);
-    return ((bin >> level) << level) + ((1u << level) >> 1u);
+    let rest = rests_of(vec4u(bin), group).x;
+    return (bin & ~rest) + ((rest + 1u) >> 1u);
 }
 
 // The entry of `bin` in `bin_table`.
@@ -222,9 +218,9 @@ fn turn_of(row: u32) -> u32 {
     return (params.band_start + row) % params.turns;
 }
 
-// Pixel `i` of the four of a thread, which lie in one column.
+// Pixel `i` of the four of a thread, one in each quarter of a tile.
 fn pixel_of(tile: vec2u, at: vec2u, i: u32) -> vec2u {
-    return TILE * tile + at + vec2u(0u, i * ROWS_APART);
+    return TILE * tile + at + APART * vec2u(i & 1u, i >> 1u);
 }
 
 // Share of the rays of `view` that the barrel lets pass to `pixel`.
@@ -368,11 +364,11 @@ fn with_opaque_ray(sums: RaySums, view: View, pixel: vec2u, hit: Hit) -> RaySums
     return with_ray(sums, view, pixel, passing, passing * vec4f(color, hit.focus), 0.0);
 }
 
-@compute @workgroup_size(16, 4)
+@compute @workgroup_size(16, 16)
 fn paint(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
     let at = local.xy;
     let tile = tile_id.xy;
-    // ROWS_APART is a multiple of the number of turns, and so is a tile's side: the four pixels have the same.
+    // APART is a multiple of the number of turns: the four pixels have the same.
     let turn = turn_of(at.y);
     let of_tile = views_of(tile, turn);
     var first = NO_RAYS;
@@ -439,8 +435,7 @@ fn hit_before(group: Group, order: u32, key: u32, number: u32) -> bool {
         }
     }
     let last = min(last_bin(key), group.end - 1u);
-    let level = level_of(last, group);
-    translucent_hits[layer] = stamp | (last | ((1u << level) - 1u));
+    translucent_hits[layer] = stamp | last | rests_of(vec4u(last), group).x;
     return before;
 }
 
@@ -481,10 +476,10 @@ fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite 
 }
 
 @compute @workgroup_size(16, 16)
-fn paint_translucent(@builtin(local_invocation_id) local: vec3u, @builtin(workgroup_id) tile_id: vec3u) {
-    let tile = tile_id.xy;
-    let pixel = TILE * tile + local.xy;
-    let turn = turn_of(local.y);
+fn paint_translucent(@builtin(global_invocation_id) global: vec3u) {
+    let pixel = global.xy;
+    let tile = pixel / TILE;
+    let turn = turn_of(pixel.y);
     let of_tile = views_of(tile, turn);
     var total = NO_RAYS;
     for (var i = of_tile.first; i < of_tile.covered_end; i++) {

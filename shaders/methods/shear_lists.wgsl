@@ -13,12 +13,16 @@ fn blocks_size() -> vec2u {
     return (vec2u(params.width, params.source_rows) + (BLOCK - 1u)) / BLOCK;
 }
 
+// The bits of the bins first .. end of one word.
+fn bits_of(first: u32, end: u32) -> u32 {
+    return (0xffffffffu << (first & 31u)) & (0xffffffffu >> (31u - ((end - 1u) & 31u)));
+}
+
 // The bins of `key` that lie in word `word`, one bit each.
 fn bins_of(key: u32, word: u32) -> u32 {
     let first = max(key >> BIN_SHIFT, 32u * word);
     let last = min(last_bin(key), 32u * word + 31u);
-    let bits = (0xffffffffu << (first & 31u)) & (0xffffffffu >> (31u - (last & 31u)));
-    return select(bits, 0u, key == NO_KEY || first > last);
+    return select(bits_of(first, last + 1u), 0u, key == NO_KEY || first > last);
 }
 
 @compute @workgroup_size(8, 8)
@@ -226,12 +230,15 @@ fn find_square_bins(@builtin(global_invocation_id) at: vec3u) {
     let corner = SQUARE * TILE * at.xy;
     let bins = ((at.y * squares.x + at.x) * all_views() + at.z) * params.words;
     for (var word = 0u; word < params.words; word++) {
-        let count = min(32u, params.bins - 32u * word);
+        let end = min(params.bins, 32u * (word + 1u));
         var bits = 0u;
-        for (var bit = 0u; bit < count; bit++) {
-            let bin = 32u * word + bit;
-            let window = window_of(corner, group_of(at.z, bin).shift);
-            bits |= square_window_bins[word_of(window, bin)] & (1u << bit);
+        var bin = 32u * word;
+        while bin < end {
+            let group = group_of(at.z, bin);
+            let group_end = min(group.end, end);
+            let window = window_of(corner, group.shift);
+            bits |= square_window_bins[word_of(window, bin)] & bits_of(bin, group_end);
+            bin = group_end;
         }
         square_bins[bins + word] = bits;
     }
@@ -263,13 +270,14 @@ fn find_groups(@builtin(global_invocation_id) at: vec3u) {
             continue;
         }
         let bin = 32u * word + firstTrailingBit(bits);
-        bits &= bits - 1u;
         let next = group_of(at.z, bin);
+        let of_next = bits_of(bin, min(next.end, 32u * (word + 1u)));
+        bits &= ~of_next;
         if next.first == group.first {
             continue;
         }
         let window = window_of(TILE * at.xy, next.shift);
-        if ((window_bins[word_of(window, bin)] >> (bin & 31u)) & 1u) == 0u {
+        if (window_bins[word_of(window, bin)] & of_next) == 0u {
             continue;
         }
         if group.first != BIN_MASK {

@@ -192,7 +192,7 @@ impl<'a> BandBuffers<'a> {
         tiles(self.frame.picture.size.0, self.rows, TILE)
     }
 
-    /// Number of views of the next batch: its lists fit into a buffer, and a thread's loops below the driver's limit.
+    /// Number of views of the next batch: its lists and its shifts fit into a buffer each, and a thread's loops below the driver's limit.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Device`] if not even one view fits.
@@ -200,11 +200,12 @@ impl<'a> BandBuffers<'a> {
         let Params { entries, bins, turns, .. } = self.params;
         let [columns, rows, _] = self.tiles();
         let list_bytes = (columns * rows * turns * entries) as usize * size_of::<[u32; 2]>();
+        let shifts_bytes = (turns * bins) as usize * size_of::<[u32; 2]>();
         let max_bytes = self.frame.gpu.max_binding_bytes().min(MAX_LISTS_BYTES) as usize;
         // For each entry, and for each translucent fragment, the four pixels of a thread read all texels of keys.
         let texels = self.frame.layers.len().div_ceil(LAYERS_PER_TEXEL);
         let rounds = entries as usize * (1 + 8 * texels);
-        let views = (max_bytes / list_bytes).min(MAX_ROUNDS / rounds);
+        let views = (max_bytes / list_bytes.max(shifts_bytes)).min(MAX_ROUNDS / rounds);
         if views == 0 {
             return Err(Error::device("the bins of one view are too large for the GPU")
                 .with("found", format!("{bins} bins, {columns} × {rows} tiles"))
@@ -235,7 +236,9 @@ impl<'a> BandBuffers<'a> {
         let lens = &gpu.upload("lens samples", &words)?;
         let paint = self.paint_kernel(is_first, is_last)?;
         let no_sums = gpu.zeros::<f32>("no sums", 1)?;
-        let [columns, rows, _] = self.tiles();
+        // A thread follows one ray at a time where fragments are translucent, and four otherwise.
+        let side = if self.frame.translucent { TILE / 2 } else { TILE };
+        let [columns, rows, _] = tiles(self.frame.picture.size.0, self.rows, side);
         gpu.submit(|work| {
             let scene = [(2, (&self.keys).into()), (13, (&self.colors).into()), (18, (&self.pixels).into())];
             let order = [(10, Resource::from(&lists.ordered_views)), (11, (&lists.covered_views).into())];

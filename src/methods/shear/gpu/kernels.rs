@@ -34,8 +34,9 @@ pub(super) static SHADER: Shader = Shader {
     structs: &[Params::LAYOUT, View::LAYOUT],
 };
 
-/// Side of the shader's tiles, in pixels.
-pub(super) const TILE: usize = 16;
+/// Side of the shader's tiles, in pixels: twice that of its workgroups. Each turn has an eighth of a tile's rows, so that smaller tiles would
+/// have lists for few pixels each.
+pub(super) const TILE: usize = 32;
 
 /// Side of the shader's blocks, in pixels.
 pub(super) const BLOCK: usize = 4;
@@ -44,7 +45,7 @@ pub(super) const BLOCK: usize = 4;
 pub(super) const LIST_ENTRIES: usize = 16;
 
 /// Side of the shader's squares, in tiles.
-pub(super) const SQUARE: usize = 4;
+pub(super) const SQUARE: usize = 2;
 
 /// Bytes of a colour.
 pub(super) const TEXEL_BYTES: usize = size_of::<[f32; 4]>();
