@@ -1,13 +1,14 @@
 //! Computes `view_tables.bin` and `row_tables.bin` of `src/lens`: joint lens and pixel sample tables by sliced optimal transport.
 //!
-//! `cargo run --release --example view_tables -- src/lens` (a few minutes).
+//! `cargo run --release --example view_tables -- src/lens` (ten minutes).
 //!
 //! A table of `n` points `(u, j)` is moved iteratively so that, along random directions and for every CoC radius `c` of
 //! a list, the sorted projections of `j + c·u` match the quantiles of the true distribution (uniform disc, uniform pixel).
 //! The points are then ordered by kernel herding, so that every prefix of a table is evenly spread.
 //!
 //! For the rows of a picture that take turns there are further sets, with the lens points of the table and other pixel points. The same
-//! projections move these until each set by itself, its prefixes, and all sets together are evenly spread.
+//! projections move these until each set by itself, its prefixes, and all sets together are evenly spread. In tables and sets of that
+//! size, pixel points end in the middles of as many equal parts along each axis: the smallest blur moves as few views as it should.
 
 use glam::Vec2;
 use std::f32::consts::PI;
@@ -25,7 +26,7 @@ const SLICES: usize = 12;
 type Point = (Vec2, Vec2);
 
 /// Number of sets of views that rows take turns with; the first is the table.
-const ROW_SETS: usize = 4;
+const ROW_SETS: usize = 8;
 
 /// The smallest table with further sets.
 const SMALLEST_IN_TURNS: usize = 32;
@@ -49,10 +50,13 @@ fn main() -> std::io::Result<()> {
     let mut smaller = 0;
     for n in SIZES {
         let table = ordered(&optimised(n));
-        tables.extend(table.iter().flat_map(|&(lens, jitter)| [lens, jitter]));
+        let (lens, mut jitters): (Vec<Vec2>, Vec<Vec2>) = table.iter().copied().unzip();
         if n >= SMALLEST_IN_TURNS {
-            further.extend(further_jitters(&table, smaller, &lines).concat());
+            let sets = further_jitters(&table, smaller, &lines).into_iter().map(in_equal_parts);
+            further.extend(sets.collect::<Vec<_>>().concat());
+            jitters = in_equal_parts(jitters);
         }
+        tables.extend(lens.into_iter().zip(jitters).flat_map(|(lens, jitter)| [lens, jitter]));
         smaller = n;
     }
     std::fs::write(folder.join("view_tables.bin"), bytes(&tables))?;
@@ -239,6 +243,19 @@ fn fit(
     for (rank, &(place, set, i)) in ranked.iter().enumerate() {
         moves[set][i] += line.direction * (scale * (line.quantile(rank, ranked.len()) - place));
     }
+}
+
+/// Moves `jitters` along each axis, in order, to the middles of as many equal parts of the pixel.
+fn in_equal_parts(mut jitters: Vec<Vec2>) -> Vec<Vec2> {
+    let count = jitters.len();
+    let mut order: Vec<usize> = (0..count).collect();
+    for axis in 0..2 {
+        order.sort_by(|&a, &b| jitters[a][axis].total_cmp(&jitters[b][axis]));
+        for (rank, &i) in order.iter().enumerate() {
+            jitters[i][axis] = (rank as f32 + 0.5) / count as f32 - 0.5;
+        }
+    }
+    jitters
 }
 
 /// Moves the mean to zero, within the pixel.

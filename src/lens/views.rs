@@ -31,13 +31,13 @@ static TABLES: &[u8] = include_bytes!("view_tables.bin");
 const POINT: usize = 4 * size_of::<f32>();
 
 /// Number of sets of views that the rows of a picture take turns with.
-pub(crate) const ROW_SETS: usize = 4;
+pub(crate) const ROW_SETS: usize = 8;
 
 /// Numbers of views for which rows take turns: with fewer, rows would differ visibly from one another, and more have steps too small to be
 /// seen.
 const IN_TURNS: RangeInclusive<usize> = 32..=1024;
 
-/// The pixel points of sets 1, 2, 3 for the lens points of each table whose size is [`IN_TURNS`], one table after the other; a point is
+/// The pixel points of sets 1, 2, … for the lens points of each table whose size is [`IN_TURNS`], one table after the other; a point is
 /// `j_x, j_y`, little-endian.
 static ROW_TABLES: &[u8] = include_bytes!("row_tables.bin");
 
@@ -100,7 +100,7 @@ fn moved(view: View, angle: f32, shift: Vec2) -> View {
 /// `count` views of a disc for each of the sets that the rows of a picture take turns with: one set for a number of views that does not
 /// take turns. The first is that of [`views`], and the lens points of all sets are the same.
 ///
-/// As the CoC radius changes, each view moves a whole picture by a pixel at a time. In turns a step moves a quarter of the rows.
+/// As the CoC radius changes, each view moves a whole picture by a pixel at a time. In turns a step moves one row of eight.
 pub(super) fn views_in_turns(count: usize) -> Vec<Vec<View>> {
     let first = views(count, Aperture::DISC);
     let at = |jitters: &'static [u8]| {
@@ -111,7 +111,7 @@ pub(super) fn views_in_turns(count: usize) -> Vec<Vec<View>> {
     std::iter::once(first).chain(further).collect()
 }
 
-/// The pixel points of sets 1, 2, 3 for the table that has `count` views; none where rows do not take turns.
+/// The pixel points of sets 1, 2, … for the table that has `count` views; none where rows do not take turns.
 fn further_jitters(count: usize) -> impl Iterator<Item = &'static [u8]> {
     let sets = if IN_TURNS.contains(&count) { ROW_SETS } else { 1 };
     let (smaller, size) = table_for(count);
