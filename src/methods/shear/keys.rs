@@ -12,6 +12,7 @@ use crate::scene::surface::{self, JOIN_PX, MAX_JOIN_PX};
 use crate::scene::{Layer, OPAQUE_ALPHA};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A fragment's bins and opacity, packed: its first bin from bit [`BIN_SHIFT`] on, the number of further bins from [`EXTRA_SHIFT`] on, and
 /// the flags [`OPAQUE`] and [`CHANGES_PEEL`]. [`NO_KEY`] for a sample without a fragment.
@@ -45,7 +46,7 @@ const PAD: usize = 2;
 /// The neighbours of a fragment in its column, and those in its row: columns and rows away.
 const SIDES: [[[isize; 2]; 2]; 2] = [[[0, -1], [0, 1]], [[-1, 0], [1, 0]]];
 
-/// The keys of a stack, computed row by row.
+/// The keys of some rows of a stack, computed row by row.
 #[derive(Debug)]
 pub(super) struct Keys<'a> {
     layers: &'a [Layer],
@@ -66,9 +67,11 @@ pub(super) enum Extent {
     Occluder,
 }
 
-/// The bins and CoC radii of a layer, with [`PAD`] samples on each side.
+/// The bins and CoC radii of some rows of a layer, with [`PAD`] samples on each side.
 #[derive(Debug)]
 struct Padded {
+    /// The row of the layer that comes after the padding above.
+    first_row: usize,
     /// Samples from one row to the next.
     stride: usize,
     /// [`EMPTY`] where there is no fragment.
@@ -78,13 +81,15 @@ struct Padded {
 }
 
 impl Padded {
-    fn new(layer: &Layer, bins: &Bins) -> Self {
+    /// Those of `rows`, and of the rows within [`PAD`] of them.
+    fn new(layer: &Layer, bins: &Bins, rows: Range<usize>) -> Self {
         let (width, height) = (layer.width(), layer.height());
         let stride = width + 2 * PAD;
-        let mut indices = vec![EMPTY; stride * (height + 2 * PAD)];
-        let mut coc_px = vec![f32::NAN; stride * (height + 2 * PAD)];
-        let rows = indices.par_chunks_mut(stride).zip(coc_px.par_chunks_mut(stride));
-        rows.skip(PAD).take(height).enumerate().for_each(|(y, (indices, coc_px))| {
+        let mut indices = vec![EMPTY; stride * (rows.len() + 2 * PAD)];
+        let mut coc_px = vec![f32::NAN; stride * (rows.len() + 2 * PAD)];
+        let places = indices.par_chunks_mut(stride).zip(coc_px.par_chunks_mut(stride));
+        places.enumerate().for_each(|(place, (indices, coc_px))| {
+            let Some(y) = (rows.start + place).checked_sub(PAD).filter(|&y| y < height) else { return };
             let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
             let places = indices[PAD..].iter_mut().zip(&mut coc_px[PAD..]);
             for ((index, place), (&alpha, &coc)) in places.zip(fragments) {
@@ -93,21 +98,21 @@ impl Padded {
                 }
             }
         });
-        Self { stride, bins: indices, coc_px }
+        Self { first_row: rows.start, stride, bins: indices, coc_px }
     }
 
     /// The first sample of row `y`, moved by `columns` and `rows`.
     #[inline(always)]
     fn start(&self, y: usize, [columns, rows]: [isize; 2]) -> usize {
-        let row = (y + PAD).wrapping_add_signed(rows);
+        let row = (y - self.first_row + PAD).wrapping_add_signed(rows);
         (row * self.stride + PAD).wrapping_add_signed(columns)
     }
 }
 
 impl<'a> Keys<'a> {
-    /// The keys of the fragments of `layers` in `bins`, which extend by `extent`.
-    pub(super) fn new(layers: &'a [Layer], bins: &Bins, extent: Extent) -> Self {
-        let padded = layers.iter().map(|layer| Padded::new(layer, bins)).collect();
+    /// The keys of the fragments in `rows` of `layers`, which extend by `extent` in `bins`.
+    pub(super) fn new(layers: &'a [Layer], bins: &Bins, extent: Extent, rows: Range<usize>) -> Self {
+        let padded = layers.iter().map(|layer| Padded::new(layer, bins, rows.clone())).collect();
         Self { layers, padded, last_bin: (bins.count() - 1) as u16, extent, arch: Arch::new() }
     }
 
@@ -194,7 +199,7 @@ struct Samples<'a> {
 
 impl<'a> Samples<'a> {
     #[inline(always)]
-    fn of(peel: &'a Padded, part: std::ops::Range<usize>) -> Self {
+    fn of(peel: &'a Padded, part: Range<usize>) -> Self {
         Self { bins: &peel.bins[part.clone()], coc_px: &peel.coc_px[part] }
     }
 }

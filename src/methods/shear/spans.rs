@@ -13,6 +13,9 @@ use crate::scene::Layer;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
+/// Rows whose keys are computed together: few enough that their bins stay in the cache.
+const STRIP: usize = 32;
+
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
@@ -151,19 +154,24 @@ impl Spans {
 /// Finds the spans of `layers`, whose fragments extend by `extent`.
 pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
     let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
-    let keys = Keys::new(layers, bins, extent);
-    let scratch = || (KeyRow::new(width), Vec::new());
-    let rows: Vec<RowSpans> = (0..height)
-        .into_par_iter()
-        .map_init(scratch, |(row, spans), y| {
+    let of_strip = |rows: Range<usize>| -> Vec<RowSpans> {
+        let keys = Keys::new(layers, bins, extent, rows.clone());
+        let (mut row, mut spans) = (KeyRow::new(width), Vec::new());
+        let of_row = |y: usize| {
             spans.clear();
             for layer in 0..layers.len() {
-                keys.fill((layer, y), row);
-                scan(&row.keys, layer as u16, spans);
+                keys.fill((layer, y), &mut row);
+                scan(&row.keys, layer as u16, &mut spans);
             }
-            RowSpans::new(spans, bins.count())
-        })
+            RowSpans::new(&spans, bins.count())
+        };
+        rows.map(of_row).collect()
+    };
+    let strips: Vec<Vec<RowSpans>> = (0..height.div_ceil(STRIP))
+        .into_par_iter()
+        .map(|strip| of_strip(strip * STRIP..((strip + 1) * STRIP).min(height)))
         .collect();
+    let rows: Vec<RowSpans> = strips.into_iter().flatten().collect();
     let bins = bins.count();
     Spans { spans_above: spans_above(&rows, bins), rows, bins }
 }

@@ -59,8 +59,8 @@ impl<'a> Frame<'a> {
         let radius_per_coc =
             plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
-        let (keys, params) =
-            (Keys::new(layers, &bins, Extent::HalfWay), params(&picture, layers.len(), &bins, views));
+        let keys = Keys::new(layers, &bins, Extent::HalfWay, 0..picture.size.1);
+        let params = params(&picture, layers.len(), &bins, views);
         Ok(Self { gpu, picture, layers, translucent, views, bins, keys, row_views, radius_per_coc, params })
     }
 
