@@ -136,21 +136,22 @@ mod tests {
     fn a_mirrored_scene_is_surrounded_by_its_reflections() {
         let scene = scene(-0.5, 1);
         assert_eq!(scene.reach_px(0.0), 3, "half a pixel and a margin of two, in whole pixels");
-        let padded = scene.clone().padded(Border::Mirror, 4);
-        assert_eq!((padded.picture_size(), padded.frame_size()), ((12, 10), (4, 2)));
+        let padded = scene.clone().padded(Border::Mirror, 8);
+        assert_eq!((padded.picture_size(), padded.frame_size()), ((20, 18), (4, 2)));
         let red = &padded.layers[0].color[0];
-        assert_eq!(red.row(4), [4.0, 3.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0, 3.0, 2.0, 1.0]);
-        let column: Vec<f32> = (0..10).map(|y| red.get(4, y)).collect();
+        let [there, back] = [[1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0]];
+        assert_eq!(red.row(8), [there, back, there, back, there].concat());
+        let column: Vec<f32> = (8..18).map(|y| red.get(8, y)).collect();
         assert_eq!(column, [1.0, 11.0, 11.0, 1.0, 1.0, 11.0, 11.0, 1.0, 1.0, 11.0]);
         assert_eq!(red.clone().trimmed(padded.outside_px), scene.layers[0].color[0], "unchanged within");
     }
 
     #[test]
     fn a_transparent_border_adds_no_fragments() {
-        let padded = scene(-0.5, 1).padded(Border::Transparent, 4);
+        let padded = scene(-0.5, 1).padded(Border::Transparent, 8);
         let alpha = &padded.layers[0].alpha;
         assert_eq!(alpha.values().iter().sum::<f32>(), 8.0, "no more fragments than before");
-        assert_eq!(alpha.clone().trimmed([4, 4]), Plane::filled(4, 2, 1.0));
+        assert_eq!(alpha.clone().trimmed([8, 8]), Plane::filled(4, 2, 1.0));
     }
 
     #[test]
@@ -161,9 +162,9 @@ mod tests {
             let padded = scene.clone().padded(border, 4);
             assert_eq!(
                 padded.antialiasing.plane().map(|plane| (plane.width(), plane.height())),
-                Some((12, 10))
+                Some((12, 18))
             );
-            let row: Vec<f32> = (0..12).map(|x| padded.antialiasing.at(x, 5)).collect();
+            let row: Vec<f32> = (0..12).map(|x| padded.antialiasing.at(x, 9)).collect();
             assert_eq!(row, [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0], "{border:?}");
         }
     }
@@ -185,10 +186,10 @@ mod tests {
     #[test]
     fn padding_keeps_the_samples_of_a_pixel_together_and_the_axis_in_place() {
         let scene = scene(3.0, 2);
-        let padded = scene.clone().padded(Border::Mirror, 4);
-        assert_eq!((padded.width(), padded.height()), (20, 18));
-        assert_eq!((padded.picture_size(), padded.frame_size()), ((10, 9), (2, 1)));
-        assert_eq!(padded.field.axis_px, scene.field.axis_px + 4.0);
+        let padded = scene.clone().padded(Border::Mirror, 8);
+        assert_eq!((padded.width(), padded.height()), (36, 34));
+        assert_eq!((padded.picture_size(), padded.frame_size()), ((18, 17), (2, 1)));
+        assert_eq!(padded.field.axis_px, scene.field.axis_px + 8.0);
         assert_eq!(padded.field.half_diagonal_px, scene.field.half_diagonal_px);
     }
 
