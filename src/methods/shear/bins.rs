@@ -14,13 +14,13 @@ const LEAST_WIDTH_PX: f32 = 1.0 / 64.0;
 const FOCUS_SHARE_OF_PLATEAU: f32 = 1.0 / 8.0;
 
 /// Width of the bins between these two as a share of their radius.
-const FOCUS_SHARE: f32 = 0.05;
+const FOCUS_SHARE: f32 = 0.04;
 
 /// CoC radius up to which bins are narrow, in picture pixels.
 const FOCUS_PX: f32 = 3.0;
 
 /// Growth of a bin's width with its radius beyond that.
-const GROWTH: f32 = 1.0 / 8.0;
+const GROWTH: f32 = 1.0 / 16.0;
 
 /// Width of the plateau, in picture pixels, for few and for many views. Narrower bins are visible only at low noise.
 const PLATEAU_PX: [f32; 2] = [0.5, 0.25];
@@ -233,11 +233,11 @@ mod tests {
         };
         for (c, expected) in [
             (0.0, 1.0 / 64.0),
-            (-0.6, 0.03),
+            (-0.6, 0.024),
             (2.0, 0.0625),
             (-2.9, 0.0625),
-            (4.0, 0.1875),
-            (10.0, 0.5),
+            (4.0, 0.125),
+            (11.0, 0.5),
             (-12.0, 0.5),
             (64.0, 2.0),
         ] {
