@@ -85,23 +85,11 @@ impl Method for Shear {
             ],
             lens_samples: Some("views"),
             steps: &["16", "64", "256"],
-            deviations: &[
-                Deviation {
-                    law: Law::PeelOrder,
-                    within: [0.0, 0.02],
-                    reason: "a rough surface goes on within its peel, and to another peel by half a pixel only: which peel holds it matters",
-                },
-                Deviation {
-                    law: Law::EvenSweep,
-                    within: [1.0, 4.0],
-                    reason: "a light turns from one dot a view into a disc over half a pixel of CoC radius",
-                },
-                Deviation {
-                    law: Law::FrozenFrames,
-                    within: [0.0, 3.0],
-                    reason: "bins are a 64th of a pixel wide in focus, and a pull has the same blur on both sides of it",
-                },
-            ],
+            deviations: &[Deviation {
+                law: Law::PeelOrder,
+                within: [0.0, 0.02],
+                reason: "a rough surface goes on within its peel, and to another peel by half a pixel only: which peel holds it matters",
+            }],
         }
     }
 

@@ -10,14 +10,14 @@ use thinlens::stack::StackKind;
 
 pub(crate) const NEAR_FOCUS: Measured = Measured {
     law: Law::NearFocus,
-    // At 0.02 px the closed form is 2 · 4 / (3π) · 0.02 of the contrast, 0.0085, and a table of views moves up to twice as many of them.
-    bound: 0.02,
+    // At 0.02 px the closed form is 2 · 4 / (3π) · 0.02 of the contrast, 0.0085.
+    bound: 0.01,
     promised_by: Promise::LensSampling,
     figures: differences_from_input,
 };
 
 pub(crate) const STEP_NEAR_FOCUS: Measured =
-    Measured { law: Law::StepNearFocus, bound: 0.05, promised_by: Promise::LensSampling, figures: steps };
+    Measured { law: Law::StepNearFocus, bound: 0.03, promised_by: Promise::LensSampling, figures: steps };
 
 const WIDTH: usize = 32;
 const HEIGHT: usize = 20;
@@ -36,9 +36,19 @@ const SETTINGS: [(&str, &[(EffectKind, bool)]); 2] =
 
 /// Point samples in front of and behind focus, through a lens whose largest CoC radius is `coc_px`.
 fn blurred(engine: &Engine, coc_px: f32, setup: Setup<'_>) -> Image {
-    let plane =
-        layer(WIDTH, HEIGHT, |x, y| (color(x, y), if x < WIDTH / 2 { -coc_px } else { 0.7 * coc_px }));
-    let scene = Scene::new(vec![plane], StackKind::PointSampled, 1, coc_px);
+    blurred_planes(engine, [-coc_px, 0.7 * coc_px], setup)
+}
+
+/// Point samples of a plane behind focus, through a lens whose largest CoC radius is `coc_px`: without a silhouette, at which two surfaces
+/// join below a step of half a pixel.
+fn blurred_plane(engine: &Engine, coc_px: f32, setup: Setup<'_>) -> Image {
+    blurred_planes(engine, [coc_px; 2], setup)
+}
+
+/// Point samples of two planes side by side, with these CoC radii.
+fn blurred_planes(engine: &Engine, [left_px, right_px]: [f32; 2], setup: Setup<'_>) -> Image {
+    let plane = layer(WIDTH, HEIGHT, |x, y| (color(x, y), if x < WIDTH / 2 { left_px } else { right_px }));
+    let scene = Scene::new(vec![plane], StackKind::PointSampled, 1, left_px.abs());
     engine.blur(scene, setup)
 }
 
@@ -59,8 +69,9 @@ fn differences_from_input(engine: &Engine) -> Vec<Figure> {
 fn steps(engine: &Engine) -> Vec<Figure> {
     let last = if engine.is_gpu() { 6 } else { 60 };
     let of = |(name, passes): (&str, &[(EffectKind, bool)])| {
-        let pictures: Vec<Image> =
-            (0..=last).map(|i| blurred(engine, STEP_PX * i as f32, Setup { views: 256, passes })).collect();
+        let pictures: Vec<Image> = (0..=last)
+            .map(|i| blurred_plane(engine, STEP_PX * i as f32, Setup { views: 256, passes }))
+            .collect();
         let step = |(i, pair): (usize, &[Image])| {
             let coc_px = STEP_PX * (i + 1) as f32;
             figure(format!("c = {coc_px:.2} px{name}"), difference(&pair[0], &pair[1]))

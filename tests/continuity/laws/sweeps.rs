@@ -16,9 +16,8 @@ const FRAMES: usize = 45;
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
 
-/// Frames are geometric in the f-number, so that even an exact picture changes by 1.7 to 2.2 times the mean.
 pub(crate) const EVEN_SWEEP: Measured =
-    Measured { law: Law::EvenSweep, bound: 2.5, promised_by: Promise::LensSampling, figures: even };
+    Measured { law: Law::EvenSweep, bound: 2.0, promised_by: Promise::LensSampling, figures: even };
 
 pub(crate) const FROZEN_FRAMES: Measured =
     Measured { law: Law::FrozenFrames, bound: 2.0, promised_by: Promise::LensSampling, figures: frozen };
@@ -59,13 +58,15 @@ fn measured(engine: &Engine) -> Vec<(String, Steps)> {
     measured.entry(engine.to_string()).or_insert_with(|| measure(engine)).clone()
 }
 
-/// Of exact pictures the largest step is 1.7 times the mean (sines, f-number), 1.3 (noise, f-number) and 1.6 (sines, focus).
+/// The sweeps are those in which exact pictures change evenly. In even steps of the CoC radius the largest step of the sines is 1.37 times
+/// the mean, by the closed form; in even ratios, in which that of noise is 1.4 times and that of the scene 1.7 times the mean with 4096 rays
+/// a pixel, it would be 1.81 times.
 fn measure(engine: &Engine) -> Vec<(String, Steps)> {
     type Case = (&'static str, fn(f32) -> Lens, fn(Lens) -> Scene);
     let sweeps: [Case; 5] = [
-        ("f-number of sines", f_number, sines),
-        ("f-number of noise", f_number, white_noise),
-        ("f-number of a scene with depth", f_number, world),
+        ("opening of sines, even steps", even_steps, sines),
+        ("opening of noise, even ratios", even_ratios, white_noise),
+        ("opening of a scene with depth, even ratios", even_ratios, world),
         ("focus of sines", focus, sines),
         ("focus of a scene with depth", focus, world),
     ];
@@ -98,8 +99,13 @@ impl Lens {
     }
 }
 
-/// Focused at 1, opened from 0.3 to 3 px in even ratios.
-fn f_number(share: f32) -> Lens {
+/// Focused at 1, opened from 0.3 to 3 px in even steps.
+fn even_steps(share: f32) -> Lens {
+    Lens::focused(0.3 + 2.7 * share, 1.0)
+}
+
+/// The same in even ratios.
+fn even_ratios(share: f32) -> Lens {
     Lens::focused(0.3 * 10f32.powf(share), 1.0)
 }
 

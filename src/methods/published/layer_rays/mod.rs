@@ -103,7 +103,7 @@ impl Method for LayerRays {
                 Deviation { law: Law::Element, within: [0.0, 0.03], reason: OVERLAP },
                 Deviation { law: Law::LocalChange, within: [0.0, 0.2], reason: SPACING },
                 Deviation { law: Law::SteepRamp, within: [0.0, 0.01], reason: OVERLAP },
-                Deviation { law: Law::FrozenFrames, within: [0.0, 6.0], reason: SPACING },
+                Deviation { law: Law::EvenSweep, within: [1.0, 2.4], reason: SPACING },
                 Deviation { law: Law::ManyPeels, within: [0.0, 0.6], reason: ONE_HIT },
             ],
         }

@@ -66,7 +66,7 @@ impl Method for PeelRays {
                 Deviation { law: Law::LocalChange, within: [0.0, 0.04], reason: STEPS },
                 Deviation { law: Law::SteepRamp, within: [0.0, 0.2], reason: THIN },
                 Deviation { law: Law::Relief, within: [0.0, 0.2], reason: THIN },
-                Deviation { law: Law::FrozenFrames, within: [0.0, 6.0], reason: ONE_SET },
+                Deviation { law: Law::EvenSweep, within: [1.0, 2.4], reason: ONE_SET },
                 Deviation { law: Law::ManyPeels, within: [0.0, 0.3], reason: STEPS },
             ],
         }
