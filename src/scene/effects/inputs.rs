@@ -30,6 +30,11 @@ impl Inputs<'_> {
         far.abs().max(near.abs())
     }
 
+    /// The largest radius of a blurred point: the CoC radius, and what aberrations add.
+    pub fn max_blur_px(&self) -> f32 {
+        self.max_coc_px() + self.longest_shift_px()
+    }
+
     /// The longest shift of a ray by the aberrations that the method simulates.
     pub fn longest_shift_px(&self) -> f32 {
         let has = |kind| self.passes.contains(&kind);

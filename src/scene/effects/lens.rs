@@ -5,8 +5,9 @@ use super::words::{Effect, EffectKind, NO_EFFECT};
 use crate::lens::Optics;
 use glam::Vec2;
 
-/// Smallest visible change of the aperture's outline, in pixels at the largest CoC radius.
-const MIN_OUTLINE_PX: f32 = 0.01;
+/// Smallest visible change of the outline of blurred points, in pixels at the largest blur: less moves so few rays that pictures agree to 55
+/// dB.
+const MIN_OUTLINE_PX: f32 = 0.002;
 
 /// Share of its light from which on a place shows no darkening.
 const MAX_LIGHT: f32 = 0.999;
@@ -14,11 +15,11 @@ const MAX_LIGHT: f32 = 0.999;
 pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
     let aperture = inputs.optics.aperture;
     let (curved, straight) = (aperture, aperture.simplified(false, true));
-    let bulge_px = (curved.apothem() - straight.apothem()) * inputs.max_coc_px();
+    let bulge_px = (curved.apothem() - straight.apothem()) * inputs.max_blur_px();
     let (on, reason) = if curved == straight {
         (false, "the aperture is a disc or has straight sides".to_owned())
     } else {
-        (bulge_px > MIN_OUTLINE_PX, format!("at the largest CoC radius the sides bulge by {bulge_px:.2} px"))
+        (bulge_px > MIN_OUTLINE_PX, format!("at the largest blur the sides bulge by {bulge_px:.2} px"))
     };
     let larger = 100.0 * (curved.area() / straight.area() - 1.0);
     let change = match (curved == straight, on) {
@@ -31,13 +32,13 @@ pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
 
 pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
     let ratio = inputs.optics.aperture.squeeze();
-    let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_coc_px();
+    let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_blur_px();
     let on = narrower_px > MIN_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
         ("the aperture is as wide as high".to_owned(), NO_EFFECT.to_owned())
     } else {
         let reason =
-            format!("at the largest CoC radius the aperture is {narrower_px:.2} px narrower on either side");
+            format!("at the largest blur the aperture is {narrower_px:.2} px narrower on either side");
         let without = if on { "without it" } else { "with it off" };
         (reason, format!("{without}, every blurred point is {ratio} times too wide"))
     };
@@ -51,7 +52,7 @@ pub(super) fn aperture_image(inputs: &Inputs<'_>) -> Effect {
     let light = 100.0 * image.mean();
     let reason = format!("the aperture image transmits {light:.0} % of the light of a full disc");
     let change = "without it, every blurred point would have the outline of the blades, or of a disc";
-    Effect::new(EffectKind::ApertureImage, inputs.max_coc_px() > MIN_OUTLINE_PX, reason, change)
+    Effect::new(EffectKind::ApertureImage, inputs.max_blur_px() > MIN_OUTLINE_PX, reason, change)
 }
 
 pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
@@ -60,7 +61,7 @@ pub(super) fn cats_eye(inputs: &Inputs<'_>) -> Effect {
         let reason = "the lens barrel hides no part of the aperture: `cats_eye` is 0";
         return Effect::new(EffectKind::CatsEye, false, reason, NO_EFFECT);
     }
-    let cut_px = barrel * inputs.max_coc_px();
+    let cut_px = barrel * inputs.max_blur_px();
     let open = 100.0 * inputs.optics.barrel_share(Vec2::X);
     let reason = format!(
         "the lens barrel leaves {open:.0} % of the aperture open in the corners, and cuts up to {cut_px:.2} px off \
