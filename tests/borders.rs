@@ -91,7 +91,7 @@ fn segment(distance: f32) -> f32 {
 /// pyramids are not discs, and the glow of `opaque-blur` makes silhouettes too opaque.
 fn allowed(method: &str, coc_px: f32) -> f32 {
     let [before, behind] = match method {
-        "recursive-gaussian" => [0.14, 0.1],
+        "recursive-gaussian" => [0.14, 0.092],
         "b-buffer" => [0.06, 0.06],
         "pyramid-disocclusion" => [0.26, 0.17],
         "opaque-blur" => [0.48, 0.09],
@@ -125,7 +125,7 @@ fn a_mirrored_border_is_a_scene_that_continues_as_its_reflection() {
     for method in METHODS {
         let name = method.info().name;
         // Its random numbers differ between pixels: few rays are noisy.
-        let views = if name == "layer-rays" { 512 } else { 64 };
+        let views = if name == "layer-rays" { 1024 } else { 64 };
         let scene = textured_scene();
         let found = blur(method, &padded(&scene, Border::Mirror), views);
         // Wider by whole cells of the pyramids, so that the alignment of the frame does not change.
@@ -135,7 +135,6 @@ fn a_mirrored_border_is_a_scene_that_continues_as_its_reflection() {
         let db = psnr_db(&found, &expected);
         let floor_db = match name {
             "accumulate" => 199.0,
-            "layer-rays" => 44.0,
             _ => 45.0,
         };
         assert!(db > floor_db, "{name}: {db} dB");
