@@ -2,8 +2,8 @@
 //!
 //! All fragments of a bin move alike, by its centre's CoC radius, so a bin's width is an error in the radius. Widths follow the radius
 //! ([`Scale`]): they are smallest in focus, where a sweep of the f-number has the smallest steps, reach a 16th of a pixel, and from
-//! [`FOCUS_PX`] on grow to a plateau, and beyond `plateau / SHARE` are a [`SHARE`] of the radius. Bins are anchored at `c = 0`, and blocks of
-//! bins as well, so that neither moves when the CoC range changes from frame to frame.
+//! [`FOCUS_PX`] on grow to a plateau, and beyond [`WIDE_FROM_PX`] are a share of the radius. Bins are anchored at `c = 0`, and blocks of bins
+//! as well, so that neither moves when the CoC range changes from frame to frame.
 
 use crate::scene::surface::SAME_HIT_PX;
 
@@ -28,8 +28,8 @@ const PLATEAU_PX: [f32; 2] = [0.5, 0.25];
 /// The smallest number of views with the narrower plateau.
 const MANY_VIEWS: usize = 128;
 
-/// Width of wide bins as a share of their radius.
-const SHARE: f32 = 1.0 / 32.0;
+/// CoC radius at which the plateau ends, in picture pixels: the widths of wider bins are a share of their radius, for few views a 32nd.
+const WIDE_FROM_PX: f32 = 16.0;
 
 /// Width of the plateau for `views` views, in picture pixels.
 pub(super) fn plateau_px(views: usize) -> f32 {
@@ -85,14 +85,14 @@ impl Scale {
         let focus_px = plateau_px * FOCUS_SHARE_OF_PLATEAU;
         let (least_px, shared_px) = (LEAST_WIDTH_PX / FOCUS_SHARE, focus_px / FOCUS_SHARE);
         let plateau_from_px = FOCUS_PX + (plateau_px - focus_px) / GROWTH;
-        let wide_px = (plateau_px / SHARE).max(plateau_from_px);
+        let wide_px = WIDE_FROM_PX.max(plateau_from_px);
         let starts_and_growths = [
             (0.0, LEAST_WIDTH_PX, 0.0),
             (least_px, LEAST_WIDTH_PX, FOCUS_SHARE),
             (shared_px, focus_px, 0.0),
             (FOCUS_PX, focus_px, GROWTH),
             (plateau_from_px, plateau_px, 0.0),
-            (wide_px, plateau_px, SHARE),
+            (wide_px, plateau_px, plateau_px / wide_px),
         ];
         let mut before: Option<Piece> = None;
         let pieces = starts_and_growths.map(|(start_px, width_px, growth)| {
