@@ -249,10 +249,11 @@ fn fit(
 fn in_equal_parts(mut jitters: Vec<Vec2>) -> Vec<Vec2> {
     let count = jitters.len();
     let mut order: Vec<usize> = (0..count).collect();
-    for axis in 0..2 {
-        order.sort_by(|&a, &b| jitters[a][axis].total_cmp(&jitters[b][axis]));
+    for axis in [Vec2::X, Vec2::Y] {
+        order.sort_by(|&a, &b| jitters[a].dot(axis).total_cmp(&jitters[b].dot(axis)));
         for (rank, &i) in order.iter().enumerate() {
-            jitters[i][axis] = (rank as f32 + 0.5) / count as f32 - 0.5;
+            let middle = (rank as f32 + 0.5) / count as f32 - 0.5;
+            jitters[i] = jitters[i] * (Vec2::ONE - axis) + middle * axis;
         }
     }
     jitters
