@@ -5,7 +5,7 @@
 //! neighbour beside and the way to the one above or below are added up: on a plane they reach half-way to the one across the corner. Where the fragment's own peel does not go on, the neighbour may lie in any
 //! other peel, within [`surface::JOIN_PX`]. Surfaces then have no cracks where they cross from bin to bin, nor where a nearer surface
 //! begins and they continue one peel farther back. Translucent fragments join like opaque ones; a ray that hits one surface in several
-//! bins counts it once (see [`super::paint`]), for which a key says whether its surface continues in another peel.
+//! bins counts it once (see [`super::translucent_hits`]), for which a key says whether its surface continues in another peel.
 
 use super::bins::{Bins, EMPTY};
 use crate::scene::surface::{self, JOIN_PX, MAX_JOIN_PX};

@@ -31,6 +31,7 @@ mod cost;
 mod gpu;
 mod highlights;
 mod keys;
+mod lanes;
 mod paint;
 mod parameters;
 mod passes;
@@ -42,6 +43,7 @@ mod row_views;
 mod sampler;
 mod saved;
 mod spans;
+mod translucent_hits;
 
 use crate::error::Error;
 use crate::image::Image;

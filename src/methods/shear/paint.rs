@@ -10,18 +10,16 @@
 //! per view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive
 //! memory. Bins that a view moves alike are painted in blocks.
 //!
-//! Translucent spans keep, beside the bit, the transmittance of the ray. Neighbouring fragments of a surface overlap in CoC depth, so that a
-//! ray may hit several of them, and it counts a surface once: a ray remembers, for each layer, the bin of its last translucent hit, and
-//! a hit of the same layer within [`SAME_HIT_PX`](crate::scene::surface::SAME_HIT_PX) is not composited again, but remembered. A fragment
-//! whose surface continues in another peel compares with the last hits of the other layers as well, but for those at its own source
-//! pixel: two fragments of one sample are two surfaces.
+//! Translucent spans keep, beside the bit, the transmittance of the ray. A ray may hit several fragments of a surface, and counts the surface
+//! once ([`super::translucent_hits`]).
 //!
 //! The inner loops are compiled for several instruction sets, one of which is selected when the program runs. Additions,
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
 
-use super::bins::MAX_BINS;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
+use super::lanes::{Chunk, LANES, Mask, has, lanes};
 use super::spans::Span;
+use super::translucent_hits::{Hit, TranslucentHits};
 use crate::image::{MARGIN, Plane};
 use crate::methods::contract::LostRays;
 use crate::scene::{Background, Layer};
@@ -29,22 +27,11 @@ use glam::{IVec2, Vec2};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Lanes of a chunk: pixels that are processed together.
-const LANES: usize = MARGIN;
-
-/// One bit for each lane of a chunk.
-type Mask = u16;
-
 /// A ray of less transmittance goes no further.
 pub(super) const MIN_TRANSMITTANCE: f32 = 0.002;
 
 /// A pixel is empty if no more than this number of its rays, weighted by coverage, hit anything.
 pub(super) const MIN_HIT_VIEWS: f32 = 1e-3;
-
-/// 16 neighbouring pixels of one channel.
-#[derive(Debug, Clone, Copy, Default)]
-#[repr(align(64))]
-struct Chunk([f32; LANES]);
 
 /// Partial sums are flushed after this number of views, so that the f32 rounding error does not grow with the view count.
 const VIEWS_PER_BATCH: usize = 256;
@@ -297,88 +284,6 @@ impl RowSums {
     }
 }
 
-/// The last translucent hits of the rays of a row.
-#[derive(Debug, Default)]
-struct TranslucentHits {
-    /// `[layer][chunk][lane]`: the view's stamp, and in the lowest bits the last bin of the block in which it was hit.
-    last: Vec<[u32; LANES]>,
-    chunks: usize,
-    /// Number of the current view above the bits of a bin: an entry of an earlier view is smaller.
-    stamp: u32,
-}
-
-/// A hit of a translucent span.
-#[derive(Clone, Copy)]
-struct Hit {
-    layer: usize,
-    /// Nearest bin of an earlier hit of the same surface.
-    same_from: u32,
-    /// The last bin of the block.
-    bin: u32,
-    /// For a surface that continues in other layers: the first bin whose fragments lie at the same source pixels.
-    same_pixel_from: Option<u32>,
-}
-
-impl Hit {
-    #[inline(always)]
-    fn new(same_from: u16, step: &Step, span: &Span) -> Self {
-        Self {
-            layer: span.layer as usize,
-            same_from: same_from.into(),
-            bin: step.bins[1].into(),
-            same_pixel_from: span.changes_peel.then_some(step.moved_alike_from.into()),
-        }
-    }
-}
-
-impl TranslucentHits {
-    /// Memory for `chunks` chunks of rays in `layers` layers.
-    fn prepare(&mut self, layers: usize, chunks: usize) {
-        if self.last.len() != layers * chunks {
-            *self = Self { last: vec![[0; LANES]; layers * chunks], chunks, stamp: 0 };
-        }
-    }
-
-    /// Forgets all hits.
-    #[inline(always)]
-    fn start_view(&mut self) {
-        let step = MAX_BINS as u32;
-        if self.stamp > u32::MAX - 2 * step {
-            self.last.fill([0; LANES]);
-            self.stamp = 0;
-        }
-        self.stamp += step;
-    }
-
-    /// The rays of `chunk`, of those in `lanes`, for which `hit` is in a surface that they hit before; remembers it.
-    #[inline(always)]
-    fn hit_before(&mut self, chunk: usize, lanes: Mask, hit: &Hit) -> Mask {
-        let same_from = self.stamp | hit.same_from;
-        let mut bits = [0u32; LANES];
-        if let Some(same_pixel_from) = hit.same_pixel_from {
-            let same_pixel_from = self.stamp | same_pixel_from;
-            for other in self.last.iter().skip(chunk).step_by(self.chunks) {
-                for ((bits, &last), bit) in bits.iter_mut().zip(other).zip(LANE_BITS) {
-                    *bits |= if (last >= same_from) & (last < same_pixel_from) { bit } else { 0 };
-                }
-            }
-        }
-        let (now, lanes) = (self.stamp | hit.bin, u32::from(lanes));
-        let own = &mut self.last[hit.layer * self.chunks + chunk];
-        for ((bits, last), bit) in bits.iter_mut().zip(own).zip(LANE_BITS) {
-            *bits |= if *last >= same_from { bit } else { 0 };
-            *last = if lanes & bit != 0 { now } else { *last };
-        }
-        bits.iter().fold(0, |all, bits| all | bits) as Mask
-    }
-}
-
-/// Whether `mask` has bit `lane`.
-#[inline(always)]
-fn has(mask: Mask, lane: usize) -> bool {
-    mask >> lane & 1 == 1
-}
-
 /// [`RowSums::add`], to be compiled for each instruction set.
 struct AddViews<'a> {
     row: &'a mut RowSums,
@@ -611,17 +516,6 @@ impl<'a> Values<'a> {
             Self::Same(value) => simd.splat_f32s(*value),
         }
     }
-}
-
-/// Bit `i` in lane `i`.
-static LANE_BITS: [u32; LANES] =
-    [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768];
-
-/// The lanes of vector `i` of a chunk that are set in `mask`.
-#[inline(always)]
-fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
-    let bits = S::as_simd_u32s(&LANE_BITS).0[i];
-    simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
 }
 
 #[cfg(test)]

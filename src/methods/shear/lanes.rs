@@ -1,0 +1,32 @@
+//! Pixels that are painted together.
+
+use crate::image::MARGIN;
+use pulp::Simd;
+
+/// Lanes of a chunk: pixels that are processed together.
+pub(super) const LANES: usize = MARGIN;
+
+/// One bit for each lane of a chunk.
+pub(super) type Mask = u16;
+
+/// 16 neighbouring pixels of one channel.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+pub(super) struct Chunk(pub(super) [f32; LANES]);
+
+/// Bit `i` in lane `i`.
+pub(super) static LANE_BITS: [u32; LANES] =
+    [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768];
+
+/// The lanes of vector `i` of a chunk that are set in `mask`.
+#[inline(always)]
+pub(super) fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
+    let bits = S::as_simd_u32s(&LANE_BITS).0[i];
+    simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
+}
+
+/// Whether `mask` has bit `lane`.
+#[inline(always)]
+pub(super) fn has(mask: Mask, lane: usize) -> bool {
+    mask >> lane & 1 == 1
+}
