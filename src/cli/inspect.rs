@@ -285,7 +285,7 @@ fn write_peels_seen(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
     line(
         text,
         "peels needed",
-        format_args!("{needed} of {layers}; against the picture with all: {differences}"),
+        format_args!("{needed} of {layers}; against all of them: {differences}"),
     )?;
     let lost = 100.0 * lost_rays;
     let advice = if peels.needs_more_layers() {
