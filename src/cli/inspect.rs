@@ -282,11 +282,7 @@ fn write_peels_seen(text: &mut String, peels: &PeelsSeen) -> fmt::Result {
         format!("{db} with {}", k + 1)
     });
     let differences = differences.collect::<Vec<_>>().join(", ");
-    line(
-        text,
-        "peels needed",
-        format_args!("{needed} of {layers}; against all of them: {differences}"),
-    )?;
+    line(text, "peels needed", format_args!("{needed} of {layers}; against all of them: {differences}"))?;
     let lost = 100.0 * lost_rays;
     let advice = if peels.needs_more_layers() {
         format!("export more peels: {lost:.2} % of the lens rays pass the last one and hit nothing")
