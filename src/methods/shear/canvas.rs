@@ -53,36 +53,34 @@ impl Barrel<'_> {
 /// The bins that views can move to a row, or to some of its pixels.
 #[derive(Debug, Clone)]
 pub(super) struct BinsInReach {
-    /// For each bin, and past the last one, how many of the bins before it are in reach.
-    before: Vec<u16>,
+    /// For each bin, and past the last one, the first bin from it on that is in reach; the number of bins where there is none.
+    next: Vec<u16>,
 }
 
 impl BinsInReach {
     /// Those of `bins` for which `in_reach(bin, coc_px)` holds.
     pub(super) fn new(bins: &Bins, in_reach: impl Fn(usize, f32) -> bool) -> Self {
-        let mut count = 0;
-        let mut before = Vec::with_capacity(bins.count() + 1);
-        for (bin, &coc_px) in bins.centers_px().iter().enumerate() {
-            before.push(count);
-            count += u16::from(in_reach(bin, coc_px));
+        let mut next = vec![bins.count() as u16; bins.count() + 1];
+        for (bin, &coc_px) in bins.centers_px().iter().enumerate().rev() {
+            next[bin] = if in_reach(bin, coc_px) { bin as u16 } else { next[bin + 1] };
         }
-        before.push(count);
-        Self { before }
+        Self { next }
     }
 
     /// Whether any of the bins from `first` to `last` is in reach.
     #[inline(always)]
     pub(super) fn has(&self, [first, last]: [u16; 2]) -> bool {
-        self.before[last as usize + 1] > self.before[first as usize]
+        self.next[usize::from(first)] <= last
     }
 }
 
 impl Canvas<'_> {
-    /// The bins that some view can move to output row `y`.
+    /// The bins that some view can move to output row `y`, and some more.
     pub(super) fn bins_in_reach(&self, y: usize) -> BinsInReach {
         BinsInReach::new(self.bins, |bin, coc_px| {
-            let reach = (coc_px.abs() + self.aberration_px).ceil() as i32 + 1;
-            self.spans.occurs(bin, y as i32 - reach..=y as i32 + reach)
+            // At least the next larger whole number, and a row for the place in the pixel.
+            let reach = (coc_px.abs() + self.aberration_px) as i32 + 2;
+            self.spans.may_occur(bin, y as i32 - reach..=y as i32 + reach)
         })
     }
 }
@@ -110,6 +108,11 @@ pub(super) struct Step {
 }
 
 impl Step {
+    /// The bins of the block.
+    fn bins(&self) -> Range<usize> {
+        usize::from(self.bins[0])..usize::from(self.bins[1]) + 1
+    }
+
     /// Level and number of the block: it has the bins `number · 2^level …`.
     #[inline(always)]
     pub(super) fn block(&self) -> (usize, usize) {
@@ -124,13 +127,29 @@ pub(super) struct Shear {
     pub(super) view: View,
     /// The bins in the largest blocks that the view moves alike, nearest first.
     pub(super) steps: Vec<Step>,
+    /// For each bin the index of its step.
+    step_of_bin: Vec<u16>,
 }
 
 impl Shear {
     /// The shifts of `view` for `bins`.
     pub(super) fn new(view: &View, bins: &Bins) -> Self {
         let shifts: Vec<Shift> = bins.centers_px().iter().map(|&coc_px| shift(view, coc_px)).collect();
-        Self { view: *view, steps: steps(&shifts, bins) }
+        let steps = steps(&shifts, bins);
+        let bins_of = |(index, step): (usize, &Step)| std::iter::repeat_n(index as u16, step.bins().len());
+        let step_of_bin = steps.iter().enumerate().flat_map(bins_of).collect();
+        Self { view: *view, steps, step_of_bin }
+    }
+
+    /// The steps that move a bin `in_reach`, nearest first.
+    #[inline(always)]
+    pub(super) fn steps_in_reach(&self, in_reach: &BinsInReach) -> impl Iterator<Item = &Step> {
+        let mut bin = 0;
+        std::iter::from_fn(move || {
+            let step = &self.steps[usize::from(*self.step_of_bin.get(usize::from(in_reach.next[bin]))?)];
+            bin = usize::from(step.bins[1]) + 1;
+            Some(step)
+        })
     }
 
     /// Where the ray of the view from `pixel` is at the CoC radius `coc_px`.
@@ -143,15 +162,18 @@ impl Shear {
     /// Whether the view moves none of the bins `in_reach`.
     pub(super) fn is_identity(&self, in_reach: &BinsInReach) -> bool {
         let stays = Shift { rows: 0, columns: 0 };
-        self.steps.iter().all(|step| step.shift == stays || !in_reach.has(step.bins))
+        self.steps_in_reach(in_reach).all(|step| step.shift == stays)
     }
 }
 
 /// How far `view` moves a fragment of CoC radius `coc_px`.
 #[inline(always)]
 fn shift(view: &View, coc_px: f32) -> Shift {
-    // Ties round up, so that half a pixel gives the same shift on every machine.
-    let rounded = |value: f32| (value + 0.5).floor() as i32;
+    // Ties round up, so that half a pixel gives the same shift on every machine. `floor` would be a call of a library.
+    let rounded = |value: f32| {
+        let whole = (value + 0.5) as i32;
+        whole - i32::from(whole as f32 > value + 0.5)
+    };
     let moved = coc_px * view.lens + view.jitter + view.shift;
     Shift { rows: rounded(moved.y), columns: rounded(moved.x) }
 }

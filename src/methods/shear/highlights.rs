@@ -91,6 +91,11 @@ fn brightness(color: [f32; 3]) -> f32 {
 /// Columns of row `y` that hold a highlight.
 fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
     let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
+    // Most rows hold none, which one comparison a value tells.
+    let any = |row: &[f32]| row.iter().fold(false, |any, &value| any | (value > threshold));
+    if ![red, green, blue].into_iter().any(any) {
+        return Vec::new();
+    }
     let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
     let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
     (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && share_of_disc(coc[x]) > 0.0).collect()

@@ -43,6 +43,7 @@ mod row_views;
 mod sampler;
 mod saved;
 mod spans;
+mod sums;
 mod translucent_hits;
 
 use crate::error::Error;

@@ -19,6 +19,7 @@
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::lanes::{Chunk, LANES, Mask, has, lanes};
 use super::spans::Span;
+use super::sums::{Means, Sums};
 use super::translucent_hits::{Hit, TranslucentHits};
 use crate::image::{MARGIN, Plane};
 use crate::methods::contract::LostRays;
@@ -30,48 +31,8 @@ use std::ops::Range;
 /// A ray of less transmittance goes no further.
 pub(super) const MIN_TRANSMITTANCE: f32 = 0.002;
 
-/// A pixel is empty if no more than this number of its rays, weighted by coverage, hit anything.
-pub(super) const MIN_HIT_VIEWS: f32 = 1e-3;
-
 /// Partial sums are flushed after this number of views, so that the f32 rounding error does not grow with the view count.
 const VIEWS_PER_BATCH: usize = 256;
-
-/// Sums over views, one chunk for each 16 pixels.
-#[derive(Debug, Clone)]
-struct Sums {
-    color: Vec<[Chunk; 3]>,
-    /// Number of rays that hit something in focus, weighted by coverage.
-    focused: Vec<Chunk>,
-    /// Number of rays that end in the background, weighted by transmittance.
-    transparent: Vec<Chunk>,
-    /// Number of rays that end where the stack has nothing or with too little light to go on, weighted by transmittance.
-    lost: Vec<Chunk>,
-}
-
-impl Sums {
-    fn blank(chunks: usize) -> Self {
-        let blank = vec![Chunk::default(); chunks];
-        let color = vec![[Chunk::default(); 3]; chunks];
-        Self { color, focused: blank.clone(), transparent: blank.clone(), lost: blank }
-    }
-
-    fn clear(&mut self) {
-        self.color.fill([Chunk::default(); 3]);
-        self.focused.fill(Chunk::default());
-        self.transparent.fill(Chunk::default());
-        self.lost.fill(Chunk::default());
-    }
-
-    fn chunks(&self) -> impl Iterator<Item = &Chunk> {
-        let color = self.color.as_flattened().iter();
-        color.chain(&self.focused).chain(&self.transparent).chain(&self.lost)
-    }
-
-    fn chunks_mut(&mut self) -> impl Iterator<Item = &mut Chunk> {
-        let color = self.color.as_flattened_mut().iter_mut();
-        color.chain(&mut self.focused).chain(&mut self.transparent).chain(&mut self.lost)
-    }
-}
 
 /// Sums over views for one output row, and the rays of the current view. Views may be added in several calls: the bits are those
 /// of one call.
@@ -86,7 +47,7 @@ pub(super) struct RowSums {
     skipped: Vec<Mask>,
     /// The smallest range that holds all painted columns.
     columns: Range<i32>,
-    /// For each column, the number of views that the barrel hides, with fractions where a view fades in.
+    /// For each column of all chunks, the number of views that the barrel hides, with fractions where a view fades in.
     hidden: Vec<f32>,
     /// Sums of the current batch.
     sums: Sums,
@@ -117,7 +78,7 @@ impl RowSums {
             views: 0,
             skipped,
             columns: 0..width as i32,
-            hidden: vec![0.0; width],
+            hidden: vec![0.0; chunks * LANES],
             sums: Sums::blank(chunks),
             flushed: Sums::blank(chunks),
             occluded: vec![0; chunks],
@@ -159,11 +120,6 @@ impl RowSums {
         self.flushed.clear();
     }
 
-    /// Number of views so far that the barrel does not hide from column `x`.
-    fn views_at(&self, x: usize) -> f32 {
-        self.views as f32 - self.hidden[x]
-    }
-
     /// Adds the views `shears` of output row `y` with the instructions of `arch`; every bin that they can move there is `in_reach`.
     pub(super) fn add(
         &mut self,
@@ -188,36 +144,15 @@ impl RowSums {
 
     /// Adds the sums of the current batch to those of the batches before it, and clears them.
     fn flush(&mut self) {
-        for (flushed, sum) in self.flushed.chunks_mut().zip(self.sums.chunks()) {
-            flushed.0.iter_mut().zip(sum.0).for_each(|(flushed, sum)| *flushed += sum);
-        }
+        self.flushed.add(&self.sums);
         self.sums.clear();
     }
 
-    /// The mean of pixel `x` over all views so far, of which lost rays count as `lost_rays` says.
-    pub(super) fn pixel(&self, x: usize, lost_rays: LostRays) -> [f32; 4] {
-        let (chunk, lane) = (x / LANES, x % LANES);
-        let total =
-            |of: fn(&Sums) -> &Vec<Chunk>| of(&self.flushed)[chunk].0[lane] + of(&self.sums)[chunk].0[lane];
-        let views = self.views_at(x);
-        let known = views - total(|sums| &sums.lost);
-        let transparent = total(|sums| &sums.transparent);
-        let (weight, covered) = match lost_rays {
-            LostRays::LeftOut => (known, known - transparent),
-            LostRays::Black => (views, views - transparent),
-        };
-        if covered <= MIN_HIT_VIEWS {
-            return [0.0; 4];
-        }
-        let color = |k: usize| self.flushed.color[chunk][k].0[lane] + self.sums.color[chunk][k].0[lane];
-        [color(0) / weight, color(1) / weight, color(2) / weight, covered / weight]
-    }
-
-    /// Share of the rays of pixel `x` that hit something in focus.
-    pub(super) fn focused_share(&self, x: usize) -> f32 {
-        let (chunk, lane) = (x / LANES, x % LANES);
-        let focused = self.flushed.focused[chunk].0[lane] + self.sums.focused[chunk].0[lane];
-        focused / self.views_at(x).max(MIN_HIT_VIEWS)
+    /// The means of chunk `chunk` over all views so far, of which lost rays count as `lost_rays` says.
+    pub(super) fn means(&self, chunk: usize, lost_rays: LostRays) -> Means {
+        let hidden = &self.hidden[chunk * LANES..][..LANES];
+        let views = std::array::from_fn(|lane| self.views as f32 - hidden[lane]);
+        self.flushed.means(&self.sums, chunk, &views, lost_rays)
     }
 
     /// Starts a view with every ray unoccluded. Returns the number of chunks that have such rays.
@@ -305,8 +240,10 @@ impl WithSimd for AddViews<'_> {
             };
             self.row.hits.start_view();
             let mut painter = Painter { simd, active_chunks, row: self.row };
-            painter.paint_view(self.canvas, self.y, &shear.steps, self.in_reach);
-            self.row.end_rays(self.canvas.background, shear, self.y);
+            painter.paint_view(self.canvas, self.y, shear, self.in_reach);
+            if painter.active_chunks > 0 {
+                self.row.end_rays(self.canvas.background, shear, self.y);
+            }
         }
     }
 }
@@ -339,9 +276,9 @@ enum SourceColumn {
 
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, steps: &[Step], in_reach: &BinsInReach) {
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &Shear, in_reach: &BinsInReach) {
         let last_row = canvas.spans.rows.len() as i32 - 1;
-        for step in steps.iter().filter(|step| in_reach.has(step.bins)) {
+        for step in shear.steps_in_reach(in_reach) {
             let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
             let (level, block) = step.block();
             for span in canvas.spans.rows[row].of_block(level, block) {
@@ -573,12 +510,8 @@ mod tests {
             let mut sums = RowSums::new(WIDTH);
             let bins = canvas.bins_in_reach(y);
             batches.iter().for_each(|shears| sums.add(canvas, (y, &bins), shears, arch));
-            (0..WIDTH)
-                .map(|x| {
-                    let [r, g, b, a] = sums.pixel(x, canvas.lost_rays);
-                    [r, g, b, a, sums.focused_share(x)]
-                })
-                .collect::<Vec<_>>()
+            let value = |x: usize| sums.means(x / LANES, canvas.lost_rays).map(|mean| mean.0[x % LANES]);
+            (0..WIDTH).map(value).collect::<Vec<_>>()
         };
         (0..HEIGHT).flat_map(row).collect()
     }

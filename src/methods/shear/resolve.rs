@@ -43,32 +43,43 @@ impl Resolve {
         (weight > 0.0).then_some(Self { weight, antialiasing, width })
     }
 
-    /// Weight of each of the four neighbours of `pixel`, `y · width + x`, of whose rays the share `share` hits something in focus.
-    pub(super) fn weight(&self, pixel: usize, share: f32) -> f32 {
-        self.weight * share * (1.0 - self.antialiasing.at(pixel % self.width, pixel / self.width))
+    /// Weight of each of the four neighbours of pixel `x, y`, of whose rays the share `share` hits something in focus.
+    pub(super) fn weight(&self, (x, y): (usize, usize), share: f32) -> f32 {
+        self.weight * share * (1.0 - self.antialiasing.at(x, y))
     }
 
     /// Filters `image`, whose pixels have the shares `focused_share` of rays that hit something in focus.
-    pub(super) fn soften(&self, image: &mut Image, focused_share: &Plane) {
+    pub(super) fn soften(&self, image: &mut Image, focused_share: Plane) {
         let (width, height) = (image.width(), image.height());
         if width == 0 {
             return;
         }
+        let mut weights = focused_share;
+        weights.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            row.iter_mut().enumerate().for_each(|(x, share)| *share = self.weight((x, y), *share));
+        });
+        let mut before = Plane::zeros(width, height);
         for plane in &mut image.planes {
-            let before = plane.clone();
+            before.values_mut().copy_from_slice(plane.values());
             plane.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
-                let here = before.row(y);
-                for (x, (value, &share)) in row.iter_mut().zip(focused_share.row(y)).enumerate() {
-                    if share > 0.0 {
-                        let [left, right] = [here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]];
-                        let weight = self.weight(y * width + x, share);
-                        *value = softened(here[x], [left, right, above[x], below[x]], weight);
-                    }
-                }
+                soften_row(row, before.row(y), [above, below], weights.row(y));
             });
         }
     }
+}
+
+/// Filters `row`, which was `here` between the rows `above` and `below`, by these weights of each of the four neighbours.
+fn soften_row(row: &mut [f32], here: &[f32], [above, below]: [&[f32]; 2], weights: &[f32]) {
+    let last = row.len() - 1;
+    let mut soften = |x: usize, [left, right]: [usize; 2]| {
+        let around = [here[left], here[right], above[x], below[x]];
+        // Selected, not multiplied: what has no weight may be infinite.
+        row[x] = if weights[x] > 0.0 { softened(here[x], around, weights[x]) } else { here[x] };
+    };
+    soften(0, [0, last.min(1)]);
+    (1..last).for_each(|x| soften(x, [x - 1, x + 1]));
+    soften(last, [last.saturating_sub(1), last]);
 }
 
 impl PixelFilter for Resolve {
@@ -77,7 +88,7 @@ impl PixelFilter for Resolve {
     }
 
     fn filtered(&self, pixel: usize, share: f32, own: [f32; 4], around: [[f32; 4]; 4]) -> [f32; 4] {
-        let weight = self.weight(pixel, share);
+        let weight = self.weight((pixel % self.width, pixel / self.width), share);
         std::array::from_fn(|k| softened(own[k], around.map(|near| near[k]), weight))
     }
 }
@@ -97,7 +108,7 @@ mod tests {
     fn a_point_keeps_its_sum() {
         let point = |x, y| if (x, y) == (3, 4) { [1.0, 0.5, 0.25, 1.0] } else { [0.0; 4] };
         let mut image = Image::from_fn(6, 9, point);
-        RESOLVE.soften(&mut image, &Plane::filled(6, 9, 1.0));
+        RESOLVE.soften(&mut image, Plane::filled(6, 9, 1.0));
         let sum: f32 = image.planes[0].values().iter().sum();
         assert!((sum - 1.0).abs() < 1e-6, "sum {sum}");
         assert!((image.planes[0].get(3, 4) - 0.68).abs() < 1e-6, "1 − 4 · 0.08 of the point");
@@ -107,7 +118,7 @@ mod tests {
     fn pixels_out_of_focus_do_not_change() {
         let mut image = Image::from_fn(6, 5, |x, y| [(x * y) as f32; 4]);
         let before = image.clone();
-        RESOLVE.soften(&mut image, &Plane::zeros(6, 5));
+        RESOLVE.soften(&mut image, Plane::zeros(6, 5));
         assert_eq!(image, before, "untouched");
     }
 
@@ -115,7 +126,7 @@ mod tests {
     fn averages_are_not_filtered_again() {
         let share = Plane::from_fn(6, 4, |x, _| if x < 3 { 1.0 } else { 0.0 });
         let by_place = Resolve { antialiasing: Antialiasing::by_pixel(share), ..RESOLVE };
-        assert_eq!([by_place.weight(6 + 2, 1.0), by_place.weight(6 + 3, 1.0)], [0.0, 0.08]);
+        assert_eq!([by_place.weight((2, 1), 1.0), by_place.weight((3, 1), 1.0)], [0.0, 0.08]);
     }
 
     #[test]
@@ -128,7 +139,7 @@ mod tests {
         let before = Image::from_fn(6, 4, |x, y| [(x * y) as f32, x as f32, (7 * x + y) as f32, 1.0]);
         let share = Plane::from_fn(6, 4, |x, y| (x + y) as f32 / 8.0);
         let mut image = before.clone();
-        RESOLVE.soften(&mut image, &share);
+        RESOLVE.soften(&mut image, share.clone());
         let value = |pixel: usize| before.pixel(pixel % 6, pixel / 6);
         for pixel in 0..24 {
             let (x, y) = (pixel % 6, pixel / 6);

@@ -4,12 +4,14 @@ use super::bins::{Bins, plateau_px};
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight};
 use super::keys::Extent;
+use super::lanes::LANES;
 use super::paint::RowSums;
 use super::reach::Reach;
 use super::resolve::Resolve;
 use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
+use super::sums::{ALPHA, FOCUSED};
 use super::{prefilter, prepare};
 use crate::image::{Image, Plane, neighbours};
 use crate::lens::Field;
@@ -183,8 +185,10 @@ impl Prepared {
                         sums.add(canvas, (y, &in_reach), shears, arch);
                         for (&x, values) in columns.iter().zip(&mut painted) {
                             let weight = weights.map_or(1.0, |weights| weights[x]);
-                            let found = values_of(&sums, x, canvas.lost_rays);
-                            written(channels).for_each(|k| values[k] = blended(values[k], found[k], weight));
+                            let found = sums.means(x / LANES, canvas.lost_rays);
+                            written(channels).for_each(|k| {
+                                values[k] = blended(values[k], found[k].0[x % LANES], weight);
+                            });
                         }
                     }
                 }
@@ -197,18 +201,6 @@ impl Prepared {
     fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
         highlights::draw(image, highlights, (frame.plan, frame.field), (&self.layers, &self.bins));
     }
-}
-
-/// The index of the alpha channel.
-const ALPHA: usize = 3;
-
-/// The index of the share of rays that hit something in focus, which is that of alpha's views.
-const FOCUSED: usize = 4;
-
-/// Red, green, blue and alpha of pixel `x`, and the share of its rays that hit something in focus.
-fn values_of(sums: &RowSums, x: usize, lost_rays: LostRays) -> [f32; 5] {
-    let [r, g, b, a] = sums.pixel(x, lost_rays);
-    [r, g, b, a, sums.focused_share(x)]
 }
 
 /// The values of a pixel that views of these `channels` write.
@@ -232,10 +224,23 @@ fn write_row(
     lost_rays: LostRays,
     planes: &mut [&mut [f32]; 5],
 ) {
-    for x in 0..planes[0].len() {
-        let weight = weights.map_or(1.0, |weights| weights[x]);
-        let found = values_of(sums, x, lost_rays);
-        written(channels).for_each(|k| planes[k][x] = blended(planes[k][x], found[k], weight));
+    let width = planes[0].len();
+    for (chunk, first) in (0..width).step_by(LANES).enumerate() {
+        let columns = first..(first + LANES).min(width);
+        let means = sums.means(chunk, lost_rays);
+        for k in written(channels) {
+            let (values, found) = (&mut planes[k][columns.clone()], &means[k].0[..columns.len()]);
+            match weights {
+                None => values.copy_from_slice(found),
+                Some(weights) => {
+                    let found = found.iter().zip(&weights[columns.clone()]);
+                    let blend = |(value, (&found, &weight)): (&mut f32, (&f32, &f32))| {
+                        *value = blended(*value, found, weight);
+                    };
+                    values.iter_mut().zip(found).for_each(blend);
+                }
+            }
+        }
     }
 }
 
@@ -254,7 +259,7 @@ fn add_row(
     }
 }
 
-/// For each pixel the values of [`values_of`].
+/// For each pixel its values, in the order of [`super::sums::Means`].
 type Painted = HashMap<usize, [f32; 5]>;
 
 impl Sampler for ShearSampler<'_> {
@@ -303,7 +308,7 @@ impl Sampler for ShearSampler<'_> {
         let (mut image, focused_share) = prepared.paint(&prepared.canvas(&frame), frame.size, progress);
         prepared.draw_discs(&mut image, &highlights, &frame);
         if let Some(resolve) = &frame.resolve {
-            resolve.soften(&mut image, &focused_share);
+            resolve.soften(&mut image, focused_share);
         }
         image
     }

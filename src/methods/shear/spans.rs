@@ -16,6 +16,9 @@ use std::ops::{Range, RangeInclusive};
 /// Rows whose keys are computed together: few enough that their bins stay in the cache.
 const STRIP: usize = 32;
 
+/// Rows that count together where a row's bins are looked for.
+const REACH_ROWS: usize = 2;
+
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
@@ -53,18 +56,21 @@ impl RowSpans {
     /// The spans `found`, each with its bin of `bins` bins, in the order of layers and columns.
     fn new(found: &[(u16, Span)], bins: usize) -> Self {
         let mut row = Self::sorted_by_bin(found, bins);
+        let mut unions = Vec::with_capacity(found.len());
         let mut blocks = bins;
         for level in 1..LEVELS {
             let below = blocks;
             blocks = blocks.div_ceil(2);
             row.first_block[level] = row.starts.len() as u32;
             row.starts.push(row.spans.len() as u32);
+            unions.clear();
             for block in 0..blocks {
-                let first = row.range(level - 1, 2 * block);
-                let second = if 2 * block + 1 < below { row.range(level - 1, 2 * block + 1) } else { 0..0 };
-                row.push_union(first, second);
-                row.starts.push(row.spans.len() as u32);
+                let first = row.of_block(level - 1, 2 * block);
+                let second = if 2 * block + 1 < below { row.of_block(level - 1, 2 * block + 1) } else { &[] };
+                push_union(first, second, &mut unions);
+                row.starts.push((row.spans.len() + unions.len()) as u32);
             }
+            row.spans.extend_from_slice(&unions);
         }
         row
     }
@@ -98,22 +104,6 @@ impl RowSpans {
         self.starts[index] as usize..self.starts[index + 1] as usize
     }
 
-    /// Appends the union of the spans in two ranges, as those of one block.
-    fn push_union(&mut self, mut first: Range<usize>, mut second: Range<usize>) {
-        let block = self.spans.len();
-        while !first.is_empty() || !second.is_empty() {
-            let takes_first = second.is_empty()
-                || !first.is_empty() && order(&self.spans[first.start]) <= order(&self.spans[second.start]);
-            let from = if takes_first { &mut first } else { &mut second };
-            let next = self.spans[from.start];
-            from.start += 1;
-            match self.spans[block..].last_mut() {
-                Some(last) if last.is_continued_by(&next) => last.end = last.end.max(next.end),
-                _ => self.spans.push(next),
-            }
-        }
-    }
-
     /// The spans of bin `bin`.
     pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
         self.of_block(0, bin)
@@ -126,9 +116,48 @@ impl RowSpans {
     }
 }
 
+/// Appends the union of the spans of two blocks to `unions`.
+fn push_union(mut first: &[Span], mut second: &[Span], unions: &mut Vec<Span>) {
+    let block = unions.len();
+    while let ([one, other_ones @ ..], [two, other_twos @ ..]) = (first, second) {
+        let next = if order(one) <= order(two) {
+            first = other_ones;
+            one
+        } else {
+            second = other_twos;
+            two
+        };
+        push_or_continue(next, block, unions);
+    }
+    let mut rest = first.iter().chain(second);
+    // Once a span of the rest continues none, those after it continue none either: they are in one block of the level below.
+    while let Some(next) = rest.next() {
+        if !push_or_continue(next, block, unions) {
+            unions.extend(rest);
+            return;
+        }
+    }
+}
+
+/// Appends `next` to the spans from index `block` on, or lengthens the last of them by it, and returns whether it does.
+#[inline(always)]
+fn push_or_continue(next: &Span, block: usize, spans: &mut Vec<Span>) -> bool {
+    match spans[block..].last_mut() {
+        Some(last) if last.is_continued_by(next) => {
+            last.end = last.end.max(next.end);
+            true
+        }
+        _ => {
+            spans.push(*next);
+            false
+        }
+    }
+}
+
 /// The order of spans within a block.
-fn order(span: &Span) -> (u16, u32) {
-    (span.layer, span.start)
+#[inline(always)]
+fn order(span: &Span) -> u64 {
+    u64::from(span.layer) << 32 | u64::from(span.start)
 }
 
 /// The spans of all rows, and the rows in which each bin occurs.
@@ -136,18 +165,20 @@ fn order(span: &Span) -> (u16, u32) {
 pub(super) struct Spans {
     /// The rows from the top.
     pub(super) rows: Vec<RowSpans>,
-    /// `spans_above[y · bins + b]`: how many spans of bin `b` lie in the rows above row `y`.
-    spans_above: Vec<u32>,
+    /// `last_strip[s · bins + b]`: one more than the last strip of [`REACH_ROWS`] rows, up to strip `s`, in which bin `b` has spans; 0 for
+    /// none.
+    last_strip: Vec<u32>,
     /// Number of bins.
     bins: usize,
 }
 
 impl Spans {
-    /// Whether bin `bin` has a span in any of `rows`; rows past the border count as the border row.
-    pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
+    /// Whether bin `bin` may have a span in any of `rows`: it has one in their strips of [`REACH_ROWS`] rows. Rows past the border count as
+    /// the border row.
+    pub(super) fn may_occur(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
         let last = self.rows.len() as i32 - 1;
-        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
-        self.spans_above[(last + 1) * self.bins + bin] > self.spans_above[first * self.bins + bin]
+        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize / REACH_ROWS);
+        self.last_strip[last * self.bins + bin] as usize > first
     }
 }
 
@@ -173,20 +204,22 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
         .collect();
     let rows: Vec<RowSpans> = strips.into_iter().flatten().collect();
     let bins = bins.count();
-    Spans { spans_above: spans_above(&rows, bins), rows, bins }
+    Spans { last_strip: last_strip(&rows, bins), rows, bins }
 }
 
-/// See [`Spans::spans_above`].
-fn spans_above(rows: &[RowSpans], bins: usize) -> Vec<u32> {
-    let mut above = vec![0; (rows.len() + 1) * bins];
-    for (y, row) in rows.iter().enumerate() {
-        let (before, after) = above[y * bins..].split_at_mut(bins);
-        let counts = row.starts.windows(2).map(|ends| ends[1] - ends[0]);
-        for ((after, before), count) in after.iter_mut().zip(before).zip(counts) {
-            *after = *before + count;
+/// See [`Spans::last_strip`].
+fn last_strip(rows: &[RowSpans], bins: usize) -> Vec<u32> {
+    let mut last = vec![0; bins];
+    let mut found = Vec::with_capacity(rows.len().div_ceil(REACH_ROWS) * bins);
+    for (strip, rows) in rows.chunks(REACH_ROWS).enumerate() {
+        for row in rows {
+            for (last, ends) in last.iter_mut().zip(row.starts.windows(2)) {
+                *last = if ends[1] > ends[0] { strip as u32 + 1 } else { *last };
+            }
         }
+        found.extend_from_slice(&last);
     }
-    above
+    found
 }
 
 /// Appends the spans of one row of keys to `found`, each with its bin.

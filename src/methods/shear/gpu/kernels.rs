@@ -5,7 +5,8 @@ use crate::methods::shared::MAX_TRANSLUCENT_LAYERS;
 use crate::methods::shear::bins::LEVELS;
 use crate::methods::shear::bins::MAX_BINS;
 use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
-use crate::methods::shear::paint::{MIN_HIT_VIEWS, MIN_TRANSMITTANCE};
+use crate::methods::shear::paint::MIN_TRANSMITTANCE;
+use crate::methods::shear::sums::MIN_HIT_VIEWS;
 
 /// The shader.
 pub(super) static SHADER: Shader = Shader {

@@ -39,7 +39,7 @@ impl GpuBackend for ShearGpu {
             add_light(&mut image, &discs);
         }
         if let Some(resolve) = &frame.picture.resolve {
-            resolve.soften(&mut image, &focused_share);
+            resolve.soften(&mut image, focused_share);
         }
         Ok(image)
     }
