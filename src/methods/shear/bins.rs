@@ -6,6 +6,7 @@
 //! as well, so that neither moves when the CoC range changes from frame to frame.
 
 use crate::scene::surface::SAME_HIT_PX;
+use std::ops::Range;
 
 /// Width of the bins in focus, in picture pixels.
 const LEAST_WIDTH_PX: f32 = 1.0 / 64.0;
@@ -41,6 +42,9 @@ pub(super) const LEVELS: usize = 5;
 
 /// Number of bins of the largest blocks.
 const LARGEST_BLOCK: i32 = 1 << (LEVELS - 1);
+
+/// Width in picture pixels up to which there are blocks of several bins: hardly any view moves wider ones alike.
+const WIDEST_BLOCK_PX: f32 = 4.0;
 
 /// The bin index of a sample without a fragment.
 pub(super) const EMPTY: u16 = u16::MAX;
@@ -143,6 +147,10 @@ pub(super) struct Bins {
     centers_px: Vec<f32>,
     /// CoC radius where each bin ends; infinite for the last one.
     ends_px: Vec<f32>,
+    /// For each level, where its blocks begin in the order of all blocks; then the number of all blocks.
+    first_block: [u16; LEVELS + 1],
+    /// For each of the largest blocks, the highest level with blocks of these bins.
+    highest_level: Vec<u8>,
     /// For each bin the nearest bin that may hold an earlier hit of the same translucent surface: see [`SAME_HIT_PX`].
     same_hit_from: Vec<u16>,
     /// For each cell of [`cell_position`] from the range's start on, the bin in which the cell begins.
@@ -179,7 +187,8 @@ impl Bins {
         let ends: Vec<f32> = ends_px.iter().map(|&end| cell_position(end)).collect();
         let first_in_cell =
             (0..cells).map(|cell| ends.partition_point(|&end| end <= start + cell as f32) as u16).collect();
-        Self { centers_px, ends_px, same_hit_from, first_in_cell, start }
+        let (first_block, highest_level) = (first_block(centers_px.len()), highest_level(&centers_px));
+        Self { centers_px, ends_px, first_block, highest_level, same_hit_from, first_in_cell, start }
     }
 
     /// Number of bins.
@@ -190,6 +199,22 @@ impl Bins {
     /// CoC radius at the centre of each bin, nearest first.
     pub(super) fn centers_px(&self) -> &[f32] {
         &self.centers_px
+    }
+
+    /// Number of blocks of all levels: those of level 0, which are the bins, then those of level 1 and so on.
+    pub(super) fn block_count(&self) -> usize {
+        usize::from(self.first_block[LEVELS])
+    }
+
+    /// The blocks of level `level`, in the order of all blocks.
+    pub(super) fn blocks_of_level(&self, level: usize) -> Range<usize> {
+        self.first_block[level].into()..self.first_block[level + 1].into()
+    }
+
+    /// The highest level with a block that begins with `bin`: blocks are aligned to multiples of their size.
+    pub(super) fn highest_level(&self, bin: usize) -> usize {
+        let aligned = bin.trailing_zeros() as usize;
+        aligned.min(self.highest_level[bin / LARGEST_BLOCK as usize].into())
     }
 
     /// The nearest bin that may hold an earlier hit of the translucent surface that a ray hits in `bin`.
@@ -203,6 +228,25 @@ impl Bins {
         let bin = self.first_in_cell[cell.min(self.first_in_cell.len() - 1)];
         bin + u16::from(c >= self.ends_px[bin as usize])
     }
+}
+
+/// See [`Bins::first_block`].
+fn first_block(bins: usize) -> [u16; LEVELS + 1] {
+    let mut first = [0; LEVELS + 1];
+    for level in 0..LEVELS {
+        first[level + 1] = first[level] + bins.div_ceil(1 << level) as u16;
+    }
+    first
+}
+
+/// See [`Bins::highest_level`].
+fn highest_level(centers_px: &[f32]) -> Vec<u8> {
+    let of_group = |bins: &[f32]| {
+        let width_px = (bins[bins.len() - 1] - bins[0]) / (bins.len() - 1).max(1) as f32;
+        let fits = |level: &u8| width_px * f32::from(1u8 << level) <= WIDEST_BLOCK_PX;
+        (1..LEVELS as u8).rev().find(fits).unwrap_or(0)
+    };
+    centers_px.chunks(LARGEST_BLOCK as usize).map(of_group).collect()
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The input of painting, and how far each view moves it.
 
-use super::bins::{Bins, LEVELS};
+use super::bins::Bins;
 use super::resolve;
 use super::spans::Spans;
 use crate::lens::{Field, Optics, View};
 use crate::methods::contract::LostRays;
 use crate::scene::{Background, Layer};
 use glam::{IVec2, Vec2};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// What the painter reads.
 #[derive(Debug, Clone, Copy)]
@@ -50,27 +50,28 @@ impl Barrel<'_> {
     }
 }
 
-/// The bins that views can move to a row, or to some of its pixels.
+/// The bins that views can move to a row, or to some of its pixels, and few others.
 #[derive(Debug, Clone)]
 pub(super) struct BinsInReach {
-    /// For each bin, and past the last one, the first bin from it on that is in reach; the number of bins where there is none.
-    next: Vec<u16>,
+    /// In order, at least [`LEAST_GAP`] apart.
+    ranges: Vec<RangeInclusive<u16>>,
 }
+
+/// Bins between two in reach from which on these are passed over: a range more costs as much as some bins that are not there.
+const LEAST_GAP: u16 = 4;
 
 impl BinsInReach {
     /// Those of `bins` for which `in_reach(bin, coc_px)` holds.
     pub(super) fn new(bins: &Bins, in_reach: impl Fn(usize, f32) -> bool) -> Self {
-        let mut next = vec![bins.count() as u16; bins.count() + 1];
-        for (bin, &coc_px) in bins.centers_px().iter().enumerate().rev() {
-            next[bin] = if in_reach(bin, coc_px) { bin as u16 } else { next[bin + 1] };
+        let mut ranges: Vec<RangeInclusive<u16>> = Vec::new();
+        let found = bins.centers_px().iter().enumerate().filter(|(bin, coc_px)| in_reach(*bin, **coc_px));
+        for bin in found.map(|(bin, _)| bin as u16) {
+            match ranges.last_mut() {
+                Some(last) if bin - last.end() <= LEAST_GAP => *last = *last.start()..=bin,
+                _ => ranges.push(bin..=bin),
+            }
         }
-        Self { next }
-    }
-
-    /// Whether any of the bins from `first` to `last` is in reach.
-    #[inline(always)]
-    pub(super) fn has(&self, [first, last]: [u16; 2]) -> bool {
-        self.next[usize::from(first)] <= last
+        Self { ranges }
     }
 }
 
@@ -104,19 +105,14 @@ pub(super) struct Step {
     pub(super) bins: [u16; 2],
     /// First bin from which on the view moves all bins up to this block alike.
     pub(super) moved_alike_from: u16,
-    level: u8,
+    /// The block, in the order of all blocks.
+    pub(super) block: u16,
 }
 
 impl Step {
     /// The bins of the block.
     fn bins(&self) -> Range<usize> {
         usize::from(self.bins[0])..usize::from(self.bins[1]) + 1
-    }
-
-    /// Level and number of the block: it has the bins `number · 2^level …`.
-    #[inline(always)]
-    pub(super) fn block(&self) -> (usize, usize) {
-        (usize::from(self.level), usize::from(self.bins[0]) >> self.level)
     }
 }
 
@@ -132,23 +128,24 @@ pub(super) struct Shear {
 }
 
 impl Shear {
-    /// The shifts of `view` for `bins`.
-    pub(super) fn new(view: &View, bins: &Bins) -> Self {
+    /// The shifts of `view` for `bins`, whose fragments count as in focus by `focus`.
+    pub(super) fn new(view: &View, bins: &Bins, focus: &[f32]) -> Self {
         let shifts: Vec<Shift> = bins.centers_px().iter().map(|&coc_px| shift(view, coc_px)).collect();
-        let steps = steps(&shifts, bins);
+        let steps = steps(&shifts, bins, focus);
         let bins_of = |(index, step): (usize, &Step)| std::iter::repeat_n(index as u16, step.bins().len());
         let step_of_bin = steps.iter().enumerate().flat_map(bins_of).collect();
         Self { view: *view, steps, step_of_bin }
     }
 
-    /// The steps that move a bin `in_reach`, nearest first.
+    /// The steps that move a bin `in_reach`, nearest first, in slices.
     #[inline(always)]
-    pub(super) fn steps_in_reach(&self, in_reach: &BinsInReach) -> impl Iterator<Item = &Step> {
-        let mut bin = 0;
-        std::iter::from_fn(move || {
-            let step = &self.steps[usize::from(*self.step_of_bin.get(usize::from(in_reach.next[bin]))?)];
-            bin = usize::from(step.bins[1]) + 1;
-            Some(step)
+    pub(super) fn steps_in_reach(&self, in_reach: &BinsInReach) -> impl Iterator<Item = &[Step]> {
+        let mut next = 0;
+        in_reach.ranges.iter().map(move |range| {
+            let [first, last] = [range.start(), range.end()].map(|&bin| self.step_of_bin[usize::from(bin)]);
+            let steps = usize::from(first).max(next)..usize::from(last) + 1;
+            next = steps.end;
+            &self.steps[steps]
         })
     }
 
@@ -162,8 +159,13 @@ impl Shear {
     /// Whether the view moves none of the bins `in_reach`.
     pub(super) fn is_identity(&self, in_reach: &BinsInReach) -> bool {
         let stays = Shift { rows: 0, columns: 0 };
-        self.steps_in_reach(in_reach).all(|step| step.shift == stays)
+        self.steps_in_reach(in_reach).flatten().all(|step| step.shift == stays)
     }
+}
+
+/// How far the fragments of each bin count as in focus, see [`resolve::focus`].
+pub(super) fn focus(bins: &Bins) -> Vec<f32> {
+    bins.centers_px().iter().map(|&coc_px| resolve::focus(coc_px)).collect()
 }
 
 /// How far `view` moves a fragment of CoC radius `coc_px`.
@@ -178,22 +180,21 @@ fn shift(view: &View, coc_px: f32) -> Shift {
     Shift { rows: rounded(moved.y), columns: rounded(moved.x) }
 }
 
-/// The largest aligned blocks of bins with one shift each.
-fn steps(shifts: &[Shift], bins: &Bins) -> Vec<Step> {
-    let mut steps = Vec::new();
+/// The largest blocks of bins with one shift each.
+fn steps(shifts: &[Shift], bins: &Bins, focus: &[f32]) -> Vec<Step> {
+    let mut steps = Vec::with_capacity(shifts.len());
     let mut bin = 0;
     for alike in shifts.chunk_by(|a, b| a == b) {
         let (first, end) = (bin, bin + alike.len());
         while bin < end {
-            let fits = |level: &usize| bin.is_multiple_of(1 << level) && bin + (1 << level) <= end;
-            let level = (0..LEVELS).rev().find(fits).unwrap_or(0);
+            let level = bins.highest_level(bin).min((end - bin).ilog2() as usize);
             let size = 1 << level;
             steps.push(Step {
-                level: level as u8,
                 shift: alike[0],
                 bins: [bin as u16, (bin + size - 1) as u16],
+                block: (bins.blocks_of_level(level).start + (bin >> level)) as u16,
                 moved_alike_from: first as u16,
-                focus: resolve::focus(bins.centers_px()[bin + size / 2]),
+                focus: focus[bin + size / 2],
             });
             bin += size;
         }
@@ -210,12 +211,14 @@ mod tests {
         let bins = Bins::new([-20.0, 8.0], 0.5);
         for lens in [Vec2::new(0.3, -0.8), Vec2::new(0.01, 0.02), Vec2::ZERO] {
             let view = View { lens, jitter: Vec2::new(0.2, -0.4), shift: Vec2::ZERO };
-            let shear = Shear::new(&view, &bins);
+            let shear = Shear::new(&view, &bins, &focus(&bins));
             let mut next = 0;
             for step in &shear.steps {
                 assert_eq!(step.bins[0], next, "in order");
-                assert_eq!(usize::from(step.bins[0]), step.block().1 << step.level, "aligned");
-                assert_eq!(step.bins[1] - step.bins[0] + 1, 1 << step.level, "the whole block");
+                let size = usize::from(step.bins[1] - step.bins[0] + 1);
+                assert!(usize::from(step.bins[0]).is_multiple_of(size), "aligned");
+                let blocks = bins.blocks_of_level(size.ilog2() as usize);
+                assert_eq!(usize::from(step.block), blocks.start + usize::from(step.bins[0]) / size, "its number");
                 for bin in step.moved_alike_from..=step.bins[1] {
                     let coc_px = bins.centers_px()[usize::from(bin)];
                     assert_eq!(shift(&view, coc_px), step.shift, "moved alike");

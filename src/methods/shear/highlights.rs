@@ -267,7 +267,7 @@ impl<'a> Disc<'a> {
         occluders: &Occluders<'_>,
     ) {
         let Highlight { position, coc_px, .. } = *self.highlight;
-        let height = occluders.spans.rows.len();
+        let height = occluders.spans.height();
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
             let share = share_that_hides(coc_px, bin_coc);
             if share <= 0.0 {
@@ -278,7 +278,7 @@ impl<'a> Disc<'a> {
             let row = ((y as f32) * (1.0 - f) + position.y * f + 0.5).floor();
             let row = row.clamp(0.0, height as f32 - 1.0) as usize;
             let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
-            for span in occluders.spans.rows[row].of_bin(bin) {
+            for span in occluders.spans.of_block(row, bin) {
                 let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
                 occlude_by(span, occluders.columns_of(span), map, (first, &mut *visibility), (share, alpha));
             }

@@ -277,11 +277,10 @@ enum SourceColumn {
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &Shear, in_reach: &BinsInReach) {
-        let last_row = canvas.spans.rows.len() as i32 - 1;
-        for step in shear.steps_in_reach(in_reach) {
+        let last_row = canvas.spans.height() as i32 - 1;
+        for step in shear.steps_in_reach(in_reach).flatten() {
             let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
-            let (level, block) = step.block();
-            for span in canvas.spans.rows[row].of_block(level, block) {
+            for span in canvas.spans.of_block(row, step.block.into()) {
                 self.paint_span(canvas, span, row, step);
             }
             if self.active_chunks == 0 {
@@ -460,6 +459,7 @@ mod tests {
     use super::*;
     use crate::lens::{Aperture, views};
     use crate::methods::shear::bins::Bins;
+    use crate::methods::shear::canvas::focus;
     use crate::methods::shear::keys::Extent;
     use crate::methods::shear::spans;
 
@@ -490,7 +490,7 @@ mod tests {
         let bins = Bins::new([-12.0, 2.0], 0.5);
         let spans = spans::find(&layers, &bins, Extent::HalfWay);
         let shears: Vec<Shear> =
-            views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
+            views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins, &focus(&bins))).collect();
         paint(
             &Canvas {
                 layers: &layers,

@@ -24,10 +24,10 @@ impl Reach {
     pub(super) fn from_spans(spans: &Spans, bins: &Bins, size: (usize, usize)) -> Self {
         let blocks = size.1.div_ceil(ROWS);
         let mut reach = Self { columns: vec![0; bins.count() * blocks], blocks, size };
-        for (y, row) in spans.rows.iter().enumerate() {
+        for y in 0..spans.height() {
             for bin in 0..bins.count() {
-                let bits = row
-                    .of_bin(bin)
+                let bits = spans
+                    .of_block(y, bin)
                     .iter()
                     .fold(0, |bits, span| bits | reach.bits(span.start as usize, span.end as usize - 1));
                 reach.columns[bin * blocks + y / ROWS] |= bits;

@@ -72,14 +72,19 @@ impl Resolve {
 /// Filters `row`, which was `here` between the rows `above` and `below`, by these weights of each of the four neighbours.
 fn soften_row(row: &mut [f32], here: &[f32], [above, below]: [&[f32]; 2], weights: &[f32]) {
     let last = row.len() - 1;
-    let mut soften = |x: usize, [left, right]: [usize; 2]| {
-        let around = [here[left], here[right], above[x], below[x]];
-        // Selected, not multiplied: what has no weight may be infinite.
-        row[x] = if weights[x] > 0.0 { softened(here[x], around, weights[x]) } else { here[x] };
-    };
-    soften(0, [0, last.min(1)]);
-    (1..last).for_each(|x| soften(x, [x - 1, x + 1]));
-    soften(last, [last.saturating_sub(1), last]);
+    // Selected, not multiplied: what has no weight may be infinite.
+    let value = |own, around, weight| if weight > 0.0 { softened(own, around, weight) } else { own };
+    for x in [0, last] {
+        let around = [here[x.saturating_sub(1)], here[(x + 1).min(last)], above[x], below[x]];
+        row[x] = value(here[x], around, weights[x]);
+    }
+    let inner = 1..last.max(1);
+    let (own, weights) = (&here[inner.clone()], &weights[inner.clone()]);
+    let (left, right) = (&here[..own.len()], &here[here.len().min(2)..][..own.len()]);
+    let (above, below) = (&above[inner.clone()], &below[inner.clone()]);
+    for (x, out) in row[inner].iter_mut().enumerate() {
+        *out = value(own[x], [left[x], right[x], above[x], below[x]], weights[x]);
+    }
 }
 
 impl PixelFilter for Resolve {

@@ -17,7 +17,7 @@ use std::ops::{Range, RangeInclusive};
 const STRIP: usize = 32;
 
 /// Rows that count together where a row's bins are looked for.
-const REACH_ROWS: usize = 2;
+const REACH_ROWS: usize = 4;
 
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,78 +42,81 @@ impl Span {
     }
 }
 
-/// The spans of one row, at every level of blocks, sorted by block and, within a block, by layer and column.
+/// The spans of some rows at every level of blocks: row by row, within a row block by block ([`Bins::block_count`]), and within a block by
+/// layer and column.
 #[derive(Debug, Clone)]
-pub(super) struct RowSpans {
-    /// For each level and block, where its spans begin in `spans`; after the last block of a level, where they end.
+struct StripSpans {
+    /// For each row and block, where its spans begin in `spans`; after the last one, where they end.
     starts: Vec<u32>,
     spans: Vec<Span>,
-    /// Where the blocks of each level begin in `starts`.
-    first_block: [u32; LEVELS],
 }
 
-impl RowSpans {
-    /// The spans `found`, each with its bin of `bins` bins, in the order of layers and columns.
-    fn new(found: &[(u16, Span)], bins: usize) -> Self {
-        let mut row = Self::sorted_by_bin(found, bins);
-        let mut unions = Vec::with_capacity(found.len());
-        let mut blocks = bins;
-        for level in 1..LEVELS {
-            let below = blocks;
-            blocks = blocks.div_ceil(2);
-            row.first_block[level] = row.starts.len() as u32;
-            row.starts.push(row.spans.len() as u32);
-            unions.clear();
-            for block in 0..blocks {
-                let first = row.of_block(level - 1, 2 * block);
-                let second = if 2 * block + 1 < below { row.of_block(level - 1, 2 * block + 1) } else { &[] };
-                push_union(first, second, &mut unions);
-                row.starts.push((row.spans.len() + unions.len()) as u32);
-            }
-            row.spans.extend_from_slice(&unions);
-        }
-        row
+impl StripSpans {
+    /// No rows yet of `rows`.
+    fn new(rows: usize, bins: &Bins) -> Self {
+        let mut starts = Vec::with_capacity(rows * bins.block_count() + 1);
+        starts.push(0);
+        Self { starts, spans: Vec::new() }
     }
 
-    /// The lowest level: a stable counting sort.
-    fn sorted_by_bin(found: &[(u16, Span)], bins: usize) -> Self {
-        let mut starts = Vec::with_capacity(2 * bins + 2 * LEVELS);
-        starts.resize(bins + 1, 0u32);
+    /// Appends a row with the spans `found`, each with its bin, in the order of layers and columns.
+    fn push_row(&mut self, found: &[(u16, Span)], bins: &Bins, scratch: &mut Scratch) {
+        let row = self.starts.len() - 1;
+        self.push_bins(found, bins.count(), &mut scratch.next);
+        let unions = &mut scratch.unions;
+        for level in 1..LEVELS {
+            let below = bins.blocks_of_level(level - 1);
+            let bin = |number: usize| number << level;
+            unions.clear();
+            for number in 0..bins.blocks_of_level(level).len() {
+                if bins.highest_level(bin(number)) >= level {
+                    let first = row + below.start + 2 * number;
+                    let second = if 2 * number + 1 < below.len() { self.spans_at(first + 1) } else { &[] };
+                    push_union(self.spans_at(first), second, unions);
+                }
+                self.starts.push((self.spans.len() + unions.len()) as u32);
+            }
+            self.spans.extend_from_slice(unions);
+        }
+    }
+
+    /// Appends the lowest level of a row: a stable counting sort.
+    fn push_bins(&mut self, found: &[(u16, Span)], bins: usize, next: &mut Vec<u32>) {
+        let (row, first) = (self.starts.len() - 1, self.spans.len());
+        self.starts.resize(row + bins + 1, 0);
+        let starts = &mut self.starts[row..];
         for (bin, _) in found {
-            starts[*bin as usize + 1] += 1;
+            starts[usize::from(*bin) + 1] += 1;
         }
         for bin in 0..bins {
             starts[bin + 1] += starts[bin];
         }
-        let mut next = starts.clone();
+        next.clear();
+        next.extend(starts.iter().map(|start| start - first as u32));
         let none = Span { start: 0, end: 0, layer: 0, opaque: false, changes_peel: false };
-        let mut spans = Vec::with_capacity(2 * found.len());
-        spans.resize(found.len(), none);
+        self.spans.resize(first + found.len(), none);
+        let spans = &mut self.spans[first..];
         for (bin, span) in found {
-            let index = &mut next[*bin as usize];
+            let index = &mut next[usize::from(*bin)];
             spans[*index as usize] = *span;
             *index += 1;
         }
-        Self { starts, spans, first_block: [0; LEVELS] }
     }
 
-    /// Where the spans of a block are.
+    /// The spans of the block whose start is `starts[index]`.
     #[inline(always)]
-    fn range(&self, level: usize, block: usize) -> Range<usize> {
-        let index = self.first_block[level] as usize + block;
-        self.starts[index] as usize..self.starts[index + 1] as usize
+    fn spans_at(&self, index: usize) -> &[Span] {
+        &self.spans[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
+}
 
-    /// The spans of bin `bin`.
-    pub(super) fn of_bin(&self, bin: usize) -> &[Span] {
-        self.of_block(0, bin)
-    }
-
-    /// The spans of block `block` of level `level`.
-    #[inline(always)]
-    pub(super) fn of_block(&self, level: usize, block: usize) -> &[Span] {
-        &self.spans[self.range(level, block)]
-    }
+/// Memory for [`StripSpans::push_row`].
+#[derive(Debug, Default)]
+struct Scratch {
+    /// For each bin, where its next span goes.
+    next: Vec<u32>,
+    /// The spans of a level.
+    unions: Vec<Span>,
 }
 
 /// Appends the union of the spans of two blocks to `unions`.
@@ -163,63 +166,79 @@ fn order(span: &Span) -> u64 {
 /// The spans of all rows, and the rows in which each bin occurs.
 #[derive(Debug, Clone)]
 pub(super) struct Spans {
-    /// The rows from the top.
-    pub(super) rows: Vec<RowSpans>,
-    /// `last_strip[s · bins + b]`: one more than the last strip of [`REACH_ROWS`] rows, up to strip `s`, in which bin `b` has spans; 0 for
-    /// none.
-    last_strip: Vec<u32>,
-    /// Number of bins.
+    /// From the top, [`STRIP`] rows each.
+    strips: Vec<StripSpans>,
+    /// Number of rows.
+    height: usize,
+    /// Number of bins, and of blocks of all levels.
     bins: usize,
+    blocks: usize,
+    /// `last_occurrence[g · bins + b]`: one more than the last group of [`REACH_ROWS`] rows, up to group `g`, in which bin `b` has spans;
+    /// 0 for none.
+    last_occurrence: Vec<u32>,
 }
 
 impl Spans {
-    /// Whether bin `bin` may have a span in any of `rows`: it has one in their strips of [`REACH_ROWS`] rows. Rows past the border count as
+    /// Number of rows.
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The spans of block `block` in row `row`; the first blocks are the bins.
+    #[inline(always)]
+    pub(super) fn of_block(&self, row: usize, block: usize) -> &[Span] {
+        self.strips[row / STRIP].spans_at(row % STRIP * self.blocks + block)
+    }
+
+    /// Whether bin `bin` may have a span in any of `rows`: it has one in their groups of [`REACH_ROWS`] rows. Rows past the border count as
     /// the border row.
     pub(super) fn may_occur(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
-        let last = self.rows.len() as i32 - 1;
+        let last = self.height as i32 - 1;
         let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize / REACH_ROWS);
-        self.last_strip[last * self.bins + bin] as usize > first
+        self.last_occurrence[last * self.bins + bin] as usize > first
+    }
+
+    /// See [`Spans::last_occurrence`].
+    fn find_occurrences(&mut self) {
+        let mut last = vec![0; self.bins];
+        self.last_occurrence.reserve(self.height.div_ceil(REACH_ROWS) * self.bins);
+        for (group, first) in (0..self.height).step_by(REACH_ROWS).enumerate() {
+            for row in first..(first + REACH_ROWS).min(self.height) {
+                let starts = &self.strips[row / STRIP].starts[row % STRIP * self.blocks..];
+                for (last, ends) in last.iter_mut().zip(starts.windows(2)) {
+                    *last = if ends[1] > ends[0] { group as u32 + 1 } else { *last };
+                }
+            }
+            self.last_occurrence.extend_from_slice(&last);
+        }
     }
 }
 
 /// Finds the spans of `layers`, whose fragments extend by `extent`.
 pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
     let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
-    let of_strip = |rows: Range<usize>| -> Vec<RowSpans> {
+    let of_strip = |rows: Range<usize>| {
         let keys = Keys::new(layers, bins, extent, rows.clone());
-        let (mut row, mut spans) = (KeyRow::new(width), Vec::new());
-        let of_row = |y: usize| {
-            spans.clear();
+        let mut strip = StripSpans::new(rows.len(), bins);
+        let (mut row, mut found, mut scratch) = (KeyRow::new(width), Vec::new(), Scratch::default());
+        for y in rows {
+            found.clear();
             for layer in 0..layers.len() {
                 keys.fill((layer, y), &mut row);
-                scan(&row.keys, layer as u16, &mut spans);
+                scan(&row.keys, layer as u16, &mut found);
             }
-            RowSpans::new(&spans, bins.count())
-        };
-        rows.map(of_row).collect()
+            strip.push_row(&found, bins, &mut scratch);
+        }
+        strip
     };
-    let strips: Vec<Vec<RowSpans>> = (0..height.div_ceil(STRIP))
+    let strips = (0..height.div_ceil(STRIP))
         .into_par_iter()
         .map(|strip| of_strip(strip * STRIP..((strip + 1) * STRIP).min(height)))
         .collect();
-    let rows: Vec<RowSpans> = strips.into_iter().flatten().collect();
-    let bins = bins.count();
-    Spans { last_strip: last_strip(&rows, bins), rows, bins }
-}
-
-/// See [`Spans::last_strip`].
-fn last_strip(rows: &[RowSpans], bins: usize) -> Vec<u32> {
-    let mut last = vec![0; bins];
-    let mut found = Vec::with_capacity(rows.len().div_ceil(REACH_ROWS) * bins);
-    for (strip, rows) in rows.chunks(REACH_ROWS).enumerate() {
-        for row in rows {
-            for (last, ends) in last.iter_mut().zip(row.starts.windows(2)) {
-                *last = if ends[1] > ends[0] { strip as u32 + 1 } else { *last };
-            }
-        }
-        found.extend_from_slice(&last);
-    }
-    found
+    let (bins, blocks) = (bins.count(), bins.block_count());
+    let mut spans = Spans { strips, height, bins, blocks, last_occurrence: Vec::new() };
+    spans.find_occurrences();
+    spans
 }
 
 /// Appends the spans of one row of keys to `found`, each with its bin.
@@ -309,7 +328,7 @@ mod tests {
     fn fragments_of_one_bin_are_one_run() {
         let bins = Bins::new([3.0, 3.0], 0.5);
         let spans = find(&[layer(&[1.0; 4], &[3.0; 4])], &bins);
-        assert_eq!(spans.rows[0].of_bin(bins.index(3.0) as usize), [span(0, 4, true)], "the whole row");
+        assert_eq!(spans.of_block(0, bins.index(3.0) as usize), [span(0, 4, true)], "the whole row");
     }
 
     #[test]
@@ -321,7 +340,7 @@ mod tests {
             let spans = find(&[layer], &bins);
             for x in 0..coc.len() as u32 - 1 {
                 let holds = |bin: &usize| {
-                    let spans = spans.rows[0].of_bin(*bin);
+                    let spans = spans.of_block(0, *bin);
                     spans.iter().any(|span| span.start <= x && span.end >= x + 2)
                 };
                 assert!((0..bins.count()).any(|bin| holds(&bin)), "{coc:?}: columns {x} and {}", x + 1);
@@ -338,7 +357,7 @@ mod tests {
             for (x, coc) in coc.into_iter().enumerate() {
                 let own = usize::from(bins.index(coc));
                 let holds = |bin: usize| {
-                    spans.rows[0].of_bin(bin).iter().any(|span| (span.start..span.end).contains(&(x as u32)))
+                    spans.of_block(0, bin).iter().any(|span| (span.start..span.end).contains(&(x as u32)))
                 };
                 assert!(holds(own) && !(0..own).any(holds), "column {x} of alpha {alpha}");
                 assert_eq!(
@@ -354,9 +373,9 @@ mod tests {
     fn fragments_across_an_edge_in_depth_do_not_join() {
         let bins = Bins::new([0.0, 5.0], 0.5);
         let spans = find(&[layer(&[1.0; 4], &[0.0, 0.0, 5.0, 5.0])], &bins);
-        assert_eq!(spans.rows[0].of_bin(0), [span(0, 2, true)], "in front");
-        assert_eq!(spans.rows[0].of_bin(bins.count() - 1), [span(2, 4, true)], "behind");
-        let all: usize = (0..bins.count()).map(|bin| spans.rows[0].of_bin(bin).len()).sum();
+        assert_eq!(spans.of_block(0, 0), [span(0, 2, true)], "in front");
+        assert_eq!(spans.of_block(0, bins.count() - 1), [span(2, 4, true)], "behind");
+        let all: usize = (0..bins.count()).map(|bin| spans.of_block(0, bin).len()).sum();
         assert_eq!(all, 2, "nothing between");
     }
 
@@ -367,7 +386,7 @@ mod tests {
         let bins = Bins::new([-8.0, 1.6], 0.5);
         let spans = find(&[front, back], &bins);
         let changing: Vec<(u32, u32, u16)> = (0..bins.count())
-            .flat_map(|bin| spans.rows[0].of_bin(bin).to_vec())
+            .flat_map(|bin| spans.of_block(0, bin).to_vec())
             .filter(|span| span.changes_peel)
             .map(|span| (span.start, span.end, span.layer))
             .collect();
@@ -411,7 +430,7 @@ mod tests {
     fn empty_samples_end_runs() {
         let bins = Bins::new([3.0, 3.0], 0.5);
         let spans = find(&[layer(&[1.0, 0.0, 1.0], &[3.0; 3])], &bins);
-        let found = spans.rows[0].of_bin(bins.index(3.0) as usize);
+        let found = spans.of_block(0, bins.index(3.0) as usize);
         assert_eq!(found, [span(0, 1, true), span(2, 3, true)], "two spans");
     }
 }
