@@ -5,6 +5,7 @@
 //! [`FOCUS_PX`] on grow to a plateau, and beyond [`WIDE_FROM_PX`] are a share of the radius. Bins are anchored at `c = 0`, and blocks of bins
 //! as well, so that neither moves when the CoC range changes from frame to frame.
 
+use super::resolve;
 use crate::scene::surface::SAME_HIT_PX;
 use std::ops::Range;
 
@@ -140,6 +141,15 @@ fn cell_position(c: f32) -> f32 {
     cells.copysign(c)
 }
 
+/// A block of bins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block {
+    /// First and last bin.
+    pub(super) bins: [u16; 2],
+    /// How far its fragments count as in focus, see [`resolve::focus`].
+    pub(super) focus: f32,
+}
+
 /// The bins of a range of CoC radii, numbered from the nearest.
 #[derive(Debug, Clone)]
 pub(super) struct Bins {
@@ -149,6 +159,8 @@ pub(super) struct Bins {
     ends_px: Vec<f32>,
     /// For each level, where its blocks begin in the order of all blocks; then the number of all blocks.
     first_block: [u16; LEVELS + 1],
+    /// The blocks of all levels, in order.
+    blocks: Vec<Block>,
     /// For each of the largest blocks, the highest level with blocks of these bins.
     highest_level: Vec<u8>,
     /// For each bin the nearest bin that may hold an earlier hit of the same translucent surface: see [`SAME_HIT_PX`].
@@ -187,8 +199,9 @@ impl Bins {
         let ends: Vec<f32> = ends_px.iter().map(|&end| cell_position(end)).collect();
         let first_in_cell =
             (0..cells).map(|cell| ends.partition_point(|&end| end <= start + cell as f32) as u16).collect();
-        let (first_block, highest_level) = (first_block(centers_px.len()), highest_level(&centers_px));
-        Self { centers_px, ends_px, first_block, highest_level, same_hit_from, first_in_cell, start }
+        let (blocks, highest_level) = (blocks(&centers_px), highest_level(&centers_px));
+        let first_block = first_block(centers_px.len());
+        Self { centers_px, ends_px, first_block, blocks, highest_level, same_hit_from, first_in_cell, start }
     }
 
     /// Number of bins.
@@ -201,9 +214,9 @@ impl Bins {
         &self.centers_px
     }
 
-    /// Number of blocks of all levels: those of level 0, which are the bins, then those of level 1 and so on.
-    pub(super) fn block_count(&self) -> usize {
-        usize::from(self.first_block[LEVELS])
+    /// The blocks of all levels: those of level 0, which are the bins, then those of level 1 and so on.
+    pub(super) fn blocks(&self) -> &[Block] {
+        &self.blocks
     }
 
     /// The blocks of level `level`, in the order of all blocks.
@@ -237,6 +250,19 @@ fn first_block(bins: usize) -> [u16; LEVELS + 1] {
         first[level + 1] = first[level] + bins.div_ceil(1 << level) as u16;
     }
     first
+}
+
+/// See [`Bins::blocks`].
+fn blocks(centers_px: &[f32]) -> Vec<Block> {
+    let count = centers_px.len();
+    let of_level = |level: usize| {
+        (0..count).step_by(1 << level).map(move |first| {
+            let (middle, last) = (first + (1 << level) / 2, first + (1 << level) - 1);
+            let focus = resolve::focus(centers_px[middle.min(count - 1)]);
+            Block { bins: [first as u16, last.min(count - 1) as u16], focus }
+        })
+    };
+    (0..LEVELS).flat_map(of_level).collect()
 }
 
 /// See [`Bins::highest_level`].

@@ -1,7 +1,6 @@
 //! The input of painting, and how far each view moves it.
 
 use super::bins::Bins;
-use super::resolve;
 use super::spans::Spans;
 use crate::lens::{Field, Optics, View};
 use crate::methods::contract::LostRays;
@@ -95,25 +94,14 @@ pub(super) struct Shift {
     pub(super) columns: i32,
 }
 
-/// A block of bins that a view moves alike.
+/// A block of bins that a view moves alike. Kept small: a row reads those of all its views.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
     pub(super) shift: Shift,
-    /// How much of it counts as in focus, see [`resolve::focus`].
-    pub(super) focus: f32,
-    /// First and last bin of the block.
-    pub(super) bins: [u16; 2],
+    /// The block, an index of [`Bins::blocks`].
+    pub(super) block: u16,
     /// First bin from which on the view moves all bins up to this block alike.
     pub(super) moved_alike_from: u16,
-    /// The block, in the order of all blocks.
-    pub(super) block: u16,
-}
-
-impl Step {
-    /// The bins of the block.
-    fn bins(&self) -> Range<usize> {
-        usize::from(self.bins[0])..usize::from(self.bins[1]) + 1
-    }
 }
 
 /// One view: how far it moves each bin, the same for every row.
@@ -122,17 +110,20 @@ pub(super) struct Shear {
     /// The lens point and the place in the pixel.
     pub(super) view: View,
     /// The bins in the largest blocks that the view moves alike, nearest first.
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Box<[Step]>,
     /// For each bin the index of its step.
-    step_of_bin: Vec<u16>,
+    step_of_bin: Box<[u16]>,
 }
 
 impl Shear {
-    /// The shifts of `view` for `bins`, whose fragments count as in focus by `focus`.
-    pub(super) fn new(view: &View, bins: &Bins, focus: &[f32]) -> Self {
+    /// The shifts of `view` for `bins`.
+    pub(super) fn new(view: &View, bins: &Bins) -> Self {
         let shifts: Vec<Shift> = bins.centers_px().iter().map(|&coc_px| shift(view, coc_px)).collect();
-        let steps = steps(&shifts, bins, focus);
-        let bins_of = |(index, step): (usize, &Step)| std::iter::repeat_n(index as u16, step.bins().len());
+        let steps = steps(&shifts, bins);
+        let bins_of = |(index, step): (usize, &Step)| {
+            let [first, last] = bins.blocks()[usize::from(step.block)].bins;
+            (first..=last).map(move |_| index as u16)
+        };
         let step_of_bin = steps.iter().enumerate().flat_map(bins_of).collect();
         Self { view: *view, steps, step_of_bin }
     }
@@ -163,11 +154,6 @@ impl Shear {
     }
 }
 
-/// How far the fragments of each bin count as in focus, see [`resolve::focus`].
-pub(super) fn focus(bins: &Bins) -> Vec<f32> {
-    bins.centers_px().iter().map(|&coc_px| resolve::focus(coc_px)).collect()
-}
-
 /// How far `view` moves a fragment of CoC radius `coc_px`.
 #[inline(always)]
 fn shift(view: &View, coc_px: f32) -> Shift {
@@ -181,25 +167,19 @@ fn shift(view: &View, coc_px: f32) -> Shift {
 }
 
 /// The largest blocks of bins with one shift each.
-fn steps(shifts: &[Shift], bins: &Bins, focus: &[f32]) -> Vec<Step> {
+fn steps(shifts: &[Shift], bins: &Bins) -> Box<[Step]> {
     let mut steps = Vec::with_capacity(shifts.len());
     let mut bin = 0;
     for alike in shifts.chunk_by(|a, b| a == b) {
         let (first, end) = (bin, bin + alike.len());
         while bin < end {
             let level = bins.highest_level(bin).min((end - bin).ilog2() as usize);
-            let size = 1 << level;
-            steps.push(Step {
-                shift: alike[0],
-                bins: [bin as u16, (bin + size - 1) as u16],
-                block: (bins.blocks_of_level(level).start + (bin >> level)) as u16,
-                moved_alike_from: first as u16,
-                focus: focus[bin + size / 2],
-            });
-            bin += size;
+            let block = bins.blocks_of_level(level).start + (bin >> level);
+            steps.push(Step { shift: alike[0], block: block as u16, moved_alike_from: first as u16 });
+            bin += 1 << level;
         }
     }
-    steps
+    steps.into_boxed_slice()
 }
 
 #[cfg(test)]
@@ -211,19 +191,16 @@ mod tests {
         let bins = Bins::new([-20.0, 8.0], 0.5);
         for lens in [Vec2::new(0.3, -0.8), Vec2::new(0.01, 0.02), Vec2::ZERO] {
             let view = View { lens, jitter: Vec2::new(0.2, -0.4), shift: Vec2::ZERO };
-            let shear = Shear::new(&view, &bins, &focus(&bins));
+            let shear = Shear::new(&view, &bins);
             let mut next = 0;
             for step in &shear.steps {
-                assert_eq!(step.bins[0], next, "in order");
-                let size = usize::from(step.bins[1] - step.bins[0] + 1);
-                assert!(usize::from(step.bins[0]).is_multiple_of(size), "aligned");
-                let blocks = bins.blocks_of_level(size.ilog2() as usize);
-                assert_eq!(usize::from(step.block), blocks.start + usize::from(step.bins[0]) / size, "its number");
-                for bin in step.moved_alike_from..=step.bins[1] {
+                let [first, last] = bins.blocks()[usize::from(step.block)].bins;
+                assert_eq!(first, next, "in order");
+                for bin in step.moved_alike_from..=last {
                     let coc_px = bins.centers_px()[usize::from(bin)];
                     assert_eq!(shift(&view, coc_px), step.shift, "moved alike");
                 }
-                next = step.bins[1] + 1;
+                next = last + 1;
             }
             assert_eq!(usize::from(next), bins.count(), "all of them");
         }

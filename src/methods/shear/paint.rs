@@ -16,6 +16,7 @@
 //! The inner loops are compiled for several instruction sets, one of which is selected when the program runs. Additions,
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
 
+use super::bins::Block;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::lanes::{Chunk, LANES, Mask, has, lanes};
 use super::spans::Span;
@@ -263,6 +264,7 @@ struct Source<'a> {
     row: usize,
     span: &'a Span,
     step: &'a Step,
+    block: &'a Block,
 }
 
 /// The source column of an output column.
@@ -280,8 +282,9 @@ impl<S: Simd> Painter<'_, S> {
         let last_row = canvas.spans.height() as i32 - 1;
         for step in shear.steps_in_reach(in_reach).flatten() {
             let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
+            let block = &canvas.bins.blocks()[usize::from(step.block)];
             for span in canvas.spans.of_block(row, step.block.into()) {
-                self.paint_span(canvas, span, row, step);
+                self.paint_span(canvas, span, row, (step, block));
             }
             if self.active_chunks == 0 {
                 return;
@@ -291,11 +294,17 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
-    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, step: &Step) {
+    fn paint_span(
+        &mut self,
+        canvas: &Canvas<'_>,
+        span: &Span,
+        row: usize,
+        (step, block): (&Step, &Block),
+    ) {
         let columns = step.shift.columns;
         let (start, end) = (span.start as i32 - columns, span.end as i32 - columns);
         let width = self.row.width as i32;
-        let source = Source { layer: &canvas.layers[span.layer as usize], row, span, step };
+        let source = Source { layer: &canvas.layers[span.layer as usize], row, span, step, block };
         let Range { start: first, end: past } = self.row.columns;
         self.paint_columns(canvas, start.max(first)..end.min(past), &source, SourceColumn::Shifted(columns));
         if span.start == 0 && start > first {
@@ -359,8 +368,8 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
         }
-        if source.step.focus > 0.0 {
-            let focus = simd.splat_f32s(source.step.focus);
+        if source.block.focus > 0.0 {
+            let focus = simd.splat_f32s(source.block.focus);
             for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0.iter_mut().enumerate()
             {
                 *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), focus, zero));
@@ -379,10 +388,10 @@ impl<S: Simd> Painter<'_, S> {
         (source, column): (&Source<'_>, SourceColumn),
         mut free: Mask,
     ) {
-        let Source { layer, row, span, step } = *source;
+        let Source { layer, row, span, step, block } = *source;
         if !span.opaque {
-            let same_from = canvas.bins.same_hit_from(step.bins[0] as usize);
-            free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, step, span));
+            let same_from = canvas.bins.same_hit_from(block.bins[0].into());
+            free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, (step, block), span));
             if free == 0 {
                 return;
             }
@@ -402,8 +411,8 @@ impl<S: Simd> Painter<'_, S> {
                 *sum = simd.add_f32s(*sum, value);
             }
             let alpha = alphas.as_ref().map_or(one, |values| values.vector(simd, i));
-            if step.focus > 0.0 {
-                let focused = simd.mul_f32s(alpha, simd.splat_f32s(step.focus));
+            if block.focus > 0.0 {
+                let focused = simd.mul_f32s(alpha, simd.splat_f32s(block.focus));
                 let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0[i];
                 *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, focused), zero));
             }
@@ -459,7 +468,6 @@ mod tests {
     use super::*;
     use crate::lens::{Aperture, views};
     use crate::methods::shear::bins::Bins;
-    use crate::methods::shear::canvas::focus;
     use crate::methods::shear::keys::Extent;
     use crate::methods::shear::spans;
 
@@ -490,7 +498,7 @@ mod tests {
         let bins = Bins::new([-12.0, 2.0], 0.5);
         let spans = spans::find(&layers, &bins, Extent::HalfWay);
         let shears: Vec<Shear> =
-            views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins, &focus(&bins))).collect();
+            views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(
             &Canvas {
                 layers: &layers,

@@ -5,7 +5,7 @@
 //! so a row with both is painted twice and blended by pixel.
 
 use super::bins::Bins;
-use super::canvas::{Shear, focus};
+use super::canvas::Shear;
 use crate::lens::{Rays, View};
 use crate::methods::contract::Plan;
 use crate::scene::Antialiasing;
@@ -93,8 +93,7 @@ fn whole(turns: &Turns, y: usize) -> Painting<'_> {
 
 /// `count` views that start from the part `jitter` of the pixel's width.
 fn turns(plan: &Plan, jitter: f32, bins: &Bins, count: usize) -> Turns {
-    let focus = focus(bins);
-    let shear = |view: &View| Shear::new(&View { jitter: view.jitter * jitter, ..*view }, bins, &focus);
+    let shear = |view: &View| Shear::new(&View { jitter: view.jitter * jitter, ..*view }, bins);
     let sets = |rays: &Rays| {
         rays.sets().map(|(views, channels)| (views.iter().map(shear).collect(), channels)).collect()
     };

@@ -42,7 +42,7 @@ impl Span {
     }
 }
 
-/// The spans of some rows at every level of blocks: row by row, within a row block by block ([`Bins::block_count`]), and within a block by
+/// The spans of some rows at every level of blocks: row by row, within a row block by block ([`Bins::blocks`]), and within a block by
 /// layer and column.
 #[derive(Debug, Clone)]
 struct StripSpans {
@@ -54,7 +54,7 @@ struct StripSpans {
 impl StripSpans {
     /// No rows yet of `rows`.
     fn new(rows: usize, bins: &Bins) -> Self {
-        let mut starts = Vec::with_capacity(rows * bins.block_count() + 1);
+        let mut starts = Vec::with_capacity(rows * bins.blocks().len() + 1);
         starts.push(0);
         Self { starts, spans: Vec::new() }
     }
@@ -235,7 +235,7 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
         .into_par_iter()
         .map(|strip| of_strip(strip * STRIP..((strip + 1) * STRIP).min(height)))
         .collect();
-    let (bins, blocks) = (bins.count(), bins.block_count());
+    let (bins, blocks) = (bins.count(), bins.blocks().len());
     let mut spans = Spans { strips, height, bins, blocks, last_occurrence: Vec::new() };
     spans.find_occurrences();
     spans

@@ -6,7 +6,7 @@
 //! another peel compares with the last hits of the other layers as well, but for those at its own source pixel: two fragments of one sample
 //! are two surfaces.
 
-use super::bins::MAX_BINS;
+use super::bins::{Block, MAX_BINS};
 use super::canvas::Step;
 use super::lanes::{LANE_BITS, LANES, Mask};
 use super::spans::Span;
@@ -35,11 +35,11 @@ pub(super) struct Hit {
 
 impl Hit {
     #[inline(always)]
-    pub(super) fn new(same_from: u16, step: &Step, span: &Span) -> Self {
+    pub(super) fn new(same_from: u16, (step, block): (&Step, &Block), span: &Span) -> Self {
         Self {
             layer: span.layer as usize,
             same_from: same_from.into(),
-            bin: step.bins[1].into(),
+            bin: block.bins[1].into(),
             same_pixel_from: span.changes_peel.then_some(step.moved_alike_from.into()),
         }
     }

@@ -6,7 +6,8 @@ use crate::error::Error;
 use crate::gpu::{Band, Buffer, Kernel, MAX_ROUNDS, Mirrored, Resource, Texels, Texture, tiles};
 use crate::lens;
 use crate::methods::contract::Progress;
-use crate::methods::shear::canvas::Shear;
+use crate::methods::shear::bins::Bins;
+use crate::methods::shear::canvas::{Shear, Step};
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
 use crate::methods::shear::row_views::Turns;
@@ -224,7 +225,7 @@ impl<'a> BandBuffers<'a> {
         }
         let turns: Vec<&[Shear]> = turns.iter().map(|shears| &shears[batch.clone()]).collect();
         let params = &gpu.uniform(&Params { batch_views: views as u32, ..self.params })?;
-        let shifts = &gpu.upload("shifts", &shifts(&turns))?;
+        let shifts = &gpu.upload("shifts", &shifts(&turns, &self.frame.bins))?;
         let (lists, longest) = self.lists(params, shifts, views)?;
         if longest > self.params.entries {
             self.params.entries = longest;
@@ -305,12 +306,13 @@ impl<'a> BandBuffers<'a> {
 
 /// For each turn, view and bin the shift, and the first and the end of the bins that the view moves alike around it, in the shader's
 /// layout.
-fn shifts(turns: &[&[Shear]]) -> Vec<[u32; 2]> {
+fn shifts(turns: &[&[Shear]], bins: &Bins) -> Vec<[u32; 2]> {
+    let block = |step: &Step| bins.blocks()[usize::from(step.block)].bins;
     let alike = |shear: &Shear| -> Vec<[u32; 2]> {
         let runs = shear.steps.chunk_by(|a, b| a.moved_alike_from == b.moved_alike_from);
         let runs = runs.filter_map(|run| Some((run.first()?, run.last()?)));
         runs.flat_map(|(first, last)| {
-            let (start, end) = (usize::from(first.bins[0]), usize::from(last.bins[1]) + 1);
+            let (start, end) = (usize::from(block(first)[0]), usize::from(block(last)[1]) + 1);
             let entry = [packed([first.shift.columns, first.shift.rows]), (start | end << 16) as u32];
             std::iter::repeat_n(entry, end - start)
         })
