@@ -278,12 +278,19 @@ enum SourceColumn {
 
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
-    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &Shear, in_reach: &BinsInReach) {
+    fn paint_view<'s>(&mut self, canvas: &Canvas<'_>, y: usize, shear: &'s Shear, in_reach: &BinsInReach) {
         let last_row = canvas.spans.height() as i32 - 1;
-        for step in shear.steps_in_reach(in_reach).flatten() {
+        let place = |step: &'s Step| {
             let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
+            (step, row, canvas.spans.of_block(row, step.block.into()))
+        };
+        // The spans of the next step are looked up before this one is painted, so that the processor does not wait for them.
+        let mut places = shear.steps_in_reach(in_reach).flatten().map(place);
+        let mut next = places.next();
+        while let Some((step, row, spans)) = next {
+            next = places.next();
             let block = &canvas.bins.blocks()[usize::from(step.block)];
-            for span in canvas.spans.of_block(row, step.block.into()) {
+            for span in spans {
                 self.paint_span(canvas, span, row, (step, block));
             }
             if self.active_chunks == 0 {
