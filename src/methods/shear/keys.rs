@@ -163,7 +163,10 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
     #[inline(always)]
     fn call(self) {
         let Self { keys: Keys { layers, padded, last_bin, extent, .. }, layer, y, row } = self;
-        let own = &padded[layer];
+        let (own, alphas) = (&padded[layer], layers[layer].alpha.row(y));
+        if !alphas.iter().fold(false, |any, &alpha| any | (alpha > 0.0)) {
+            return row.keys.fill(NO_KEY);
+        }
         let width = row.keys.len();
         row.nearer.iter_mut().chain(&mut row.farther).for_each(|bins| bins.fill(0));
         row.changes_peel.fill(0);
@@ -186,7 +189,7 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
                 join_other(row, axis, here, Samples::of(peel, part(peel, [dx, dy])));
             }
         }
-        pack(row, here.bins, (*last_bin, *extent), layers[layer].alpha.row(y));
+        pack(row, here.bins, (*last_bin, *extent), alphas);
     }
 }
 
