@@ -45,7 +45,7 @@ pub(super) const LEVELS: usize = 5;
 const LARGEST_BLOCK: i32 = 1 << (LEVELS - 1);
 
 /// Width in picture pixels up to which there are blocks of several bins: hardly any view moves wider ones alike.
-const WIDEST_BLOCK_PX: f32 = 4.0;
+const WIDEST_BLOCK_PX: f32 = 2.0;
 
 /// The bin index of a sample without a fragment.
 pub(super) const EMPTY: u16 = u16::MAX;
