@@ -75,6 +75,10 @@ const MIN_DB_PER_FOURFOLD: f64 = 2.0;
 /// Power of the number of rays with which the squared error falls for evenly spread rays.
 const POWER_OF_RAYS: f64 = 1.2;
 
+/// Squared error that one view makes at a barely blurred light, in display values times pixels: the light is in one pixel or another. The
+/// middle of 1 to 10 on the scenes of `examples/default_quality` with lights.
+const LIGHT_ERROR: f64 = 4.0;
+
 /// Share of a time budget that is planned for: half of all predictions are off by more than a seventh.
 const SHARE_OF_BUDGET: f64 = 0.85;
 
@@ -164,7 +168,8 @@ fn seek<'p>(
     let (width, height) = scene.picture_size();
     let pixels = width * height;
     let sites = ProbeSites::new(&basis, (pixels / PIXELS_PER_PROBE).clamp(PROBES[0], PROBES[1]), SEED);
-    let expected = Expected { spread: sites.spread(), gain_db: sampling.gain_db(), pixels };
+    let lights = plan.barely_blurred_lights / pixels.max(1) as f64;
+    let expected = Expected { spread: sites.spread(), gain_db: sampling.gain_db(), lights, pixels };
     let target = Target::Error { psnr_db, max_views };
     let outcome = |views, met, tried, statement| {
         let statement = format!("{statement}; for a sequence, keep it with `views = {views}`");
@@ -220,6 +225,9 @@ struct Expected {
     spread: f64,
     /// See [`methods::LensSampling::gain_db`].
     gain_db: [f64; 2],
+    /// Lights per pixel that are blurred too little for exact discs: see [`Plan::barely_blurred_lights`]. Too few rays hit them for a spread
+    /// to show them.
+    lights: f64,
     /// Pixels of the picture.
     pixels: usize,
 }
@@ -228,7 +236,10 @@ impl Expected {
     /// PSNR in dB of a picture with `views` lens samples per pixel.
     fn db(&self, views: usize) -> f64 {
         let [of_16, of_step] = self.gain_db;
-        of_16 + 2.0 * of_step * (views as f64 / 16.0).log2() - 10.0 * self.spread.max(1e-12).log10()
+        let without_lights =
+            of_16 + 2.0 * of_step * (views as f64 / 16.0).log2() - 10.0 * self.spread.max(1e-12).log10();
+        let of_lights = LIGHT_ERROR * self.lights / views as f64;
+        -10.0 * (10f64.powf(-0.1 * without_lights) + of_lights).log10()
     }
 
     /// The number of lens samples for `target_db`, at most `max_views`, where none has to be measured.
@@ -407,7 +418,12 @@ mod tests {
 
     /// The expectation for a large picture that has the PSNR `db` with 16 views.
     fn expecting(db: f64) -> Expected {
-        Expected { spread: 10f64.powf(-0.1 * (db - 21.5)), gain_db: [21.5, 1.25], pixels: 2_000_000 }
+        Expected {
+            spread: 10f64.powf(-0.1 * (db - 21.5)),
+            gain_db: [21.5, 1.25],
+            lights: 0.0,
+            pixels: 2_000_000,
+        }
     }
 
     #[test]
@@ -496,6 +512,15 @@ mod tests {
         let small = [43.5, 42.5, 40.6, 20.0].map(|db| in_small(db).enough(45.0, 256));
         assert_eq!(small, [64, 128, 128, 256].map(Some), "a small picture is not measured");
         assert_eq!(in_small(43.5).enough(45.0, 1 << 16), None, "but where it is asked for a number of dB");
+    }
+
+    #[test]
+    fn lights_that_no_disc_carries_take_more_views() {
+        // 500 of them in 640 × 360 pixels, in an otherwise nearly sharp picture.
+        let lit = Expected { lights: 500.0 / 230_400.0, pixels: 230_400, ..expecting(80.0) };
+        assert!((lit.db(64) - 38.7).abs() < 0.1, "{} dB", lit.db(64));
+        assert_eq!(lit.enough(45.0, 256), Some(256), "the largest number");
+        assert_eq!(Expected { lights: 0.0, ..lit }.enough(45.0, 256), Some(64), "without lights, the base");
     }
 
     #[test]

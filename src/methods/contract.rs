@@ -283,6 +283,8 @@ pub struct Plan {
     pub optics_requested: Optics,
     /// Smallest and largest signed CoC radius in picture pixels.
     pub coc_range_px: [f32; 2],
+    /// Lights that are blurred too little for exact discs, in picture pixels: lens samples render them with more noise than anything else.
+    pub barely_blurred_lights: f64,
     /// Parameters of highlight extrapolation.
     pub extrapolation: Extrapolation,
     /// What rays count as that end where the stack has nothing.

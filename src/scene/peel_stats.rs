@@ -124,6 +124,35 @@ mod tests {
     }
 
     #[test]
+    fn barely_blurred_lights_are_bright_points_with_a_little_blur() {
+        let lights = |supersample: usize, layer: Layer| {
+            let scene = Scene::new(vec![layer], StackKind::PointSampled, supersample, 20.0);
+            scene.analyze().barely_blurred_lights
+        };
+        let dark = (0.5, 1.0, 0.5);
+        let row = |light| [dark, light, dark];
+        let counted = [
+            ((500.0, 1.0, 0.5), 1.0),
+            ((500.0, 1.0, -0.05), 0.5),
+            ((500.0, 1.0, 0.0), 0.0),
+            ((500.0, 1.0, 1.25), 0.5),
+            ((500.0, 1.0, 1.5), 0.0),
+            ((16.0, 1.0, 0.5), 0.5),
+            ((8.0, 1.0, 0.5), 0.0),
+            ((500.0, 0.0, 0.5), 0.0),
+        ];
+        for (light, expected) in counted {
+            let found = lights(1, layer(3, &row(light)));
+            assert!((found - expected).abs() < 1e-6, "{light:?}: {found}");
+        }
+        assert_eq!(lights(1, layer(5, &[(500.0, 1.0, 0.5); 5])), 0.0, "an area has no noise inside");
+        let edge = [dark, (500.0, 1.0, 0.5), (500.0, 1.0, 0.5), (500.0, 1.0, 0.5), dark];
+        assert_eq!(lights(1, layer(5, &edge)), 2.0, "its edge has");
+        let samples = layer(4, &[dark, (500.0, 1.0, 0.5), dark, dark].repeat(2));
+        assert_eq!(lights(2, samples), 0.5, "in picture pixels");
+    }
+
+    #[test]
     fn highlight_light_is_that_of_bright_and_blurred_fragments() {
         // 4 and 1 count; 0.9 is too dark, the 8 is in focus, the 16 is no fragment.
         let fragments = [

@@ -55,6 +55,9 @@ pub struct SceneStats {
     /// Number of pixels that show the background, at least in part.
     #[serde(rename = "open_samples")]
     pub background_pixels: usize,
+    /// Lights ([`share_of_light`]) that are blurred, but not enough for a disc ([`share_of_disc`]), in picture pixels: each by the share of
+    /// its light that no disc can carry.
+    pub(crate) barely_blurred_lights: f64,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub(crate) bright: [BrightStep; BRIGHT_STEPS],
     /// Range of the source's colours.
@@ -71,6 +74,17 @@ pub struct SceneStats {
     pub field: Field,
     /// Statistics of each peel, nearest first.
     pub peels: Vec<PeelStats>,
+}
+
+/// CoC radius in picture pixels from which on a light counts in full in [`SceneStats::barely_blurred_lights`].
+const BARELY_BLURRED_PX: f32 = 0.1;
+
+/// How far a fragment is a light that lens samples render with noise: from none at 8 times white, or where both neighbours are as bright, to
+/// all at 32 times white beside a neighbour of a quarter of the brightness.
+fn share_of_light(brightness: f32, around: [f32; 2]) -> f32 {
+    let contrast = brightness / around[0].min(around[1]).max(1.0);
+    let by = |ratio: f32| (0.5 * ratio.log2()).clamp(0.0, 1.0);
+    by(brightness / 8.0) * by(contrast)
 }
 
 /// Lower end of step `step` of [`SceneStats::bright`], in scene-linear units.
@@ -92,6 +106,8 @@ struct Tally {
     translucent: usize,
     focused: usize,
     bright: [BrightStep; BRIGHT_STEPS],
+    /// See [`SceneStats::barely_blurred_lights`]; in samples.
+    barely_blurred_lights: f64,
     /// Sum of the brightness of the fragments in [`Tally::bright`], in scene-linear units.
     highlight_light: f64,
     neighbours: Neighbours,
@@ -132,6 +148,7 @@ impl Scene {
             translucent_fragments: tally.translucent,
             focused_fragments: tally.focused,
             background_pixels: self.background.as_deref().map_or(0, Background::pixels),
+            barely_blurred_lights: tally.barely_blurred_lights / (self.supersample * self.supersample) as f64,
             bright: tally.bright,
             color_range: self.color_range,
             light: tally.light,
@@ -202,6 +219,7 @@ impl Default for Tally {
             translucent: 0,
             focused: 0,
             bright: [BrightStep::default(); BRIGHT_STEPS],
+            barely_blurred_lights: 0.0,
             highlight_light: 0.0,
             neighbours: Neighbours::default(),
             light: Vec::new(),
@@ -229,15 +247,23 @@ impl Tally {
     }
 
     fn count_bright(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
+        let brightness_at = |x: usize| red[x].max(green[x]).max(blue[x]);
         for x in 0..alpha.len() {
-            let brightness = red[x].max(green[x]).max(blue[x]);
-            if brightness >= bright_step_floor(0)
-                && alpha[x] > 0.0
-                && coc[x].abs() > 1.0
-                && let Some(step) = bright_step(brightness)
-            {
+            let brightness = brightness_at(x);
+            if brightness < bright_step_floor(0) || alpha[x] <= 0.0 {
+                continue;
+            }
+            let Some(step) = bright_step(brightness) else { continue };
+            let share = f64::from(share_of_disc(coc[x]));
+            if share < 1.0 {
+                let around = [x.saturating_sub(1), (x + 1).min(alpha.len() - 1)].map(brightness_at);
+                let light = f64::from(
+                    share_of_light(brightness, around) * (coc[x].abs() / BARELY_BLURRED_PX).min(1.0),
+                );
+                self.barely_blurred_lights += (1.0 - share) * light;
+            }
+            if coc[x].abs() > 1.0 {
                 self.bright[step].fragments += 1;
-                let share = f64::from(share_of_disc(coc[x]));
                 self.bright[step].discs += share;
                 self.bright[step].disc_area_px += share * std::f64::consts::PI * f64::from(coc[x]).powi(2);
                 self.highlight_light += f64::from(brightness);
@@ -264,6 +290,7 @@ impl Tally {
         self.fragments += other.fragments;
         self.translucent += other.translucent;
         self.focused += other.focused;
+        self.barely_blurred_lights += other.barely_blurred_lights;
         self.highlight_light += other.highlight_light;
         self.neighbours.add(other.neighbours);
         for (sum, step) in self.bright.iter_mut().zip(&other.bright) {

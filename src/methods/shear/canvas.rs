@@ -72,6 +72,12 @@ impl BinsInReach {
         }
         Self { ranges }
     }
+
+    /// Whether `bin` is one of them.
+    #[cfg(test)]
+    pub(super) fn has(&self, bin: usize) -> bool {
+        self.ranges.iter().any(|range| range.contains(&(bin as u16)))
+    }
 }
 
 impl Canvas<'_> {
@@ -185,6 +191,27 @@ fn steps(shifts: &[Shift], bins: &Bins) -> Box<[Step]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_steps_in_reach_hold_every_bin_in_reach_and_none_twice() {
+        let bins = Bins::new([-20.0, 8.0], 0.5);
+        let view = View { lens: Vec2::new(0.3, -0.8), jitter: Vec2::ZERO, shift: Vec2::ZERO };
+        let shear = Shear::new(&view, &bins);
+        let wanted = |bin: usize| bin % 37 < 2 || (60..90).contains(&bin) || bin + 1 == bins.count();
+        let in_reach = BinsInReach::new(&bins, |bin, _| wanted(bin));
+        let mut held = vec![0; bins.count()];
+        for step in shear.steps_in_reach(&in_reach).flatten() {
+            let [first, last] = bins.blocks()[usize::from(step.block)].bins;
+            (first..=last).for_each(|bin| held[usize::from(bin)] += 1);
+        }
+        assert!((0..bins.count()).all(|bin| held[bin] == 1 || !wanted(bin)), "{held:?}");
+        assert!(held.iter().all(|&times| times <= 1), "{held:?}");
+        let passed_over = |bin: usize| held[bin] == 0;
+        assert!(
+            (0..bins.count()).filter(|&bin| passed_over(bin)).count() > 100,
+            "most are passed over: {held:?}"
+        );
+    }
 
     #[test]
     fn the_steps_of_a_view_are_its_bins_in_order_each_once_in_blocks_that_it_moves_alike() {

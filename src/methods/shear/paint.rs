@@ -301,13 +301,7 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
-    fn paint_span(
-        &mut self,
-        canvas: &Canvas<'_>,
-        span: &Span,
-        row: usize,
-        (step, block): (&Step, &Block),
-    ) {
+    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, (step, block): (&Step, &Block)) {
         let columns = step.shift.columns;
         let (start, end) = (span.start as i32 - columns, span.end as i32 - columns);
         let width = self.row.width as i32;

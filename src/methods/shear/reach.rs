@@ -93,7 +93,7 @@ mod tests {
         };
         let in_reach = |canvas: &Canvas<'_>, y: usize, columns: &[usize]| {
             let found = reach.bins(canvas, y, columns);
-            let bins: Vec<usize> = (0..bins.count()).filter(|&bin| found.has([bin as u16; 2])).collect();
+            let bins: Vec<usize> = (0..bins.count()).filter(|&bin| found.has(bin)).collect();
             bins
         };
         let (sharp, blurred) = (bins.index(0.0) as usize, bins.index(10.0) as usize);

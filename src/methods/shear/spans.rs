@@ -400,7 +400,6 @@ mod tests {
         let coc: Vec<f32> = (0..40).map(|x| ((x * 37) % 23) as f32 * 0.3 - 3.5).collect();
         let alpha: Vec<f32> = (0..40).map(|x| [1.0, 1.0, 0.4, 0.0][(x / 3) % 4]).collect();
         let spans = find(&[layer(&alpha, &coc), layer(&[1.0; 40], &[2.0; 40])], &bins);
-        let row = &spans.rows[0];
         let columns = |spans: &[Span]| {
             let mut columns: Vec<(u16, u32)> =
                 spans.iter().flat_map(|span| (span.start..span.end).map(|x| (span.layer, x))).collect();
@@ -409,19 +408,22 @@ mod tests {
             columns
         };
         for level in 0..LEVELS {
-            for block in 0..bins.count() >> level {
-                let of_bins: Vec<Span> = (block << level..(block + 1) << level)
-                    .filter(|&bin| bin < bins.count())
-                    .flat_map(|bin| row.of_bin(bin).to_vec())
-                    .collect();
+            for (number, block) in bins.blocks_of_level(level).enumerate() {
+                if bins.highest_level(number << level) < level {
+                    assert!(spans.of_block(0, block).is_empty(), "level {level}, block {number} is too wide");
+                    continue;
+                }
+                let [first, last] = bins.blocks()[block].bins.map(usize::from);
+                let of_bins: Vec<Span> =
+                    (first..=last).flat_map(|bin| spans.of_block(0, bin).to_vec()).collect();
                 assert_eq!(
-                    columns(row.of_block(level, block)),
+                    columns(spans.of_block(0, block)),
                     columns(&of_bins),
-                    "level {level}, block {block}"
+                    "level {level}, block {number}"
                 );
                 let in_order =
-                    row.of_block(level, block).windows(2).all(|pair| order(&pair[0]) < order(&pair[1]));
-                assert!(in_order, "level {level}, block {block}");
+                    spans.of_block(0, block).windows(2).all(|pair| order(&pair[0]) < order(&pair[1]));
+                assert!(in_order, "level {level}, block {number}");
             }
         }
     }
