@@ -49,44 +49,44 @@ impl Barrel<'_> {
     }
 }
 
-/// The bins that views can move to a row, or to some of its pixels, and few others.
+/// The bins that views can move to a row, or to some of its pixels.
 #[derive(Debug, Clone)]
 pub(super) struct BinsInReach {
-    /// In order, at least [`LEAST_GAP`] apart.
+    /// In order.
+    bins: Vec<u16>,
+    /// Ranges that hold all of them and few others, more than [`LEAST_GAP`] apart.
     ranges: Vec<RangeInclusive<u16>>,
 }
 
-/// Bins between two in reach from which on these are passed over: a range more costs as much as some bins that are not there.
+/// Distance of two bins in reach up to which those between are not passed over: a range more costs as much as some bins without spans.
 const LEAST_GAP: u16 = 4;
 
 impl BinsInReach {
     /// Those of `bins` for which `in_reach(bin, coc_px)` holds.
     pub(super) fn new(bins: &Bins, in_reach: impl Fn(usize, f32) -> bool) -> Self {
-        let mut ranges: Vec<RangeInclusive<u16>> = Vec::new();
         let found = bins.centers_px().iter().enumerate().filter(|(bin, coc_px)| in_reach(*bin, **coc_px));
-        for bin in found.map(|(bin, _)| bin as u16) {
-            match ranges.last_mut() {
-                Some(last) if bin - last.end() <= LEAST_GAP => *last = *last.start()..=bin,
-                _ => ranges.push(bin..=bin),
-            }
-        }
-        Self { ranges }
+        let bins: Vec<u16> = found.map(|(bin, _)| bin as u16).collect();
+        let alike = bins.chunk_by(|before, bin| bin - before <= LEAST_GAP);
+        let ranges = alike.filter_map(|bins| Some(*bins.first()?..=*bins.last()?)).collect();
+        Self { bins, ranges }
     }
 
     /// Whether `bin` is one of them.
     #[cfg(test)]
     pub(super) fn has(&self, bin: usize) -> bool {
-        self.ranges.iter().any(|range| range.contains(&(bin as u16)))
+        self.bins.contains(&(bin as u16))
     }
 }
 
 impl Canvas<'_> {
-    /// The bins that some view can move to output row `y`, and some more.
+    /// The bins that some view can move to output row `y`.
     pub(super) fn bins_in_reach(&self, y: usize) -> BinsInReach {
         BinsInReach::new(self.bins, |bin, coc_px| {
-            // At least the next larger whole number, and a row for the place in the pixel.
-            let reach = (coc_px.abs() + self.aberration_px) as i32 + 2;
-            self.spans.may_occur(bin, y as i32 - reach..=y as i32 + reach)
+            // The next larger whole number, and a row for the place in the pixel. `ceil` would be a call of a library.
+            let reach_px = coc_px.abs() + self.aberration_px;
+            let whole = reach_px as i32;
+            let reach = whole + i32::from(reach_px > whole as f32) + 1;
+            self.spans.occurs(bin, y as i32 - reach..=y as i32 + reach)
         })
     }
 }
@@ -156,7 +156,8 @@ impl Shear {
     /// Whether the view moves none of the bins `in_reach`.
     pub(super) fn is_identity(&self, in_reach: &BinsInReach) -> bool {
         let stays = Shift { rows: 0, columns: 0 };
-        self.steps_in_reach(in_reach).flatten().all(|step| step.shift == stays)
+        let step_of = |&bin: &u16| &self.steps[usize::from(self.step_of_bin[usize::from(bin)])];
+        in_reach.bins.iter().map(step_of).all(|step| step.shift == stays)
     }
 }
 

@@ -14,7 +14,7 @@
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
-//! | paint | [`canvas`], [`mod@paint`] | accumulates the views |
+//! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
 //! | draw | [`highlights`], [`bokeh`] | adds the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!

@@ -16,9 +16,6 @@ use std::ops::{Range, RangeInclusive};
 /// Rows whose keys are computed together: few enough that their bins stay in the cache.
 const STRIP: usize = 32;
 
-/// Rows that count together where a row's bins are looked for.
-const REACH_ROWS: usize = 4;
-
 /// Neighbouring fragments of one row, one layer and one bin or block of bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
@@ -173,9 +170,8 @@ pub(super) struct Spans {
     /// Number of bins, and of blocks of all levels.
     bins: usize,
     blocks: usize,
-    /// `last_occurrence[g · bins + b]`: one more than the last group of [`REACH_ROWS`] rows, up to group `g`, in which bin `b` has spans;
-    /// 0 for none.
-    last_occurrence: Vec<u32>,
+    /// `last_row[y · bins + b]`: one more than the last row, up to row `y`, in which bin `b` has spans; 0 for none.
+    last_row: Vec<u32>,
 }
 
 impl Spans {
@@ -190,26 +186,23 @@ impl Spans {
         self.strips[row / STRIP].spans_at(row % STRIP * self.blocks + block)
     }
 
-    /// Whether bin `bin` may have a span in any of `rows`: it has one in their groups of [`REACH_ROWS`] rows. Rows past the border count as
-    /// the border row.
-    pub(super) fn may_occur(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
+    /// Whether bin `bin` has a span in any of `rows`; rows past the border count as the border row.
+    pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
         let last = self.height as i32 - 1;
-        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize / REACH_ROWS);
-        self.last_occurrence[last * self.bins + bin] as usize > first
+        let [first, last] = [*rows.start(), *rows.end()].map(|y| y.clamp(0, last) as usize);
+        self.last_row[last * self.bins + bin] as usize > first
     }
 
-    /// See [`Spans::last_occurrence`].
-    fn find_occurrences(&mut self) {
+    /// See [`Spans::last_row`].
+    fn find_last_rows(&mut self) {
         let mut last = vec![0; self.bins];
-        self.last_occurrence.reserve(self.height.div_ceil(REACH_ROWS) * self.bins);
-        for (group, first) in (0..self.height).step_by(REACH_ROWS).enumerate() {
-            for row in first..(first + REACH_ROWS).min(self.height) {
-                let starts = &self.strips[row / STRIP].starts[row % STRIP * self.blocks..];
-                for (last, ends) in last.iter_mut().zip(starts.windows(2)) {
-                    *last = if ends[1] > ends[0] { group as u32 + 1 } else { *last };
-                }
+        self.last_row.reserve(self.height * self.bins);
+        for row in 0..self.height {
+            let starts = &self.strips[row / STRIP].starts[row % STRIP * self.blocks..];
+            for (last, ends) in last.iter_mut().zip(starts.windows(2)) {
+                *last = if ends[1] > ends[0] { row as u32 + 1 } else { *last };
             }
-            self.last_occurrence.extend_from_slice(&last);
+            self.last_row.extend_from_slice(&last);
         }
     }
 }
@@ -236,8 +229,8 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
         .map(|strip| of_strip(strip * STRIP..((strip + 1) * STRIP).min(height)))
         .collect();
     let (bins, blocks) = (bins.count(), bins.blocks().len());
-    let mut spans = Spans { strips, height, bins, blocks, last_occurrence: Vec::new() };
-    spans.find_occurrences();
+    let mut spans = Spans { strips, height, bins, blocks, last_row: Vec::new() };
+    spans.find_last_rows();
     spans
 }
 
