@@ -241,8 +241,8 @@ impl<'a> Disc<'a> {
         }
         hidden.clear(first..end, occluders.layers.len());
         self.occlude(shape, y, hidden, occluders);
-        for x in first..end {
-            let share = hidden.visible(x) * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
+        for (x, visible) in hidden.visible() {
+            let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
             if share > 0.0 {
                 for &channel in shape.colors {
                     row[channel][x] += self.highlight.energy[channel] * share;
@@ -357,10 +357,13 @@ impl Hidden {
         }
     }
 
-    /// How far column `x` is visible.
-    fn visible(&self, x: usize) -> f32 {
-        let layers = (x - self.first..self.sums.len()).step_by(self.count);
-        layers.fold(1.0, |visible: f32, index| visible - self.sums[index].min(self.most[index])).max(0.0)
+    /// The columns, and how far each is visible.
+    fn visible(&self) -> impl Iterator<Item = (usize, f32)> {
+        (0..self.count).map(|column| {
+            let layers = (column..self.sums.len()).step_by(self.count);
+            let visible = layers.fold(1.0, |left: f32, index| left - self.sums[index].min(self.most[index]));
+            (self.first + column, visible.max(0.0))
+        })
     }
 }
 
