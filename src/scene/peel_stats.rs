@@ -150,6 +150,11 @@ mod tests {
         assert_eq!(lights(1, layer(5, &edge)), 2.0, "its edge has");
         let samples = layer(4, &[dark, (500.0, 1.0, 0.5), dark, dark].repeat(2));
         assert_eq!(lights(2, samples), 0.5, "in picture pixels");
+        for (alpha, expected) in [(1.0, 0.0), (0.9, 1.0), (0.968, 0.5)] {
+            let layers = vec![layer(3, &[(0.5, alpha, 0.5); 3]), layer(3, &row((500.0, 1.0, 0.5)))];
+            let found = Scene::new(layers, StackKind::PointSampled, 1, 20.0).analyze().barely_blurred_lights;
+            assert!((found - expected).abs() < 1e-3, "behind alpha {alpha}: {found}");
+        }
     }
 
     #[test]

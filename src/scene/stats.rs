@@ -56,7 +56,7 @@ pub struct SceneStats {
     #[serde(rename = "open_samples")]
     pub background_pixels: usize,
     /// Lights ([`share_of_light`]) that are blurred, but not enough for a disc ([`share_of_disc`]), in picture pixels: each by the share of
-    /// its light that no disc can carry.
+    /// its light that no disc can carry; behind other fragments by what they let pass.
     pub(crate) barely_blurred_lights: f64,
     /// Fragments with a CoC radius over one pixel, by brightness (largest of r, g, b), in half stops.
     pub(crate) bright: [BrightStep; BRIGHT_STEPS],
@@ -117,14 +117,16 @@ struct Tally {
 impl Scene {
     /// The scene's statistics, from one read of every fragment.
     pub fn analyze(&self) -> SceneStats {
-        let rows: Vec<(&Layer, usize)> =
-            self.layers.iter().flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
+        let rows: Vec<(usize, usize)> =
+            (0..self.layers.len()).flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
         let arch = Arch::new();
         let block_side = Blocks::side(self.picture_size(), self.supersample);
         // Summed in row order, so that the result does not depend on the distribution of rows among threads.
         let color_range = self.color_range;
-        let analyze =
-            |&(layer, y): &(&Layer, usize)| arch.dispatch(AnalyzeRow { layer, y, block_side, color_range });
+        let analyze = |&(layer, y): &(usize, usize)| {
+            let (layer, in_front) = (&self.layers[layer], &self.layers[..layer]);
+            arch.dispatch(AnalyzeRow { layer, in_front, y, block_side, color_range })
+        };
         let row_stats: Vec<(Tally, RowSpread)> = rows.par_iter().map(analyze).collect();
         let mut spread = Spread::empty(self.picture_size(), self.coc_infinity_px);
         for (number, (_, row)) in row_stats.iter().enumerate() {
@@ -163,6 +165,8 @@ impl Scene {
 /// Takes the statistics of row `y` of `layer`; compiled for each instruction set.
 struct AnalyzeRow<'a> {
     layer: &'a Layer,
+    /// The layers before it.
+    in_front: &'a [Layer],
     y: usize,
     /// Side of a block of [`Spread::blocks`] in samples.
     block_side: usize,
@@ -174,7 +178,7 @@ impl NullaryFnOnce for AnalyzeRow<'_> {
 
     #[inline(always)]
     fn call(self) -> (Tally, RowSpread) {
-        let Self { layer, y, block_side, color_range } = self;
+        let Self { layer, in_front, y, block_side, color_range } = self;
         let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
         let [red, green, blue] = &layer.color;
         let (red, green, blue) = (red.row(y), green.row(y), blue.row(y));
@@ -201,7 +205,12 @@ impl NullaryFnOnce for AnalyzeRow<'_> {
             ..Tally::default()
         };
         if bright {
-            tally.count_bright([red, green, blue], alpha, coc);
+            let passing = |x: usize| {
+                in_front
+                    .iter()
+                    .fold(1.0, |passing: f32, layer| passing * (1.0 - layer.alpha.get(x, y)).max(0.0))
+            };
+            tally.count_bright([red, green, blue], alpha, coc, passing);
         }
         if color_range == ColorRange::UpToWhite {
             tally.count_light([red, green, blue], alpha, coc);
@@ -246,7 +255,14 @@ impl Tally {
         }
     }
 
-    fn count_bright(&mut self, [red, green, blue]: [&[f32]; 3], alpha: &[f32], coc: &[f32]) {
+    /// Counts the bright fragments of a row, of whose light the layers in front let the share `passing(x)` pass.
+    fn count_bright(
+        &mut self,
+        [red, green, blue]: [&[f32]; 3],
+        alpha: &[f32],
+        coc: &[f32],
+        passing: impl Fn(usize) -> f32,
+    ) {
         let brightness_at = |x: usize| red[x].max(green[x]).max(blue[x]);
         for x in 0..alpha.len() {
             let brightness = brightness_at(x);
@@ -257,9 +273,8 @@ impl Tally {
             let share = f64::from(share_of_disc(coc[x]));
             if share < 1.0 {
                 let around = [x.saturating_sub(1), (x + 1).min(alpha.len() - 1)].map(brightness_at);
-                let light = f64::from(
-                    share_of_light(brightness, around) * (coc[x].abs() / BARELY_BLURRED_PX).min(1.0),
-                );
+                let blur = (coc[x].abs() / BARELY_BLURRED_PX).min(1.0);
+                let light = f64::from(share_of_light(brightness * passing(x), around) * blur);
                 self.barely_blurred_lights += (1.0 - share) * light;
             }
             if coc[x].abs() > 1.0 {

@@ -239,7 +239,7 @@ impl<'a> Disc<'a> {
         if first >= end {
             return;
         }
-        hidden.clear(first..end, occluders.layers.len());
+        hidden.clear(first..end);
         self.occlude(shape, y, hidden, occluders);
         for (x, visible) in hidden.visible() {
             let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
@@ -312,20 +312,34 @@ struct Hidden {
     first: usize,
     /// Number of columns.
     count: usize,
-    /// For each layer and column, the sum over its bins of the share of the column that they cover times how far they hide.
+    /// The layers that hide any of them.
+    layers: Vec<u16>,
+    /// For each of these layers and each column, the sum over its bins of the share of the column that they cover times how far they hide.
     sums: Vec<f32>,
-    /// For each layer and column, the most that one of its bins hides where it covers.
+    /// The same for the most that one of its bins hides where it covers.
     most: Vec<f32>,
 }
 
 impl Hidden {
-    /// Starts with nothing hidden of `columns` by `layers` layers.
-    fn clear(&mut self, columns: Range<usize>, layers: usize) {
+    /// Starts with nothing hidden of `columns`.
+    fn clear(&mut self, columns: Range<usize>) {
         (self.first, self.count) = (columns.start, columns.len());
-        for values in [&mut self.sums, &mut self.most] {
-            values.clear();
-            values.resize(layers * columns.len(), 0.0);
-        }
+        self.layers.clear();
+        self.sums.clear();
+        self.most.clear();
+    }
+
+    /// Where the columns of layer `layer` begin in the sums.
+    fn start_of(&mut self, layer: u16) -> usize {
+        let known = self.layers.iter().position(|&known| known == layer);
+        let index = known.unwrap_or_else(|| {
+            self.layers.push(layer);
+            for values in [&mut self.sums, &mut self.most] {
+                values.resize(self.layers.len() * self.count, 0.0);
+            }
+            self.layers.len() - 1
+        });
+        index * self.count
     }
 
     /// Adds `span`, which covers `columns` of its row, mapped to the disc's row by `map`, with fractional coverage at its ends; it hides the
@@ -344,13 +358,14 @@ impl Hidden {
         }
         let begin = (from + 0.5).floor().max(self.first as f32) as usize;
         let end = (to + 0.5).floor().min(last as f32) as usize;
+        let start = self.start_of(span.layer);
         for x in begin..=end {
             let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
             let opacity = alpha.map_or(1.0, |row| {
                 let source = (x as f32 - map.offset) / map.scale;
                 row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
             });
-            let index = span.layer as usize * self.count + x - self.first;
+            let index = start + x - self.first;
             let hides = if covered > 0.0 { share * opacity } else { 0.0 };
             self.sums[index] += covered * hides;
             self.most[index] = self.most[index].max(hides);
