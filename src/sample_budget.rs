@@ -177,7 +177,10 @@ fn seek<'p>(
     };
     if let Some(views) = expected.enough(psnr_db, max_views) {
         let expected_db = expected.db(views);
-        let statement = expected_statement(views, (psnr_db, max_views), expected_db);
+        let mut statement = expected_statement(views, (psnr_db, max_views), expected_db);
+        if expected.is_of_lights(views) {
+            statement.push_str("; most of the error is that of lights with too little blur for exact discs");
+        }
         drop(basis);
         return Ok((
             sampling.begin(scene, plan),
@@ -238,8 +241,17 @@ impl Expected {
         let [of_16, of_step] = self.gain_db;
         let without_lights =
             of_16 + 2.0 * of_step * (views as f64 / 16.0).log2() - 10.0 * self.spread.max(1e-12).log10();
-        let of_lights = LIGHT_ERROR * self.lights / views as f64;
-        -10.0 * (10f64.powf(-0.1 * without_lights) + of_lights).log10()
+        -10.0 * (10f64.powf(-0.1 * without_lights) + self.light_error(views)).log10()
+    }
+
+    /// The part of the squared error with `views` lens samples that lights make.
+    fn light_error(&self, views: usize) -> f64 {
+        LIGHT_ERROR * self.lights / views as f64
+    }
+
+    /// Whether lights make most of the error of `views` lens samples.
+    fn is_of_lights(&self, views: usize) -> bool {
+        self.light_error(views) > 0.5 * 10f64.powf(-0.1 * self.db(views))
     }
 
     /// The number of lens samples for `target_db`, at most `max_views`, where none has to be measured.
@@ -520,6 +532,7 @@ mod tests {
         let lit = Expected { lights: 500.0 / 230_400.0, pixels: 230_400, ..expecting(80.0) };
         assert!((lit.db(64) - 38.7).abs() < 0.1, "{} dB", lit.db(64));
         assert_eq!(lit.enough(45.0, 256), Some(256), "the largest number");
+        assert!(lit.is_of_lights(256) && !Expected { lights: 1e-9, ..lit }.is_of_lights(256));
         assert_eq!(Expected { lights: 0.0, ..lit }.enough(45.0, 256), Some(64), "without lights, the base");
     }
 
