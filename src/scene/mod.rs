@@ -5,6 +5,7 @@
 
 mod background;
 mod border;
+mod bright;
 pub(crate) mod effects;
 mod extrapolation;
 mod stats;
@@ -21,6 +22,7 @@ mod unmixing;
 mod workload;
 
 pub use background::Background;
+pub(crate) use bright::{BrightStep, bright_step_floor, brightness, isolation, share_of_disc};
 pub(crate) use effects::percent;
 pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
@@ -29,11 +31,10 @@ pub use focus_distance::{Focused, FrameNumber, focus_distance};
 pub use layer::{Layer, OPAQUE_ALPHA};
 pub use peel_stats::PeelStats;
 pub use stats::SceneStats;
-pub(crate) use stats::{BrightStep, bright_step_floor, share_of_disc};
 pub(crate) use workload::Discs;
 pub use workload::Workload;
 #[cfg(test)]
-pub(crate) use {spread::Spread, stats::BRIGHT_STEPS};
+pub(crate) use {bright::BRIGHT_STEPS, spread::Spread};
 
 use crate::image::Image;
 use crate::lens::{Field, ThinLens};

@@ -3,6 +3,10 @@
 //! Cost: one read of the scene. How far fragments spread is in [`super::spread`], the statistics of single peels are in
 //! [`super::peel_stats`].
 
+use super::bright::{
+    BARELY_BLURRED_PX, BRIGHT_STEPS, BrightStep, bright_step, bright_step_floor, brightness, isolation,
+    share_of_disc, share_of_its_light, share_of_light,
+};
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
@@ -11,26 +15,6 @@ use crate::lens::Field;
 use crate::stack::ColorRange;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
-
-/// Number of half-stop steps of brightness that [`SceneStats::bright`] counts, from 1 up.
-pub(crate) const BRIGHT_STEPS: usize = 32;
-
-/// Bright, blurred fragments of one half stop of brightness.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub(crate) struct BrightStep {
-    /// Number of fragments.
-    pub fragments: usize,
-    /// Number of their discs, each by its share of the fragment's light ([`share_of_disc`]).
-    pub discs: f64,
-    /// Sum of the areas of these discs, `π c²` each, in picture pixels.
-    pub disc_area_px: f64,
-}
-
-/// Share of the light of a bright fragment of the CoC radius `coc_px` that may be drawn as a disc: none up to a pixel, all from one and a
-/// half on.
-pub(crate) fn share_of_disc(coc_px: f32) -> f32 {
-    ((coc_px.abs() - 1.0) / 0.5).clamp(0.0, 1.0)
-}
 
 /// The statistics of a scene: all that a plan is decided from, apart from the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -76,28 +60,6 @@ pub struct SceneStats {
     pub peels: Vec<PeelStats>,
 }
 
-/// CoC radius in picture pixels from which on a light counts in full in [`SceneStats::barely_blurred_lights`].
-const BARELY_BLURRED_PX: f32 = 0.1;
-
-/// How far a fragment is a light that lens samples render with noise: from none at 8 times white, or where both neighbours are as bright, to
-/// all at 32 times white beside a neighbour of a quarter of the brightness.
-fn share_of_light(brightness: f32, around: [f32; 2]) -> f32 {
-    let contrast = brightness / around[0].min(around[1]).max(1.0);
-    let by = |ratio: f32| (0.5 * ratio.log2()).clamp(0.0, 1.0);
-    by(brightness / 8.0) * by(contrast)
-}
-
-/// Lower end of step `step` of [`SceneStats::bright`], in scene-linear units.
-pub(crate) fn bright_step_floor(step: usize) -> f32 {
-    (0.5 * step as f32).exp2()
-}
-
-/// The step that `brightness` falls into.
-fn bright_step(brightness: f32) -> Option<usize> {
-    let step = (brightness.log2() * 2.0).floor();
-    (step >= 0.0).then_some((step as usize).min(BRIGHT_STEPS - 1))
-}
-
 /// Statistics of one row of one layer, or the sum over several rows.
 #[derive(Debug, Clone)]
 struct Tally {
@@ -120,12 +82,13 @@ impl Scene {
         let rows: Vec<(usize, usize)> =
             (0..self.layers.len()).flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
         let arch = Arch::new();
-        let block_side = Blocks::side(self.picture_size(), self.supersample);
+        let (block_side, supersample) =
+            (Blocks::side(self.picture_size(), self.supersample), self.supersample);
         // Summed in row order, so that the result does not depend on the distribution of rows among threads.
         let color_range = self.color_range;
         let analyze = |&(layer, y): &(usize, usize)| {
             let (layer, in_front) = (&self.layers[layer], &self.layers[..layer]);
-            arch.dispatch(AnalyzeRow { layer, in_front, y, block_side, color_range })
+            arch.dispatch(AnalyzeRow { layer, in_front, y, supersample, block_side, color_range })
         };
         let row_stats: Vec<(Tally, RowSpread)> = rows.par_iter().map(analyze).collect();
         let mut spread = Spread::empty(self.picture_size(), self.coc_infinity_px);
@@ -168,6 +131,7 @@ struct AnalyzeRow<'a> {
     /// The layers before it.
     in_front: &'a [Layer],
     y: usize,
+    supersample: usize,
     /// Side of a block of [`Spread::blocks`] in samples.
     block_side: usize,
     color_range: ColorRange,
@@ -178,7 +142,7 @@ impl NullaryFnOnce for AnalyzeRow<'_> {
 
     #[inline(always)]
     fn call(self) -> (Tally, RowSpread) {
-        let Self { layer, in_front, y, block_side, color_range } = self;
+        let Self { layer, in_front, y, supersample, block_side, color_range } = self;
         let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
         let [red, green, blue] = &layer.color;
         let (red, green, blue) = (red.row(y), green.row(y), blue.row(y));
@@ -210,7 +174,7 @@ impl NullaryFnOnce for AnalyzeRow<'_> {
                     .iter()
                     .fold(1.0, |passing: f32, layer| passing * (1.0 - layer.alpha.get(x, y)).max(0.0))
             };
-            tally.count_bright([red, green, blue], alpha, coc, passing);
+            tally.count_bright((layer, y, supersample), passing);
         }
         if color_range == ColorRange::UpToWhite {
             tally.count_light([red, green, blue], alpha, coc);
@@ -255,15 +219,14 @@ impl Tally {
         }
     }
 
-    /// Counts the bright fragments of a row, of whose light the layers in front let the share `passing(x)` pass.
+    /// Counts the bright fragments of row `y`, of whose light the layers in front let the share `passing(x)` pass.
     fn count_bright(
         &mut self,
-        [red, green, blue]: [&[f32]; 3],
-        alpha: &[f32],
-        coc: &[f32],
+        (layer, y, supersample): (&Layer, usize, usize),
         passing: impl Fn(usize) -> f32,
     ) {
-        let brightness_at = |x: usize| red[x].max(green[x]).max(blue[x]);
+        let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
+        let brightness_at = |x: usize| brightness(layer.color_at(x, y));
         for x in 0..alpha.len() {
             let brightness = brightness_at(x);
             if brightness < bright_step_floor(0) || alpha[x] <= 0.0 {
@@ -278,9 +241,15 @@ impl Tally {
                 self.barely_blurred_lights += (1.0 - share) * light;
             }
             if coc[x].abs() > 1.0 {
+                let isolated = share * f64::from(isolation(layer, [x, y], supersample));
+                let discs = if isolated > 0.0 {
+                    isolated * f64::from(share_of_its_light(layer, [x, y], supersample))
+                } else {
+                    0.0
+                };
                 self.bright[step].fragments += 1;
-                self.bright[step].discs += share;
-                self.bright[step].disc_area_px += share * std::f64::consts::PI * f64::from(coc[x]).powi(2);
+                self.bright[step].discs += discs;
+                self.bright[step].disc_area_px += discs * std::f64::consts::PI * f64::from(coc[x]).powi(2);
                 self.highlight_light += f64::from(brightness);
             }
         }

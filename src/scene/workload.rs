@@ -2,8 +2,9 @@
 //!
 //! Figures are per picture pixel, not per sample, because a supersampled stack is merged before most methods read it.
 
+use super::bright::bright_step_floor;
 use super::spread::{Block, Blocks, COC_STEPS, coc_step};
-use super::stats::{SceneStats, bright_step_floor};
+use super::stats::SceneStats;
 use std::f64::consts::PI;
 
 /// The statistics of a scene and its number of lens rays, and the figures of work that follow from them.
@@ -121,9 +122,9 @@ impl<'a> Workload<'a> {
             .bright
             .iter()
             .enumerate()
-            .filter(|(step, bright)| bright.fragments > 0 && bright_step_floor(step + 1) > threshold);
+            .filter(|(step, bright)| bright.discs > 0.0 && bright_step_floor(step + 1) > threshold);
         for (_, bright) in bright {
-            let count = bright.fragments as f64;
+            let count = bright.discs;
             discs.count += count;
             discs.rows += count * 2.0 * (bright.disc_area_px / count / PI).sqrt();
         }

@@ -1,5 +1,5 @@
-//! The shape of a blurred point of light: the aperture's shape of radius `|c|`, its edge softened by the squares of the pixel
-//! and of the fragment.
+//! The shape of a blurred light: the aperture's shape of radius `|c|`, its edge softened by the square of the pixel and by the shape
+//! of what emits the light ([`Softening`]).
 //!
 //! A point of energy `e` adds `e / (A c²)` to each pixel that lies fully within its shape, where `A` is the aperture's area at
 //! radius 1. Softening keeps the area. Usually the shape is the aperture's outline, exact along rows. With spherical aberration
@@ -8,15 +8,9 @@
 //! the lens barrel blocks are excluded, and the rest is divided by the share of rays that passes, because a pixel is the mean
 //! over the rays that pass.
 
+use super::softening::{GRID, Softening, SofteningRow, soft_step};
 use crate::lens::{BarrelShares, Field, Landing, Optics, Outline, Radial};
 use glam::Vec2;
-use std::f32::consts::FRAC_1_SQRT_2;
-
-/// Rows over which the coverage of a pixel at an edge is integrated.
-const EDGE_ROWS: usize = 16;
-
-/// Samples along each side of a pixel over which the light varies.
-const GRID: usize = 6;
 
 /// Smallest CoC radius of a shape, in picture pixels. A sharper point also covers about a pixel.
 const MIN_COC_PX: f32 = 0.7;
@@ -28,16 +22,6 @@ pub(super) struct Bokeh<'a> {
     field: Field,
     shares: BarrelShares,
     outline: Outline,
-    /// Width of the fragment in picture pixels, see [`crate::methods::Plan::averages_px`].
-    fragment_px: f32,
-    /// Rows across the softened edge: the offset of each in pixels, and its weight.
-    edge_rows: [(f32, f32); EDGE_ROWS],
-    /// Offsets along an axis of equal weight under the convolution of the squares of pixel and fragment, in pixels.
-    grid: [f32; GRID],
-    /// Half the width of the ring of light around each of these samples, in pixels.
-    sample_half_px: f32,
-    /// Half the width of a ring that approximates both squares by one sample, in pixels.
-    pixel_half_px: f32,
 }
 
 /// The shape of one point, in a set of colours.
@@ -51,33 +35,30 @@ pub(super) struct Shape {
     pub(super) coc_px: f32,
     /// Where rays land, for a lens with spherical aberration or an aperture image.
     radial: Option<Radial>,
+    softening: Softening,
+}
+
+impl Shape {
+    /// Radius in pixels that holds the shape and its softened edge.
+    pub(super) fn reach_px(&self) -> f32 {
+        self.radial.as_ref().map_or(self.coc_px.abs(), Radial::reach_px) + self.softening.reach_px
+    }
 }
 
 impl<'a> Bokeh<'a> {
-    /// The shapes of fragments `fragment_px` wide through a lens of `optics`.
-    pub(super) fn new(optics: &'a Optics, field: Field, fragment_px: f32) -> Self {
-        let height = (1.0 + fragment_px) / EDGE_ROWS as f32;
-        let edge_rows = std::array::from_fn(|i| {
-            let top = i as f32 * height - 0.5 * (1.0 + fragment_px);
-            (top + 0.5 * height, soft_step(top + height, fragment_px) - soft_step(top, fragment_px))
-        });
-        let (shares, outline) = (BarrelShares::new(optics), optics.aperture.outline());
-        let grid = std::array::from_fn(|i| quantile((i as f32 + 0.5) / GRID as f32, fragment_px));
-        let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
-        // A box of this half width has the variance that the grid lacks.
-        let sample_half_px = (0.25 * (1.0 + fragment_px * fragment_px) - 3.0 * spread).max(0.0).sqrt();
-        let pixel_half_px = 0.5 * 1f32.hypot(fragment_px);
-        Self { optics, field, shares, outline, fragment_px, edge_rows, grid, sample_half_px, pixel_half_px }
+    /// The shapes of lights through a lens of `optics`.
+    pub(super) fn new(optics: &'a Optics, field: Field) -> Self {
+        Self { optics, field, shares: BarrelShares::new(optics), outline: optics.aperture.outline() }
     }
 
-    /// The shapes of a point of CoC radius `coc_px`, one for each set of colours with the same shape.
-    pub(super) fn shapes(&self, coc_px: f32) -> Vec<Shape> {
+    /// The shapes of a light of CoC radius `coc_px`, one for each set of colours with the same shape.
+    pub(super) fn shapes(&self, coc_px: f32, softening: &Softening) -> Vec<Shape> {
         let sets: &[&[usize]] =
             if self.optics.has_axial_color() { &[&[0], &[1], &[2]] } else { &[&[0, 1, 2]] };
         let shape = |colors: &&'static [usize]| {
             let axial_px = self.optics.axial_px[colors[0]];
             let coc_px = (coc_px + axial_px).abs().max(MIN_COC_PX).copysign(coc_px + axial_px);
-            Shape { colors, axial_px, coc_px, radial: self.radial(coc_px) }
+            Shape { colors, axial_px, coc_px, radial: self.radial(coc_px), softening: softening.clone() }
         };
         sets.iter().map(shape).collect()
     }
@@ -89,44 +70,40 @@ impl<'a> Bokeh<'a> {
         needed.then(|| Radial::new(coc_px + first, third))
     }
 
-    /// Radius in pixels that holds `shape` and its softened edge.
-    pub(super) fn reach_px(&self, shape: &Shape) -> f32 {
-        // The edge extends by half the diagonals of pixel and fragment.
-        let edge = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
-        shape.radial.as_ref().map_or(shape.coc_px.abs(), Radial::reach_px) + edge
-    }
-
-    /// Share of the energy of a point at `position` that its `shape` adds to `pixel`; pixel centres are at whole numbers.
+    /// Share of the energy of a light at `position` that its `shape` adds to `pixel`; pixel centres are at whole numbers.
     pub(super) fn share(&self, shape: &Shape, position: Vec2, pixel: Vec2) -> f32 {
         let (offset, height) = (position - pixel, self.field.height(pixel + 0.5));
         let share = match &shape.radial {
-            None => self.covered(offset, shape.coc_px, height) / (shape.coc_px * shape.coc_px),
-            Some(radial) => self.density(radial, offset, height),
+            None => self.covered(shape, offset, height) / (shape.coc_px * shape.coc_px),
+            Some(radial) => self.density(radial, &shape.softening, offset, height),
         };
         let passing = if self.optics.cats_eye > 0.0 { self.shares.at(height) } else { 1.0 };
         if passing > 0.0 { share / (passing * self.optics.area()) } else { 0.0 }
     }
 
-    /// Share of a pixel that the aperture's shape of radius `coc_px` covers, filtered by the squares of the pixel and of the
-    /// fragment. `offset` leads from the pixel to the point, `height` is the pixel's position in the field.
-    fn covered(&self, offset: Vec2, coc_px: f32, height: Vec2) -> f32 {
+    /// Share of a pixel that the aperture's outline in `shape` covers, softened. `offset` leads from the pixel to the light, `height` is
+    /// the pixel's position in the field.
+    fn covered(&self, shape: &Shape, offset: Vec2, height: Vec2) -> f32 {
+        let Shape { coc_px, softening, .. } = shape;
+        let coc_px = *coc_px;
         let depth = self.optics.aperture.depth_inside(offset, coc_px); // q − p = c·u
         let depth = depth.min(coc_px.abs() * self.within_barrel(offset / coc_px, height));
-        if depth.abs() >= FRAC_1_SQRT_2 * (1.0 + self.fragment_px) {
+        if depth.abs() >= softening.reach_px {
             return f32::from(u8::from(depth > 0.0));
         }
         // Exact along x, midpoint rule along y.
-        let row = |&(shift, share): &(f32, f32)| {
-            let outline = self.outline.row(offset.y + shift, coc_px);
-            outline.and_then(|row| self.past_barrel(row, offset.y + shift, coc_px, height)).map_or(
+        let row = |row: &SofteningRow| {
+            let y = offset.y + row.offset_px;
+            let outline = self.outline.row(y, coc_px);
+            outline.and_then(|outline| self.past_barrel(outline, y, coc_px, height)).map_or(
                 0.0,
                 |[left, right]| {
-                    let step = |edge: f32| soft_step(edge - offset.x, self.fragment_px);
-                    share * (step(right) - step(left))
+                    let step = |edge: f32| soft_step(edge - offset.x, row.width_px);
+                    row.weight * (step(right) - step(left))
                 },
             )
         };
-        self.edge_rows.iter().map(row).sum()
+        softening.rows.iter().map(row).sum()
     }
 
     /// Distance of the lens point `lens` from the barrel's edge, positive inside, seen from position `height` of the field.
@@ -152,21 +129,26 @@ impl<'a> Bokeh<'a> {
 
     /// Density of the light on a pixel relative to that on the lens. `offset` leads from the pixel to the point, `height` is
     /// the pixel's position in the field.
-    fn density(&self, radial: &Radial, offset: Vec2, height: Vec2) -> f32 {
-        let reach = FRAC_1_SQRT_2 * (1.0 + self.fragment_px);
-        if let Some(light) = self.uniform_light(radial, offset, height, reach) {
+    fn density(&self, radial: &Radial, softening: &Softening, offset: Vec2, height: Vec2) -> f32 {
+        if let Some(light) = self.uniform_light(radial, softening, offset, height) {
             return light;
         }
-        let shifts = self.grid.iter().flat_map(|&x| self.grid.iter().map(move |&y| Vec2::new(x, y)));
-        let sum: f32 =
-            shifts.map(|shift| self.light(radial, offset + shift, height, self.sample_half_px)).sum();
+        let Softening { grid, sample_half_px, .. } = softening;
+        let shifts = grid.iter().flat_map(|&x| grid.iter().map(move |&y| Vec2::new(x, y)));
+        let sum: f32 = shifts.map(|shift| self.light(radial, offset + shift, height, *sample_half_px)).sum();
         sum / (GRID * GRID) as f32
     }
 
-    /// The light at `offset` from a point, if neither an end of the rays nor an edge of the opening lies within `reach`: except
-    /// for an aperture image, it is then uniform over the pixel. Otherwise `None`.
-    fn uniform_light(&self, radial: &Radial, offset: Vec2, height: Vec2, reach: f32) -> Option<f32> {
-        let distance = offset.length();
+    /// The light at `offset` from a light, if neither an end of the rays nor an edge of the opening lies within reach of `softening`:
+    /// except for an aperture image, it is then uniform over the pixel. Otherwise `None`.
+    fn uniform_light(
+        &self,
+        radial: &Radial,
+        softening: &Softening,
+        offset: Vec2,
+        height: Vec2,
+    ) -> Option<f32> {
+        let (distance, reach) = (offset.length(), softening.reach_px);
         let (inner, outer) = (distance - reach, distance + reach);
         if radial.ends_between(inner, outer) {
             return None;
@@ -181,7 +163,7 @@ impl<'a> Bokeh<'a> {
         radial
             .between(inner, outer)
             .all(|landing| holds_no_end(wide(landing)))
-            .then(|| self.light(radial, offset, height, self.pixel_half_px))
+            .then(|| self.light(radial, offset, height, softening.pixel_half_px))
     }
 
     /// The light at `offset` from a point: the mean over the ring of half width `half_px` through it.
@@ -199,52 +181,17 @@ impl<'a> Bokeh<'a> {
     }
 }
 
-/// The position at which [`soft_step`] reaches `share`: its inverse.
-fn quantile(share: f32, size_px: f32) -> f32 {
-    let end = 0.5 * (1.0 + size_px);
-    let halved = |[low, high]: [f32; 2], _| {
-        let middle = 0.5 * (low + high);
-        if soft_step(middle, size_px) < share { [middle, high] } else { [low, middle] }
-    };
-    (0..24).fold([-end, end], halved)[0]
-}
-
-/// A step at 0, convolved with a box of width 1 and a box of width `size_px`: the integral of their trapezoid.
-fn soft_step(depth: f32, size_px: f32) -> f32 {
-    let (flat, end) = (0.5 * (1.0 - size_px), 0.5 * (1.0 + size_px));
-    let from_end = (end - depth.abs()).max(0.0);
-    let sloped = depth.abs() > flat && size_px > 0.0;
-    let outer = if sloped { from_end * from_end / (2.0 * size_px) } else { (0.5 - depth.abs()).max(0.0) };
-    if depth > 0.0 { 1.0 - outer } else { outer }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::lens::Aperture;
 
-    #[test]
-    fn a_soft_step_rises_from_0_through_a_half_to_1() {
-        for size in [0.0, 0.25, 1.0] {
-            assert_eq!(
-                [soft_step(-2.0, size), soft_step(0.0, size), soft_step(2.0, size)],
-                [0.0, 0.5, 1.0],
-                "size {size}"
-            );
-            let steps: Vec<f32> = (-20..=20).map(|i| soft_step(i as f32 * 0.1, size)).collect();
-            assert!(
-                steps.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 0.11),
-                "size {size}: {steps:?}"
-            );
-        }
-    }
-
     const SIZE: usize = 96;
 
     /// The sum and the first and second moments of the light of a point of CoC radius `coc_px` at `position`, about that point.
     fn moments(optics: &Optics, coc_px: f32, position: Vec2) -> (f32, Vec2, Vec2) {
-        let bokeh = Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), 1.0);
-        let shape = &bokeh.shapes(coc_px)[0];
+        let bokeh = Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE));
+        let shape = &bokeh.shapes(coc_px, &Softening::square(1.0))[0];
         let pixels = (0..SIZE * SIZE).map(|i| Vec2::new((i % SIZE) as f32, (i / SIZE) as f32));
         pixels.fold((0.0, Vec2::ZERO, Vec2::ZERO), |(sum, first, second), pixel| {
             let (share, offset) = (bokeh.share(shape, position, pixel), pixel - position);
@@ -301,9 +248,10 @@ mod tests {
             exact.area()
         );
         let field = Field::from_picture_size(SIZE, SIZE);
-        let [from_image, exact] = [&from_image, &exact].map(|optics| Bokeh::new(optics, field, 0.0));
+        let [from_image, exact] = [&from_image, &exact].map(|optics| Bokeh::new(optics, field));
+        let point = Softening::square(0.0);
         for coc in [25.0, -18.0] {
-            let (a, b) = (from_image.shapes(coc).remove(0), exact.shapes(coc).remove(0));
+            let (a, b) = (from_image.shapes(coc, &point).remove(0), exact.shapes(coc, &point).remove(0));
             let off = |x: usize, y: usize| {
                 let (position, pixel) = (Vec2::splat(48.0), Vec2::new(x as f32, y as f32));
                 (from_image.share(&a, position, pixel) - exact.share(&b, position, pixel)).abs()
@@ -317,8 +265,8 @@ mod tests {
     #[test]
     fn in_the_corners_the_barrel_cuts_the_disc_and_the_rest_gets_its_energy() {
         let optics = Optics { cats_eye: 1.0, ..Optics::from_aperture(Aperture::DISC) };
-        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 0.0);
-        let shape = &bokeh.shapes(12.0)[0];
+        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE));
+        let shape = &bokeh.shapes(12.0, &Softening::square(0.0))[0];
         let position = Vec2::splat(20.0);
         let light = |x: f32, y: f32| bokeh.share(shape, position, Vec2::new(x, y));
         let uniform = 1.0 / (std::f32::consts::PI * 144.0);
@@ -332,8 +280,10 @@ mod tests {
     #[test]
     fn axial_colour_gives_each_channel_a_shape_of_its_own_size() {
         let optics = Optics { axial_px: [-2.0, 0.0, 1.0], ..Optics::from_aperture(Aperture::DISC) };
-        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE), 1.0);
-        let sizes = |coc: f32| bokeh.shapes(coc).iter().map(|shape| shape.coc_px).collect::<Vec<_>>();
+        let bokeh = Bokeh::new(&optics, Field::from_picture_size(SIZE, SIZE));
+        let softening = Softening::square(1.0);
+        let sizes =
+            |coc: f32| bokeh.shapes(coc, &softening).iter().map(|shape| shape.coc_px).collect::<Vec<_>>();
         assert_eq!(sizes(10.0), [8.0, 10.0, 11.0]);
         assert_eq!(sizes(-10.0), [-12.0, -10.0, -9.0]);
         assert_eq!(sizes(2.0)[0], MIN_COC_PX, "no smaller than a dot");

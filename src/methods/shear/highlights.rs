@@ -1,18 +1,19 @@
 //! Bright points as exact discs: with few views a point a thousand times brighter than its surroundings would show as dots.
 //!
-//! [`extract`] removes the excess of a bright, blurred fragment over its surroundings from its surface; [`draw`] adds it back
-//! in the shape that [`super::bokeh`] computes. Each row of a disc is clipped by the spans of nearer bins, seen from the
-//! highlight: the ray from picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`.
+//! [`super::lights`] finds them and removes them from their surfaces; [`draw`] adds them back in the shape that [`super::bokeh`]
+//! computes. Each row of a disc is clipped by the spans of nearer bins, seen from the highlight: the ray from picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`.
 //! This is affine in `p`, so a span is projected to a span.
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
+use super::hidden::{Affine, Hidden};
 use super::keys::Extent;
+use super::softening::Softening;
 use super::spans::{self, Span, Spans};
 use crate::image::Image;
 use crate::lens::Field;
 use crate::methods::contract::Plan;
-use crate::scene::{Antialiasing, EffectKind, Layer, Scene, share_of_disc};
+use crate::scene::Layer;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,106 +22,51 @@ use std::ops::Range;
 /// others, in picture pixels and as a share of the highlight's CoC radius: whichever is more.
 const OWN_SURFACE: [(f32, f32); 2] = [(0.25, 0.03), (0.75, 0.06)];
 
-/// How much brighter than the threshold a fragment is whose whole excess goes into a disc: a quarter of a stop.
-const FULL_DISC_FROM: f32 = 1.19;
-
-/// Half the side of the square around a highlight whose fragments below the threshold are its surroundings, in samples.
-const SURROUNDINGS: usize = 4;
-
 /// Rows that one task draws.
 const STRIP: usize = 16;
 
-/// The excess energy of one fragment over its surroundings.
+/// A light that is drawn as an exact disc.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Highlight {
     /// Position in picture pixels; pixel centres are at whole numbers.
     pub(super) position: Vec2,
     /// Signed CoC radius in picture pixels.
     pub(super) coc_px: f32,
-    /// Excess over the colour of the surroundings, integrated over the fragment's area in picture pixels.
+    /// Excess over the colour of the surroundings, integrated over the light's area in picture pixels.
     pub(super) energy: [f32; 3],
-    /// How far its colour is an average over the pixel: see [`crate::scene::Antialiasing`].
-    pub(super) antialiased: f32,
+    /// What the light comes from.
+    pub(super) emitter: Emitter,
+    /// Its parts, each of which has its own view of what is in front.
+    pub(super) parts: Vec<Part>,
 }
 
-/// Removes the excess of fragments brighter than the plan's threshold from the layers of `scene`.
-pub(super) fn extract(scene: &mut Scene, plan: &Plan) -> Vec<Highlight> {
-    let Scene { layers, supersample, antialiasing, .. } = scene;
-    layers.iter_mut().flat_map(|layer| extract_from(layer, plan, (*supersample, antialiasing))).collect()
+/// A part of a light, at most a pixel wide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Part {
+    /// Position in picture pixels.
+    pub(super) position: Vec2,
+    /// Share of the light's energy.
+    pub(super) share: f32,
+    /// Share that is hidden from all of the lens, 0 … 1: see [`share_that_covers`].
+    pub(super) hidden: f32,
 }
 
-fn extract_from(
-    layer: &mut Layer,
-    plan: &Plan,
-    (supersample, antialiasing): (usize, &Antialiasing),
-) -> Vec<Highlight> {
-    let threshold = plan.strength(EffectKind::Highlights).unwrap_or(f32::INFINITY);
-    let original = &*layer;
-    let found: Vec<(usize, usize, [f32; 3])> = (0..original.height())
-        .into_par_iter()
-        .flat_map_iter(|y| flagged(original, y, threshold).into_iter().map(move |x| (x, y)))
-        .map(|(x, y)| (x, y, surroundings(original, x, y, threshold)))
-        .collect();
-    let (scale, samples) = (1.0 / supersample as f32, (supersample * supersample) as f32);
-    found
-        .into_iter()
-        .map(|(x, y, base)| {
-            let (color, coc_px) = (layer.color_at(x, y), layer.coc_px.get(x, y));
-            let share = share_of_disc(coc_px) * share_of_light(brightness(color) / threshold);
-            let excess: [f32; 3] = std::array::from_fn(|k| share * (color[k] - base[k]));
-            let planes = layer.color.iter_mut().zip(color.iter().zip(excess));
-            planes.for_each(|(plane, (value, excess))| plane.set(x, y, value - excess));
-            Highlight {
-                position: (Vec2::new(x as f32, y as f32) + 0.5) * scale - 0.5,
-                coc_px,
-                energy: excess.map(|value| value / samples),
-                antialiased: antialiasing.at(x / supersample, y / supersample),
-            }
-        })
-        .collect()
+/// What a light comes from, in picture pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Emitter {
+    /// One fragment.
+    Square { width_px: f32 },
+    /// A light.
+    Disc { radius_px: f32 },
 }
 
-/// Share of the excess of a fragment `times` as bright as the threshold that goes into a disc.
-fn share_of_light(times: f32) -> f32 {
-    ((times - 1.0) / (FULL_DISC_FROM - 1.0)).clamp(0.0, 1.0)
-}
-
-fn brightness(color: [f32; 3]) -> f32 {
-    color[0].max(color[1]).max(color[2])
-}
-
-/// Columns of row `y` that hold a highlight.
-fn flagged(layer: &Layer, y: usize, threshold: f32) -> Vec<usize> {
-    let [red, green, blue] = layer.color.each_ref().map(|plane| plane.row(y));
-    // Most rows hold none, which one comparison a value tells.
-    let any = |row: &[f32]| row.iter().fold(false, |any, &value| any | (value > threshold));
-    if ![red, green, blue].into_iter().any(any) {
-        return Vec::new();
-    }
-    let (alpha, coc) = (layer.alpha.row(y), layer.coc_px.row(y));
-    let bright = |x: &usize| brightness([red[*x], green[*x], blue[*x]]) > threshold;
-    (0..red.len()).filter(bright).filter(|&x| alpha[x] > 0.0 && share_of_disc(coc[x]) > 0.0).collect()
-}
-
-/// Mean colour of the fragments around `x, y` that are no brighter than `threshold`, at most the fragment's own colour. Without
-/// such fragments, the fragment's own colour scaled to the threshold.
-fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
-    let own = layer.color_at(x, y);
-    let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
-    for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(layer.height() - 1) {
-        for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(layer.width() - 1) {
-            let (near, alpha) = (layer.color_at(nx, ny), layer.alpha.get(nx, ny));
-            if alpha > 0.0 && brightness(near) <= threshold {
-                sum.iter_mut().zip(near).for_each(|(sum, value)| *sum += value);
-                alpha_sum += alpha;
-            }
+impl Emitter {
+    fn softening(self) -> Softening {
+        match self {
+            Self::Square { width_px } => Softening::square(width_px),
+            Self::Disc { radius_px } => Softening::disc(radius_px),
         }
     }
-    // The mean of premultiplied colours, unpremultiplied and premultiplied again by the fragment's own alpha.
-    let scale = layer.alpha.get(x, y) / alpha_sum;
-    std::array::from_fn(|k| {
-        if alpha_sum > 0.0 { (sum[k] * scale).min(own[k]) } else { own[k] * threshold / brightness(own) }
-    })
 }
 
 /// The scene that occludes highlights.
@@ -137,42 +83,22 @@ pub(super) struct Occluders<'a> {
 }
 
 /// Adds the discs of `highlights` to `image`, each in the shape of the lens of `plan` and occluded by nearer fragments of `layers`,
-/// whose CoC radii `bins` cover. A highlight that is an average in part is drawn as a fragment of either width, by that part.
+/// whose CoC radii `bins` cover.
 pub(super) fn draw(
     image: &mut Image,
     highlights: &[Highlight],
     (plan, field): (&Plan, Field),
     (layers, bins): (&[Layer], &Bins),
 ) {
-    /// Width of the square that a point sample represents, in picture pixels.
-    const POINT_SAMPLE_PX: f32 = 1.0;
-    if highlights.is_empty() {
-        return;
+    if !highlights.is_empty() {
+        draw_all(image, highlights, &Bokeh::new(&plan.optics, field), &Occluders::new(layers, bins));
     }
-    let occluders = &Occluders::new(layers, bins);
-    let parts = [
-        (POINT_SAMPLE_PX, parts(highlights, |highlight| 1.0 - highlight.antialiased)),
-        (plan.averages_px, parts(highlights, |highlight| highlight.antialiased)),
-    ];
-    for (fragment_px, highlights) in parts.iter().filter(|(_, highlights)| !highlights.is_empty()) {
-        draw_alike(image, highlights, &Bokeh::new(&plan.optics, field, *fragment_px), occluders);
-    }
-}
-
-/// The `highlights` with the part `share` of their energy, without those that have none.
-fn parts(highlights: &[Highlight], share: impl Fn(&Highlight) -> f32) -> Vec<Highlight> {
-    let part = |highlight: &Highlight| {
-        let share = share(highlight);
-        let energy = highlight.energy.map(|energy| energy * share);
-        (share > 0.0).then(|| Highlight { energy, ..highlight.clone() })
-    };
-    highlights.iter().filter_map(part).collect()
 }
 
 /// Adds the discs of `highlights` to `image`, each in the shape of `bokeh` and occluded by nearer fragments.
-fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, occluders: &Occluders<'_>) {
+fn draw_all(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, occluders: &Occluders<'_>) {
     let (width, height) = (image.width(), image.height());
-    let discs: Vec<Disc<'_>> = highlights.iter().map(|highlight| Disc::new(highlight, bokeh)).collect();
+    let discs: Vec<Disc<'_>> = highlights.par_iter().map(|highlight| Disc::new(highlight, bokeh)).collect();
     let [red, green, blue, _] = &mut image.planes;
     red.values_mut()
         .par_chunks_mut(width * STRIP)
@@ -181,7 +107,7 @@ fn draw_alike(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, oc
         .enumerate()
         .for_each(|(strip, ((red, green), blue))| {
             let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut hidden = Hidden::default();
+            let mut hidden = (Hidden::default(), Vec::new());
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
@@ -199,61 +125,111 @@ struct Disc<'a> {
     bokeh: &'a Bokeh<'a>,
     /// The shape of each set of colours that share one.
     shapes: Vec<Shape>,
+    /// The shape of a part of the light, alike.
+    part_shapes: Vec<Shape>,
 }
 
+/// Memory for a row of a disc: what is hidden of one part, and how far each part is visible in each column.
+type Scratch = (Hidden, Vec<f32>);
+
 impl<'a> Disc<'a> {
+    /// Width of a part of a light, in picture pixels.
+    const PART_PX: f32 = 1.0;
+
     fn new(highlight: &'a Highlight, bokeh: &'a Bokeh<'a>) -> Self {
-        Self { highlight, bokeh, shapes: bokeh.shapes(highlight.coc_px) }
+        let shapes = |softening| bokeh.shapes(highlight.coc_px, &softening);
+        Self {
+            highlight,
+            bokeh,
+            shapes: shapes(highlight.emitter.softening()),
+            part_shapes: shapes(Softening::square(Self::PART_PX)),
+        }
     }
 
     fn touches(&self, first_row: usize, end_row: usize) -> bool {
-        let reach = self.shapes.iter().fold(0.0, |reach: f32, shape| reach.max(self.bokeh.reach_px(shape)));
+        let reach = self.shapes.iter().fold(0.0, |reach: f32, shape| reach.max(shape.reach_px()));
         let y = self.highlight.position.y;
         y + reach >= first_row as f32 && y - reach <= (end_row - 1) as f32
     }
 
-    fn draw_row(&self, y: usize, mut row: [&mut [f32]; 3], occluders: &Occluders<'_>, hidden: &mut Hidden) {
-        for shape in &self.shapes {
-            self.draw_shape(shape, y, &mut row, occluders, hidden);
-        }
-    }
-
-    fn draw_shape(
-        &self,
-        shape: &Shape,
-        y: usize,
-        row: &mut [&mut [f32]; 3],
-        occluders: &Occluders<'_>,
-        hidden: &mut Hidden,
-    ) {
+    fn draw_row(&self, y: usize, row: [&mut [f32]; 3], occluders: &Occluders<'_>, scratch: &mut Scratch) {
         let position = self.highlight.position;
-        let (dy, reach) = (y as f32 - position.y, self.bokeh.reach_px(shape));
-        let half_width_squared = reach * reach - dy * dy;
-        if half_width_squared <= 0.0 {
-            return;
-        }
-        let half_width = half_width_squared.sqrt();
-        let first = (position.x - half_width).ceil().max(0.0) as usize;
-        let end = (position.x + half_width).floor() as i64 + 1;
-        let end = end.clamp(0, row[0].len() as i64) as usize;
-        if first >= end {
-            return;
-        }
-        hidden.clear(first..end);
-        self.occlude(shape, y, hidden, occluders);
-        for (x, visible) in hidden.visible() {
-            let share = visible * self.bokeh.share(shape, position, Vec2::new(x as f32, y as f32));
-            if share > 0.0 {
-                for &channel in shape.colors {
-                    row[channel][x] += self.highlight.energy[channel] * share;
+        for (shape, part_shape) in self.shapes.iter().zip(&self.part_shapes) {
+            let columns = self.columns(shape, y, row[0].len());
+            if columns.is_empty() {
+                continue;
+            }
+            self.see(shape, (y, columns.clone()), occluders, scratch);
+            let (count, first) = (columns.len(), columns.start);
+            for x in columns {
+                let pixel = Vec2::new(x as f32, y as f32);
+                let visible = |part: usize| scratch.1[part * count + x - first];
+                let share =
+                    self.bokeh.share(shape, position, pixel) * self.visible(part_shape, pixel, &visible);
+                if share > 0.0 {
+                    for &channel in shape.colors {
+                        row[channel][x] += self.highlight.energy[channel] * share;
+                    }
                 }
             }
         }
     }
 
-    /// Adds to `hidden` what nearer fragments hide of row `y`.
-    fn occlude(&self, shape: &Shape, y: usize, hidden: &mut Hidden, occluders: &Occluders<'_>) {
-        let Highlight { position, coc_px, .. } = *self.highlight;
+    /// The columns of row `y` of a picture of this width that `shape` reaches.
+    fn columns(&self, shape: &Shape, y: usize, width: usize) -> Range<usize> {
+        let position = self.highlight.position;
+        let (dy, reach) = (y as f32 - position.y, shape.reach_px());
+        let half_width_squared = reach * reach - dy * dy;
+        if half_width_squared <= 0.0 {
+            return 0..0;
+        }
+        let half_width = half_width_squared.sqrt();
+        let first = (position.x - half_width).ceil().max(0.0) as usize;
+        let end = (position.x + half_width).floor() as i64 + 1;
+        first..end.clamp(0, width as i64) as usize
+    }
+
+    /// How far the light is visible at `pixel`, where each of its parts is `visible(part)`: their mean by the energy that reaches the pixel.
+    fn visible(&self, part_shape: &Shape, pixel: Vec2, visible: &impl Fn(usize) -> f32) -> f32 {
+        let parts = &self.highlight.parts;
+        let first = visible(0);
+        if (1..parts.len()).all(|part| visible(part) == first) {
+            return first;
+        }
+        /// Weight of a part that the pixel does not see, so that a mean is defined where it sees none.
+        const UNSEEN: f32 = 1e-6;
+        let (sum, weight) = parts.iter().enumerate().fold((0.0, 0.0), |(sum, weights), (index, part)| {
+            let weight = part.share * (self.bokeh.share(part_shape, part.position, pixel) + UNSEEN);
+            (sum + weight * visible(index), weights + weight)
+        });
+        sum / weight
+    }
+
+    /// Writes how far each part of the light is visible in `columns` of row `y` of the picture.
+    fn see(
+        &self,
+        shape: &Shape,
+        (y, columns): (usize, Range<usize>),
+        occluders: &Occluders<'_>,
+        (hidden, visible): &mut Scratch,
+    ) {
+        visible.clear();
+        for part in &self.highlight.parts {
+            hidden.clear(columns.clone(), part.hidden);
+            self.occlude(shape, (part.position, y), hidden, occluders);
+            visible.extend(hidden.visible());
+        }
+    }
+
+    /// Adds to `hidden` what nearer fragments hide of row `y` from a part of the light at `position`.
+    fn occlude(
+        &self,
+        shape: &Shape,
+        (position, y): (Vec2, usize),
+        hidden: &mut Hidden,
+        occluders: &Occluders<'_>,
+    ) {
+        let coc_px = self.highlight.coc_px;
         let height = occluders.spans.height();
         for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
             let share = share_that_hides(coc_px, bin_coc);
@@ -274,17 +250,18 @@ impl<'a> Disc<'a> {
 }
 
 /// Share of a fragment with the CoC radius `occluder_px` that hides a highlight with `coc_px`: what is not of its own surface.
-fn share_that_hides(coc_px: f32, occluder_px: f32) -> f32 {
+pub(super) fn share_that_hides(coc_px: f32, occluder_px: f32) -> f32 {
     let [own_px, other_px] = OWN_SURFACE.map(|(least_px, share)| f32::max(least_px, share * coc_px.abs()));
     ((coc_px - occluder_px - own_px) / (other_px - own_px)).clamp(0.0, 1.0)
 }
 
-/// `p = offset + scale · s`: the projection of column `s` of an occluder's row to column `p` of the picture, seen from the
-/// highlight.
-#[derive(Clone, Copy)]
-struct Affine {
-    offset: f32,
-    scale: f32,
+/// Share of a fragment with the CoC radius `occluder_px` that hides all of the light behind it at the same place with `coc_px`: a ray passes it
+/// at nearly the place of the light, if it is little nearer.
+pub(super) fn share_that_covers(coc_px: f32, occluder_px: f32) -> f32 {
+    /// Difference in CoC radius from which on it covers nothing, relative to the one from which on [`share_that_hides`] is all.
+    const NONE_FROM: f32 = 1.25;
+    let other_px = f32::max(OWN_SURFACE[1].0, OWN_SURFACE[1].1 * coc_px.abs());
+    ((NONE_FROM * other_px - (coc_px - occluder_px)) / ((NONE_FROM - 1.0) * other_px)).clamp(0.0, 1.0)
 }
 
 impl<'a> Occluders<'a> {
@@ -299,86 +276,6 @@ impl<'a> Occluders<'a> {
         let start = if span.start == 0 { f32::NEG_INFINITY } else { span.start as f32 - 0.5 };
         let end = if span.end as usize == self.width { f32::INFINITY } else { span.end as f32 - 0.5 };
         [start, end]
-    }
-}
-
-/// How far nearer fragments hide some columns of a row of a disc.
-///
-/// A surface is in several bins, which overlap where its fragments reach to their neighbours and adjoin where they do not. It hides what its
-/// bins hide together, but no more than the one that hides most, so that the number of bins does not matter.
-#[derive(Debug, Default)]
-struct Hidden {
-    /// The first column.
-    first: usize,
-    /// Number of columns.
-    count: usize,
-    /// The layers that hide any of them.
-    layers: Vec<u16>,
-    /// For each of these layers and each column, the sum over its bins of the share of the column that they cover times how far they hide.
-    sums: Vec<f32>,
-    /// The same for the most that one of its bins hides where it covers.
-    most: Vec<f32>,
-}
-
-impl Hidden {
-    /// Starts with nothing hidden of `columns`.
-    fn clear(&mut self, columns: Range<usize>) {
-        (self.first, self.count) = (columns.start, columns.len());
-        self.layers.clear();
-        self.sums.clear();
-        self.most.clear();
-    }
-
-    /// Where the columns of layer `layer` begin in the sums.
-    fn start_of(&mut self, layer: u16) -> usize {
-        let known = self.layers.iter().position(|&known| known == layer);
-        let index = known.unwrap_or_else(|| {
-            self.layers.push(layer);
-            for values in [&mut self.sums, &mut self.most] {
-                values.resize(self.layers.len() * self.count, 0.0);
-            }
-            self.layers.len() - 1
-        });
-        index * self.count
-    }
-
-    /// Adds `span`, which covers `columns` of its row, mapped to the disc's row by `map`, with fractional coverage at its ends; it hides the
-    /// share `share`, and `alpha` is the coverage of its row if it is translucent.
-    fn add(
-        &mut self,
-        span: &Span,
-        (columns, map): ([f32; 2], Affine),
-        (share, alpha): (f32, Option<&[f32]>),
-    ) {
-        let ends = columns.map(|s| map.offset + map.scale * s);
-        let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        let last = self.first + self.count - 1;
-        if to < self.first as f32 - 0.5 || from > last as f32 + 0.5 {
-            return;
-        }
-        let begin = (from + 0.5).floor().max(self.first as f32) as usize;
-        let end = (to + 0.5).floor().min(last as f32) as usize;
-        let start = self.start_of(span.layer);
-        for x in begin..=end {
-            let covered = (to.min(x as f32 + 0.5) - from.max(x as f32 - 0.5)).clamp(0.0, 1.0);
-            let opacity = alpha.map_or(1.0, |row| {
-                let source = (x as f32 - map.offset) / map.scale;
-                row[(source.round() as usize).clamp(span.start as usize, span.end as usize - 1)]
-            });
-            let index = start + x - self.first;
-            let hides = if covered > 0.0 { share * opacity } else { 0.0 };
-            self.sums[index] += covered * hides;
-            self.most[index] = self.most[index].max(hides);
-        }
-    }
-
-    /// The columns, and how far each is visible.
-    fn visible(&self) -> impl Iterator<Item = (usize, f32)> {
-        (0..self.count).map(|column| {
-            let layers = (column..self.sums.len()).step_by(self.count);
-            let visible = layers.fold(1.0, |left: f32, index| left - self.sums[index].min(self.most[index]));
-            (self.first + column, visible.max(0.0))
-        })
     }
 }
 
@@ -419,14 +316,13 @@ mod tests {
         let alpha = Plane::from_fn(SIZE, SIZE, |x, _| wall(x));
         let layers = [Layer { color: [zeros(), zeros(), zeros()], alpha, coc_px: wall_px }];
         let bins = Bins::new([-10.0, 25.0], 0.5);
-        let highlight = Highlight { position: Vec2::splat(32.0), coc_px, energy: [1.0; 3], antialiased: 0.0 };
+        let emitter = Emitter::Square { width_px: size_px };
+        let part = Part { position: Vec2::splat(32.0), share: 1.0, hidden: 0.0 };
+        let highlight =
+            Highlight { position: part.position, coc_px, energy: [1.0; 3], emitter, parts: vec![part] };
         let mut image = Image::transparent(SIZE, SIZE);
-        draw_alike(
-            &mut image,
-            &[highlight],
-            &Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE), size_px),
-            &Occluders::new(&layers, &bins),
-        );
+        let bokeh = Bokeh::new(optics, Field::from_picture_size(SIZE, SIZE));
+        draw_all(&mut image, &[highlight], &bokeh, &Occluders::new(&layers, &bins));
         image
     }
 

@@ -62,8 +62,7 @@ pub(super) struct Keys<'a> {
 pub(super) enum Extent {
     /// Half-way to nearer and to farther ones: for rays, which may hit the surface from either side and count it once.
     HalfWay,
-    /// Opaque ones to farther neighbours, translucent ones not at all: for what occludes a highlight. No fragment is in a nearer bin than
-    /// its own, and each translucent one counts once.
+    /// To farther neighbours: for what occludes a highlight, in which no fragment is in a nearer bin than its own.
     Occluder,
 }
 
@@ -279,8 +278,7 @@ fn pack(row: &mut KeyRow, bins: &[u16], (last_bin, extent): (u16, Extent), alpha
             Extent::HalfWay => {
                 (half_way(nearer_above[x], nearer_beside[x]), half_way(farther_above[x], farther_beside[x]))
             }
-            Extent::Occluder if flags == OPAQUE => (0, farther_above[x].max(farther_beside[x])),
-            Extent::Occluder => (0, 0),
+            Extent::Occluder => (0, farther_above[x].max(farther_beside[x])),
         };
         let (nearer, farther) = (nearer.min(bins[x]), farther.min(last_bin.saturating_sub(bins[x])));
         let first = Key::from(bins[x] - nearer);

@@ -9,13 +9,13 @@
 //!
 //! | pass | module | does |
 //! | --- | --- | --- |
-//! | highlights | [`highlights`] | removes bright points, which are drawn as exact discs |
+//! | highlights | [`lights`] | removes bright points, which are drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
-//! | draw | [`highlights`], [`bokeh`] | adds the discs |
+//! | draw | [`highlights`], [`bokeh`], [`softening`] | adds the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
 //! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) each pixel searches for its fragments, and no spans are made.
@@ -29,9 +29,11 @@ mod canvas;
 mod cost;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod hidden;
 mod highlights;
 mod keys;
 mod lanes;
+mod lights;
 mod paint;
 mod parameters;
 mod passes;
@@ -42,6 +44,7 @@ mod resolve;
 mod row_views;
 mod sampler;
 mod saved;
+mod softening;
 mod spans;
 mod sums;
 mod translucent_hits;
@@ -137,7 +140,7 @@ impl LensSampling for Shear {
             return Cow::Borrowed(scene);
         }
         let mut scene = scene.clone();
-        highlights::extract(&mut scene, plan);
+        lights::extract(&mut scene, plan);
         Cow::Owned(scene)
     }
 

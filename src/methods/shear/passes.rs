@@ -19,7 +19,7 @@ const OUT_OF_FOCUS_FROM_PX: f32 = 1.5;
 /// The largest total area of exact discs, as a multiple of the picture's area. More discs would cost more than the views.
 const HIGHLIGHT_COVER: f64 = 8.0;
 
-/// The largest number of exact discs per picture pixel.
+/// The largest number of exact discs per pixel of the picture.
 const HIGHLIGHT_SHARE: f64 = 0.05;
 
 /// The decisions about this method's passes.
@@ -63,8 +63,8 @@ fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
             discs: discs.discs + bright.discs,
             disc_area_px: discs.disc_area_px + bright.disc_area_px,
         };
-        let affordable = with.disc_area_px <= HIGHLIGHT_COVER * pixels
-            && with.discs <= HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
+        let affordable =
+            with.disc_area_px <= HIGHLIGHT_COVER * pixels && with.discs <= HIGHLIGHT_SHARE * pixels;
         if bright_step_floor(step + 1) <= requested {
             break;
         }
@@ -86,10 +86,9 @@ fn affordable(stats: &SceneStats, requested: f32) -> (f32, BrightStep) {
 /// The share of the discs of a step that the budget has room for beside `discs`.
 fn share_of(step: &BrightStep, discs: &BrightStep, stats: &SceneStats) -> f64 {
     let pixels = (stats.picture_size.0 * stats.picture_size.1) as f64;
-    let count = HIGHLIGHT_SHARE * pixels * (stats.supersample as f64).powi(2);
     let room = |budget: f64, taken: f64, asked: f64| ((budget - taken) / asked.max(1e-9)).clamp(0.0, 1.0);
     let by_area = room(HIGHLIGHT_COVER * pixels, discs.disc_area_px, step.disc_area_px);
-    let by_count = room(count, discs.discs, step.discs);
+    let by_count = room(HIGHLIGHT_SHARE * pixels, discs.discs, step.discs);
     by_area.min(by_count)
 }
 
@@ -100,12 +99,14 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     let pixels = (stats.picture_size.0 * stats.picture_size.1).max(1) as f64;
     let off = |reason: &str| {
         let all = brighter(stats, if_forced);
-        let change = match all.fragments {
-            0 => "with it, no effect: there is no disc to draw".to_owned(),
-            count => format!(
-                "with it, {count} discs with a total of {:.2} times the picture's area would be drawn",
+        let change = if all.discs > 0.0 {
+            format!(
+                "with it, about {:.0} discs with a total of {:.2} times the picture's area would be drawn",
+                all.discs.max(1.0),
                 all.disc_area_px / pixels
-            ),
+            )
+        } else {
+            "with it, no effect: there is no disc to draw".to_owned()
         };
         Effect::new(EffectKind::Highlights, false, reason, change).with_strength(if_forced)
     };
@@ -113,7 +114,7 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
         return off("switched off: highlight_threshold is 0");
     }
     let (threshold, discs) = affordable(stats, requested);
-    if discs.fragments == 0 {
+    if discs.discs <= 0.0 {
         return off(if brighter(stats, requested).fragments > 0 {
             "the bright parts are areas, not points: views are enough to render them"
         } else {
@@ -125,14 +126,19 @@ fn highlights(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     } else {
         String::new()
     };
-    let reason = format!("{} blurred fragments brighter than {threshold:.2}{raised}", discs.fragments);
+    let lights = discs.discs.max(1.0);
+    let reason = format!(
+        "{} blurred fragments brighter than {threshold:.2}{raised}, about {lights:.0} lights",
+        discs.fragments
+    );
     let change = without_discs(discs, inputs.views);
-    Effect::new(EffectKind::Highlights, true, reason, change).with_strength(threshold)
+    let effect = Effect::new(EffectKind::Highlights, true, reason, change);
+    effect.with_strength(threshold).with_strength_if_forced(requested)
 }
 
 /// What changes if `discs` are rendered by the views alone.
 fn without_discs(discs: BrightStep, views: Option<usize>) -> String {
-    let area = discs.disc_area_px / discs.fragments.max(1) as f64;
+    let area = discs.disc_area_px / discs.discs;
     let disc = format!("a disc of mean area ({area:.0} px)");
     match views {
         None => format!("without it, {disc} would be one dot per view"),

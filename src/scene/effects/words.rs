@@ -162,18 +162,28 @@ pub struct Effect {
     /// The number that the effect uses when it is on, where it has one: a strength, a weight or a threshold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub strength: Option<f32>,
+    /// The number that it uses when it is forced on, where that is another one.
+    #[serde(skip)]
+    pub(crate) strength_if_forced: Option<f32>,
 }
 
 impl Effect {
     /// A decision by the plan itself.
     pub fn new(name: EffectKind, on: bool, reason: impl Into<String>, change: impl Into<String>) -> Self {
-        Self { name, on, reason: reason.into(), change: change.into(), forced: false, strength: None }
+        let (reason, change) = (reason.into(), change.into());
+        Self { name, on, reason, change, forced: false, strength: None, strength_if_forced: None }
     }
 
     /// The decision with the number that the effect uses.
     #[must_use]
     pub fn with_strength(self, strength: f32) -> Self {
         Self { strength: Some(strength), ..self }
+    }
+
+    /// The decision with the number that the effect uses if it is forced on.
+    #[must_use]
+    pub(crate) fn with_strength_if_forced(self, strength: f32) -> Self {
+        Self { strength_if_forced: Some(strength), ..self }
     }
 
     /// Switches it at the user's request.
@@ -184,6 +194,7 @@ impl Effect {
             self.reason = format!("requested; the plan's own choice was {also}{own}: {}", self.reason);
         }
         (self.on, self.forced) = (on, true);
+        self.strength = self.strength_if_forced.filter(|_| on).or(self.strength);
     }
 }
 
