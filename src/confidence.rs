@@ -59,8 +59,12 @@ fn without_color_passes(plan: &Plan) -> Plan {
 
 /// `scene`, filled if `fill` is set, with a premultiplied red of 1 for known surfaces and of 0 for estimated ones.
 fn with_known_surfaces_white(scene: Scene, fill: bool) -> Scene {
+    // The estimated surface is the layer after the merged ones, which may be more than those of the stack.
+    let mut scene = if fill { scene.merged() } else { scene };
     let known = scene.layers.len();
-    let mut scene = if fill { scene.filled() } else { scene };
+    if fill {
+        scene = scene.filled();
+    }
     for (i, layer) in scene.layers.iter_mut().enumerate() {
         let black = || Plane::zeros(layer.width(), layer.height());
         let red = if i < known { layer.alpha.clone() } else { black() };

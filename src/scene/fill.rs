@@ -40,10 +40,13 @@ impl Scene {
     /// The scene at one sample per pixel, with an estimated surface as its last layer.
     #[must_use]
     pub fn filled(self) -> Self {
+        let has_mixed_edges = self.supersample == 1;
         let mut scene = self.merged();
         let background = scene.background.as_deref();
-        if let [picture] = &mut scene.layers[..] {
-            // Peels hold each surface's own colours; one picture with depth has mixtures of two at every edge.
+        if let [picture] = &mut scene.layers[..]
+            && has_mixed_edges
+        {
+            // Peels, and the samples of a pixel, hold each surface's own colours; one picture with depth has mixtures of two at every edge.
             replace_blurred(picture, &unmixed_colors(picture, &scene.antialiasing));
         }
         scene.layers.extend(estimated_layer(&scene.layers, background));

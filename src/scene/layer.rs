@@ -5,6 +5,10 @@ use crate::image::Plane;
 /// Fragments of at least this alpha hide everything behind them.
 pub const OPAQUE_ALPHA: f32 = 0.999;
 
+/// Largest number of layers of a scene with translucent fragments that a GPU renders: a ray remembers its last hit in each of them, in
+/// memory of fixed size.
+pub(crate) const MAX_TRANSLUCENT_LAYERS: usize = 32;
+
 /// One peel in CoC space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {

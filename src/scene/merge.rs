@@ -2,14 +2,25 @@
 //!
 //! The `S²·M` fragments of each pixel are sorted by CoC radius and grouped into clusters, nearest first. A cluster's
 //! coverage is the sum of its fragments' alpha divided by `S²`, its colour the same sum (premultiplied), its radius the mean
-//! (`1/z` is affine in `c`). If there are more clusters than layers, the least visible ones are dropped.
+//! (`1/z` is affine in `c`). A pixel keeps at most [`EXTRA_LAYERS`] clusters more than the stack has layers: if there are more, the least
+//! visible ones are dropped. There are as many layers as the pixel with the most clusters needs.
 
-use super::{Layer, Scene, surface};
+use super::{Layer, MAX_TRANSLUCENT_LAYERS, Scene, surface};
 use crate::image::Plane;
 use rayon::prelude::*;
 
 /// Largest depth of a cluster, in units of [`surface::merge_gap_px`].
 const MAX_CLUSTER_GAPS: f32 = 2.0;
+
+/// Number of layers that merging may add to those of the stack. The samples of a pixel at an edge hit different surfaces, so that a pixel
+/// has more surfaces than each of its samples.
+const EXTRA_LAYERS: usize = 2;
+
+/// Share of its alpha by which a cluster hides what is behind it, when the least visible cluster is chosen.
+///
+/// With all of it, clusters behind an opaque one would all be equally invisible. But lens rays pass beside the opaque one and hit the
+/// nearest of those behind it first.
+const HIDING_SHARE: f32 = 0.9;
 
 /// One sample of one layer.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -18,7 +29,7 @@ struct Fragment {
     alpha: f32,
     coc_px: f32,
     /// Index of its sample within the pixel.
-    sample: u32,
+    sample: usize,
 }
 
 /// Merged fragments; without coverage, an empty entry.
@@ -29,8 +40,25 @@ struct Cluster {
     coc_px: f32,
 }
 
+/// The clusters of one row of pixels, one pixel after the other, nearest first.
+#[derive(Debug, Default)]
+struct Row {
+    clusters: Vec<Cluster>,
+    /// For each pixel, the number of clusters up to and with its own.
+    ends: Vec<usize>,
+}
+
+impl Row {
+    /// The clusters of pixel `x`.
+    fn pixel(&self, x: usize) -> &[Cluster] {
+        let start = x.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.clusters[start..self.ends[x]]
+    }
+}
+
 impl Scene {
-    /// The scene at one sample per pixel: the layers of a supersampled scene become as many coverage layers; any other scene is unchanged.
+    /// The scene at one sample per pixel: the layers of a supersampled scene become coverage layers, at least one and at most as many as
+    /// [`max_merged_layers`] says; any other scene is unchanged.
     #[must_use]
     pub fn merged(self) -> Self {
         if self.supersample == 1 {
@@ -40,121 +68,175 @@ impl Scene {
     }
 }
 
-/// Merges `layers`, which have `supersample` samples per pixel along each axis, into as many coverage layers.
+/// The largest number of layers that the samples of `layers` layers are merged into.
+///
+/// A GPU follows translucent fragments through [`MAX_TRANSLUCENT_LAYERS`]: merging does not exceed that by adding layers.
+pub(super) fn max_merged_layers(layers: usize) -> usize {
+    layers.max((layers + EXTRA_LAYERS).min(MAX_TRANSLUCENT_LAYERS))
+}
+
+/// Merges `layers`, which have `supersample` samples per pixel along each axis, into coverage layers. None but the first is empty.
 fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
     let (width, height) =
         layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
-    let count = layers.len();
-    let mut clusters = vec![Cluster::default(); width * height * count];
-    clusters.par_chunks_mut((width * count).max(1)).enumerate().for_each_init(
-        Vec::new,
-        |fragments, (y, row)| {
-            for (x, pixel) in row.chunks_mut(count).enumerate() {
-                gather(layers, x, y, supersample, fragments);
-                cluster(fragments, (supersample * supersample) as f32, pixel);
-            }
-        },
-    );
-    (0..count)
-        .map(|layer| {
-            let plane = |value: &dyn Fn(&Cluster) -> f32| {
-                Plane::from_fn(width, height, |x, y| value(&clusters[(y * width + x) * count + layer]))
-            };
-            let color = std::array::from_fn(|k| plane(&|cluster| cluster.color[k]));
-            Layer { color, alpha: plane(&|cluster| cluster.alpha), coc_px: plane(&|cluster| cluster.coc_px) }
-        })
-        .collect()
+    let rows: Vec<Row> = (0..height)
+        .into_par_iter()
+        .map_init(
+            || Merger::new(supersample, max_merged_layers(layers.len())),
+            |merger, y| {
+                let mut row = Row::default();
+                for x in 0..width {
+                    merger.gather(layers, x, y);
+                    row.clusters.extend(merger.clusters());
+                    row.ends.push(row.clusters.len());
+                }
+                row
+            },
+        )
+        .collect();
+    let clusters_of = |row: &Row| (0..width).map(|x| row.pixel(x).len()).max().unwrap_or(0);
+    let count = rows.par_iter().map(clusters_of).max().unwrap_or(0).max(layers.len().min(1));
+    let layer = |layer: usize| {
+        let plane = |value: &dyn Fn(&Cluster) -> f32| {
+            Plane::from_fn(width, height, |x, y| rows[y].pixel(x).get(layer).map_or(0.0, value))
+        };
+        let color = std::array::from_fn(|k| plane(&|cluster| cluster.color[k]));
+        Layer { color, alpha: plane(&|cluster| cluster.alpha), coc_px: plane(&|cluster| cluster.coc_px) }
+    };
+    (0..count).into_par_iter().map(layer).collect()
 }
 
-/// Collects the fragments of picture pixel `x, y`, nearest first.
-fn gather(layers: &[Layer], x: usize, y: usize, supersample: usize, fragments: &mut Vec<Fragment>) {
-    fragments.clear();
-    for layer in layers {
-        for sample in 0..supersample * supersample {
-            let (sx, sy) = (x * supersample + sample % supersample, y * supersample + sample / supersample);
-            let alpha = layer.alpha.get(sx, sy);
-            if alpha > 0.0 {
-                let color = layer.color_at(sx, sy);
-                fragments.push(Fragment {
-                    color,
-                    alpha,
-                    coc_px: layer.coc_px.get(sx, sy),
-                    sample: sample as u32,
-                });
+/// Merges one pixel after another, in the same memory.
+#[derive(Debug)]
+struct Merger {
+    supersample: usize,
+    /// Most clusters of a pixel.
+    most: usize,
+    /// The fragments of the pixel, nearest first.
+    fragments: Vec<Fragment>,
+    /// For each sample of the pixel, the number of the last cluster that it is in, from 1; 0 for none.
+    last_cluster: Vec<usize>,
+}
+
+impl Merger {
+    fn new(supersample: usize, most: usize) -> Self {
+        Self { supersample, most, fragments: Vec::new(), last_cluster: vec![0; supersample * supersample] }
+    }
+
+    /// Collects the fragments of picture pixel `x, y`, nearest first.
+    fn gather(&mut self, layers: &[Layer], x: usize, y: usize) {
+        let supersample = self.supersample;
+        self.fragments.clear();
+        for layer in layers {
+            for sample in 0..supersample * supersample {
+                let (sx, sy) =
+                    (x * supersample + sample % supersample, y * supersample + sample / supersample);
+                let alpha = layer.alpha.get(sx, sy);
+                if alpha > 0.0 {
+                    let (color, coc_px) = (layer.color_at(sx, sy), layer.coc_px.get(sx, sy));
+                    self.fragments.push(Fragment { color, alpha, coc_px, sample });
+                }
             }
         }
+        self.fragments.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
     }
-    fragments.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
-}
 
-/// Groups sorted `fragments` into clusters and writes the most visible to `pixel`, nearest first; unused entries stay empty.
-fn cluster(fragments: &[Fragment], samples: f32, pixel: &mut [Cluster]) {
-    let mut kept: Vec<Cluster> = Vec::with_capacity(pixel.len() + 1);
-    let mut rest = fragments;
-    while !rest.is_empty() {
-        let count = cluster_length(rest);
-        let (own, others) = rest.split_at(count);
-        let mut sum = Cluster::default();
-        for fragment in own {
-            sum.color.iter_mut().zip(fragment.color).for_each(|(sum, value)| *sum += value / samples);
-            sum.alpha += fragment.alpha / samples;
-            sum.coc_px += fragment.coc_px / count as f32;
+    /// The clusters of the gathered fragments, nearest first: if there are too many, the most visible.
+    fn clusters(&mut self) -> Vec<Cluster> {
+        self.last_cluster.fill(0);
+        let mut kept: Vec<Cluster> = Vec::with_capacity(self.most);
+        let mut rest = self.fragments.as_slice();
+        while !rest.is_empty() {
+            let count = cluster_length(rest, kept.len() + 1, &mut self.last_cluster);
+            let (own, others) = rest.split_at(count);
+            kept.push(merged(own, self.last_cluster.len() as f32));
+            rest = others;
         }
-        kept.push(sum);
-        rest = others;
+        while kept.len() > self.most {
+            let index = least_visible(&kept);
+            kept.remove(index);
+        }
+        kept
     }
-    while kept.len() > pixel.len() {
-        let index = least_visible(&kept);
-        kept.remove(index);
-    }
-    pixel[..kept.len()].copy_from_slice(&kept);
 }
 
-/// Number of fragments, from the first on, that form one cluster.
-fn cluster_length(fragments: &[Fragment]) -> usize {
+/// The cluster of `fragments` of a pixel of so many `samples`.
+fn merged(fragments: &[Fragment], samples: f32) -> Cluster {
+    let mut sum = Cluster::default();
+    for fragment in fragments {
+        sum.color.iter_mut().zip(fragment.color).for_each(|(sum, value)| *sum += value);
+        sum.alpha += fragment.alpha;
+        sum.coc_px += fragment.coc_px;
+    }
+    Cluster {
+        color: sum.color.map(|sum| sum / samples),
+        alpha: sum.alpha / samples,
+        coc_px: sum.coc_px / fragments.len() as f32,
+    }
+}
+
+/// Number of fragments, from the first on, that form cluster number `cluster`, from 1. `last_cluster` has the last cluster of each sample.
+fn cluster_length(fragments: &[Fragment], cluster: usize, last_cluster: &mut [usize]) -> usize {
     let first = fragments[0];
     let mut last = first.coc_px;
-    let mut samples = 0u64;
     for (i, fragment) in fragments.iter().enumerate() {
         let gap = surface::merge_gap_px(fragment.coc_px);
-        // Samples past the 64th of a pixel share bits, which at worst ends a cluster early.
-        let bit = 1u64 << (fragment.sample % 64);
         if fragment.coc_px - last >= gap
             || fragment.coc_px - first.coc_px >= MAX_CLUSTER_GAPS * gap
-            || samples & bit != 0
+            || last_cluster[fragment.sample] == cluster
         {
             // Never 0: none of the conditions holds for the first fragment.
             return i;
         }
         last = fragment.coc_px;
-        samples |= bit;
+        last_cluster[fragment.sample] = cluster;
     }
     fragments.len()
 }
 
-/// Index of the cluster that contributes least behind those in front of it.
+/// Index of the cluster that contributes least behind those in front of it; of several, the farthest.
 fn least_visible(clusters: &[Cluster]) -> usize {
-    let mut transmittance = 1.0;
+    let mut passing = 1.0;
     let visibilities = clusters.iter().map(|cluster| {
-        let visibility = transmittance * cluster.alpha;
-        transmittance *= 1.0 - cluster.alpha;
+        let visibility = passing * cluster.alpha;
+        passing *= 1.0 - HIDING_SHARE * cluster.alpha;
         visibility
     });
-    visibilities.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
+    visibilities.enumerate().min_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))).map_or(0, |(i, _)| i)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn fragment(sample: u32, coc_px: f32, color: f32) -> Fragment {
+    fn fragment(sample: usize, coc_px: f32, color: f32) -> Fragment {
         Fragment { color: [color; 3], alpha: 1.0, coc_px, sample }
     }
 
-    fn clusters(fragments: &[Fragment], places: usize) -> Vec<Cluster> {
-        let mut pixel = vec![Cluster::default(); places];
-        cluster(fragments, 4.0, &mut pixel);
-        pixel
+    /// The clusters of a pixel with `supersample` samples along each axis, at most `most`.
+    fn clusters_of(fragments: &[Fragment], supersample: usize, most: usize) -> Vec<Cluster> {
+        let mut merger = Merger::new(supersample, most);
+        merger.fragments = fragments.to_vec();
+        merger.clusters()
+    }
+
+    fn clusters(fragments: &[Fragment], most: usize) -> Vec<Cluster> {
+        clusters_of(fragments, 2, most)
+    }
+
+    /// Layers of pixels with 2 × 2 samples; each layer gives the colour and the CoC radius of sample `x, y`, `None` where it is empty.
+    fn layers(width: usize, height: usize, peels: &[fn(usize, usize) -> Option<(f32, f32)>]) -> Vec<Layer> {
+        let layer = |peel: &fn(usize, usize) -> Option<(f32, f32)>| {
+            let plane = |value: fn((f32, f32)) -> f32| {
+                Plane::from_fn(2 * width, 2 * height, |x, y| peel(x, y).map_or(0.0, value))
+            };
+            Layer {
+                color: std::array::from_fn(|_| plane(|(color, _)| color)),
+                alpha: plane(|_| 1.0),
+                coc_px: plane(|(_, coc_px)| coc_px),
+            }
+        };
+        peels.iter().map(layer).collect()
     }
 
     #[test]
@@ -163,7 +245,7 @@ mod tests {
         assert_eq!(found[0].alpha, 1.0, "the whole pixel");
         assert_eq!(found[0].color, [1.5; 3], "mean colour");
         assert!((found[0].coc_px - 5.15).abs() < 1e-5, "mean radius");
-        assert_eq!(found[1], Cluster::default(), "no other cluster");
+        assert_eq!(found.len(), 1, "no other cluster");
     }
 
     #[test]
@@ -183,6 +265,22 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_is_one_cluster_however_many_samples_it_has() {
+        let surface: Vec<Fragment> = (0..81).map(|i| fragment(i, 5.0, 0.5)).collect();
+        let found = clusters_of(&surface, 9, 4);
+        assert_eq!(found.len(), 1, "81 samples");
+        assert_eq!((found[0].alpha, found[0].color[0]), (1.0, 0.5), "opaque, without rounding");
+        assert_eq!(clusters_of(&surface[..9], 3, 4)[0].alpha, 1.0, "a ninth each");
+    }
+
+    #[test]
+    fn translucent_samples_are_a_cluster_of_their_alpha() {
+        let glass = |sample| Fragment { color: [0.2; 3], alpha: 0.5, coc_px: -3.0, sample };
+        let found = clusters(&[glass(0), glass(1), glass(2), glass(3)], 2);
+        assert_eq!((found[0].alpha, found[0].color[0]), (0.5, 0.2));
+    }
+
+    #[test]
     fn the_least_visible_of_too_many_clusters_is_dropped() {
         let mut fragments: Vec<Fragment> = (0..3).map(|i| fragment(i, -20.0, 1.0)).collect();
         fragments.extend([fragment(3, 0.0, 0.5), fragment(0, 10.0, 0.2), fragment(1, 10.0, 0.2)]);
@@ -190,7 +288,56 @@ mod tests {
         assert_eq!(
             [found[0].coc_px, found[1].coc_px],
             [-20.0, 10.0],
-            "visibility: 1/16 of the one between, 3/32 of the farthest"
+            "a quarter of what passes, against a half of three quarters of it"
         );
+    }
+
+    #[test]
+    fn behind_an_opaque_cluster_the_nearest_are_kept() {
+        let at = |coc_px: f32| (0..4).map(move |i| fragment(i, coc_px, 0.5));
+        let fragments: Vec<Fragment> = at(-9.0).chain(at(-3.0)).chain(at(2.0)).chain(at(8.0)).collect();
+        let found: Vec<f32> = clusters(&fragments, 3).iter().map(|cluster| cluster.coc_px).collect();
+        assert_eq!(
+            found,
+            [-9.0, -3.0, 2.0],
+            "a ray that passes the first meets the second before the others"
+        );
+    }
+
+    #[test]
+    fn of_clusters_that_are_visible_alike_the_farthest_is_dropped() {
+        let veil = |sample, coc_px| Fragment { color: [0.0; 3], alpha: 1e-12, coc_px, sample };
+        let found: Vec<f32> = clusters(&[veil(0, 0.0), veil(1, 4.0), veil(2, 8.0)], 2)
+            .iter()
+            .map(|cluster| cluster.coc_px)
+            .collect();
+        assert_eq!(found, [0.0, 4.0]);
+    }
+
+    #[test]
+    fn a_pixel_whose_samples_see_different_surfaces_keeps_all_of_them() {
+        // Each of the four samples of pixel 0 has its own pair of surfaces; pixel 1 has one surface.
+        let near = |x: usize, y: usize| Some((0.5, if x < 2 { (4 * (x + 2 * y)) as f32 } else { 20.0 }));
+        let far = |x: usize, y: usize| (x < 1).then_some((0.5, 30.0 + (10 * y) as f32));
+        let found = merge(&layers(2, 1, &[near, far]), 2);
+        assert_eq!(found.len(), 4, "two more than the stack has");
+        let cocs: Vec<f32> = found.iter().map(|layer| layer.coc_px.get(0, 0)).collect();
+        assert_eq!(cocs, [0.0, 4.0, 8.0, 12.0], "the four that are seen, not the two behind them");
+        assert_eq!(found.iter().map(|layer| layer.alpha.get(1, 0)).collect::<Vec<_>>(), [1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn no_layer_is_made_that_no_pixel_needs() {
+        let wall = |_, _| Some((0.5, 3.0));
+        let nothing = |_, _| None;
+        assert_eq!(merge(&layers(3, 2, &[wall, nothing, nothing]), 2).len(), 1);
+        assert_eq!(merge(&layers(3, 2, &[nothing, nothing]), 2).len(), 1, "a scene has at least one layer");
+        assert_eq!(merge(&layers(3, 2, &[wall, |_, _| Some((0.5, 9.0))]), 2).len(), 2);
+        assert_eq!(merge(&[], 2).len(), 0);
+    }
+
+    #[test]
+    fn merging_adds_no_layers_that_a_gpu_cannot_follow() {
+        assert_eq!([1, 4, 30, 31, 32, 40].map(max_merged_layers), [3, 6, 32, 32, 32, 40]);
     }
 }

@@ -28,6 +28,7 @@ pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, FrameNumber, focus_distance};
+pub(crate) use layer::MAX_TRANSLUCENT_LAYERS;
 pub use layer::{Layer, OPAQUE_ALPHA};
 pub use peel_stats::PeelStats;
 pub use stats::SceneStats;

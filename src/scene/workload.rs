@@ -3,6 +3,7 @@
 //! Figures are per picture pixel, not per sample, because a supersampled stack is merged before most methods read it.
 
 use super::bright::bright_step_floor;
+use super::merge::max_merged_layers;
 use super::spread::{Block, Blocks, COC_STEPS, coc_step};
 use super::stats::SceneStats;
 use std::f64::consts::PI;
@@ -60,6 +61,11 @@ impl<'a> Workload<'a> {
     /// Number of layers of the stack.
     pub fn layers(&self) -> f64 {
         self.stats.layers as f64
+    }
+
+    /// Number of layers at one sample per pixel: of a supersampled stack the most that its samples are merged into.
+    pub fn merged_layers(&self) -> f64 {
+        if self.stats.supersample > 1 { max_merged_layers(self.stats.layers) as f64 } else { self.layers() }
     }
 
     /// Number of samples of all layers.

@@ -15,11 +15,10 @@ use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, MAX_TRANSLUCENT_LAYERS, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds,
-    has_translucent, picture_of_batches,
+    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, has_translucent, picture_of_batches,
 };
 use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX, ROUGHNESS, SAME_HIT_PX};
-use crate::scene::{Layer, OPAQUE_ALPHA, Scene};
+use crate::scene::{Layer, MAX_TRANSLUCENT_LAYERS, OPAQUE_ALPHA, Scene};
 use glam::Vec2;
 use std::ops::Range;
 

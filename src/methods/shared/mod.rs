@@ -62,4 +62,4 @@ pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]
 pub(super) use sub_images::{Matting, SUB_IMAGES_WGSL};
 #[cfg(feature = "gpu")]
-pub(super) use translucency::{MAX_TRANSLUCENT_LAYERS, has_translucent};
+pub(super) use translucency::has_translucent;

@@ -1,11 +1,8 @@
 //! Translucent scenes on a GPU: a ray remembers its last hit in each layer, in memory of fixed size.
 
 use crate::error::Error;
-use crate::scene::{Layer, OPAQUE_ALPHA};
+use crate::scene::{Layer, MAX_TRANSLUCENT_LAYERS, OPAQUE_ALPHA};
 use std::borrow::Borrow;
-
-/// Largest number of layers of a scene with translucent fragments.
-pub(in crate::methods) const MAX_TRANSLUCENT_LAYERS: usize = 32;
 
 /// Whether some fragment of `layers` is translucent.
 ///

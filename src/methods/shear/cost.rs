@@ -21,7 +21,7 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels × layers", 18.173, workload.pixels() * workload.layers()),
+            term("pixels × layers", 18.173, workload.pixels() * workload.merged_layers()),
             term("samples to merge", 23.505, workload.merged()),
             term("pixels to fill", 221.605, fill),
             term("pixels × views", 0.738, workload.pixels() * views),

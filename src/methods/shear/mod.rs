@@ -10,7 +10,7 @@
 //! | pass | module | does |
 //! | --- | --- | --- |
 //! | highlights | [`lights`] | removes bright points, which are drawn as exact discs |
-//! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage peels |
+//! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage layers, as many as the pixels need |
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |

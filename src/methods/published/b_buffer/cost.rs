@@ -13,10 +13,10 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Planes,
         [
             term("pixels", 16.097, pixels),
-            term("pixels × layers", 2.996, pixels * workload.layers()),
+            term("pixels × layers", 2.996, pixels * workload.merged_layers()),
             term("samples to merge", 18.234, workload.merged()),
             term("pixels × levels", 3.650, pixels * levels),
-            term("pixels × layers × levels", 1.572, pixels * workload.layers() * levels),
+            term("pixels × layers × levels", 1.572, pixels * workload.merged_layers() * levels),
         ],
     )
 }

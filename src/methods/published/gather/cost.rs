@@ -19,7 +19,7 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Rows,
         [
             term("pixels", 30.065, pixels),
-            term("pixels × layers", 2.067, pixels * workload.layers()),
+            term("pixels × layers", 2.067, pixels * workload.merged_layers()),
             term("samples to merge", 21.452, workload.merged()),
             term("pixels × near levels", 4.943, pixels * levels),
             term("pixels visited", 1.080, workload.reached(visited)),

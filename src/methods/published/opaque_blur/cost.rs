@@ -14,7 +14,7 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Planes,
         [
             term("pixels", 7.764, workload.pixels()),
-            term("pixels × layers", 2.365, workload.pixels() * workload.layers()),
+            term("pixels × layers", 2.365, workload.pixels() * workload.merged_layers()),
             term("samples to merge", 19.818, workload.merged()),
             term("pixels × sub-images", 10.943, composited),
         ],

@@ -15,7 +15,7 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Planes,
         [
             term("pixels", 16.145, workload.pixels()),
-            term("pixels × layers", 3.388, workload.pixels() * workload.layers()),
+            term("pixels × layers", 3.388, workload.pixels() * workload.merged_layers()),
             term("samples to merge", 21.806, workload.merged()),
             term("area of pyramids", 25.156, blurred),
         ],

@@ -18,7 +18,7 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Rows,
         [
             term("pixels", 40.954, pixels),
-            term("pixels × layers", 1.789, pixels * workload.layers()),
+            term("pixels × layers", 1.789, pixels * workload.merged_layers()),
             term("samples to merge", 19.318, workload.merged()),
             term("rows of sprites", 2.297, rows),
             term("rows of spans", 68.013, spans / front * rows),

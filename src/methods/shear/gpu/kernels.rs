@@ -1,12 +1,12 @@
 //! The shader of `shear`, and the constants and structures that it shares with the program.
 
 use crate::gpu::{Constant, Mirrored, Shader, mirrored};
-use crate::methods::shared::MAX_TRANSLUCENT_LAYERS;
 use crate::methods::shear::bins::LEVELS;
 use crate::methods::shear::bins::MAX_BINS;
 use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
 use crate::methods::shear::paint::MIN_TRANSMITTANCE;
 use crate::methods::shear::sums::MIN_HIT_VIEWS;
+use crate::scene::MAX_TRANSLUCENT_LAYERS;
 
 /// The shader.
 pub(super) static SHADER: Shader = Shader {
