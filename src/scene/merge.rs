@@ -2,8 +2,9 @@
 //!
 //! The `S²·M` fragments of each pixel are sorted by CoC radius and grouped into clusters, nearest first. A cluster's
 //! coverage is the sum of its fragments' alpha divided by `S²`, its colour the same sum (premultiplied), its radius the mean
-//! (`1/z` is affine in `c`). A pixel keeps at most [`EXTRA_LAYERS`] clusters more than the stack has layers: if there are more, the least
-//! visible ones are dropped. There are as many layers as the pixel with the most clusters needs.
+//! (`1/z` is affine in `c`). Fragments at infinity are the background, which continues behind whatever hides it from other samples: they
+//! make one cluster, the last, with the opacity of the background and not with its share of the pixel. A pixel keeps at most [`EXTRA_LAYERS`] clusters more than the stack has layers: if there are more, the least
+//! visible ones surfaces are dropped, never the background. There are as many layers as the pixel with the most clusters needs.
 
 use super::{Layer, MAX_TRANSLUCENT_LAYERS, Scene, surface};
 use crate::image::Plane;
@@ -40,6 +41,38 @@ struct Cluster {
     coc_px: f32,
 }
 
+/// What one sample of a pixel shows of the background.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Backdrop {
+    /// Its fragments at infinity, composited; premultiplied.
+    color: [f32; 3],
+    /// Their alpha; 0 without any.
+    alpha: f32,
+    /// Share of the light that passes all surfaces.
+    passing: f32,
+}
+
+impl Default for Backdrop {
+    fn default() -> Self {
+        Self { color: [0.0; 3], alpha: 0.0, passing: 1.0 }
+    }
+}
+
+impl Backdrop {
+    /// Adds a fragment at infinity behind those before it.
+    fn add(&mut self, color: [f32; 3], alpha: f32) {
+        let rest = 1.0 - self.alpha;
+        self.color.iter_mut().zip(color).for_each(|(sum, value)| *sum += rest * value);
+        self.alpha += rest * alpha;
+    }
+
+    /// How much this sample says of the background's opacity: all where it is seen or where nothing else is, and nothing where the
+    /// sample's surfaces end without it.
+    fn weight(&self) -> f32 {
+        self.passing.max(self.alpha)
+    }
+}
+
 /// The clusters of one row of pixels, one pixel after the other, nearest first.
 #[derive(Debug, Default)]
 struct Row {
@@ -64,7 +97,9 @@ impl Scene {
         if self.supersample == 1 {
             return self;
         }
-        Self { layers: merge(&self.layers, self.supersample), supersample: 1, ..self }
+        // A closed lens has every fragment at one radius, and no infinity.
+        let infinity_px = if self.coc_infinity_px > 0.0 { self.coc_infinity_px } else { f32::INFINITY };
+        Self { layers: merge(&self.layers, self.supersample, infinity_px), supersample: 1, ..self }
     }
 }
 
@@ -75,14 +110,15 @@ pub(super) fn max_merged_layers(layers: usize) -> usize {
     layers.max((layers + EXTRA_LAYERS).min(MAX_TRANSLUCENT_LAYERS))
 }
 
-/// Merges `layers`, which have `supersample` samples per pixel along each axis, into coverage layers. None but the first is empty.
-fn merge(layers: &[Layer], supersample: usize) -> Vec<Layer> {
+/// Merges `layers`, which have `supersample` samples per pixel along each axis, into coverage layers. Fragments of the CoC radius
+/// `infinity_px` are background. No layer but the first is empty.
+fn merge(layers: &[Layer], supersample: usize, infinity_px: f32) -> Vec<Layer> {
     let (width, height) =
         layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
     let rows: Vec<Row> = (0..height)
         .into_par_iter()
         .map_init(
-            || Merger::new(supersample, max_merged_layers(layers.len())),
+            || Merger::new(supersample, max_merged_layers(layers.len()), infinity_px),
             |merger, y| {
                 let mut row = Row::default();
                 for x in 0..width {
@@ -116,17 +152,30 @@ struct Merger {
     fragments: Vec<Fragment>,
     /// For each sample of the pixel, the number of the last cluster that it is in, from 1; 0 for none.
     last_cluster: Vec<usize>,
+    /// CoC radius of background.
+    infinity_px: f32,
+    /// The background in each sample of the pixel.
+    backdrops: Vec<Backdrop>,
 }
 
 impl Merger {
-    fn new(supersample: usize, most: usize) -> Self {
-        Self { supersample, most, fragments: Vec::new(), last_cluster: vec![0; supersample * supersample] }
+    fn new(supersample: usize, most: usize, infinity_px: f32) -> Self {
+        let samples = supersample * supersample;
+        Self {
+            supersample,
+            most,
+            fragments: Vec::new(),
+            last_cluster: vec![0; samples],
+            infinity_px,
+            backdrops: vec![Backdrop::default(); samples],
+        }
     }
 
     /// Collects the fragments of picture pixel `x, y`, nearest first.
     fn gather(&mut self, layers: &[Layer], x: usize, y: usize) {
         let supersample = self.supersample;
         self.fragments.clear();
+        self.backdrops.fill(Backdrop::default());
         for layer in layers {
             for sample in 0..supersample * supersample {
                 let (sx, sy) =
@@ -134,14 +183,41 @@ impl Merger {
                 let alpha = layer.alpha.get(sx, sy);
                 if alpha > 0.0 {
                     let (color, coc_px) = (layer.color_at(sx, sy), layer.coc_px.get(sx, sy));
-                    self.fragments.push(Fragment { color, alpha, coc_px, sample });
+                    self.add(Fragment { color, alpha, coc_px, sample });
                 }
             }
         }
         self.fragments.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
     }
 
-    /// The clusters of the gathered fragments, nearest first: if there are too many, the most visible.
+    /// Adds a fragment to the surfaces of the pixel or to its background.
+    fn add(&mut self, fragment: Fragment) {
+        let backdrop = &mut self.backdrops[fragment.sample];
+        if fragment.coc_px == self.infinity_px {
+            backdrop.add(fragment.color, fragment.alpha);
+        } else {
+            backdrop.passing *= 1.0 - fragment.alpha;
+            self.fragments.push(fragment);
+        }
+    }
+
+    /// The background of the pixel, as opaque as the samples that say so show it; `None` where none does.
+    fn background(&self) -> Option<Cluster> {
+        if self.backdrops.iter().all(|backdrop| backdrop.alpha <= 0.0) {
+            return None;
+        }
+        let (mut sum, mut weights) = (Cluster::default(), 0.0);
+        for backdrop in &self.backdrops {
+            let weight = backdrop.weight();
+            sum.color.iter_mut().zip(backdrop.color).for_each(|(sum, value)| *sum += weight * value);
+            sum.alpha += weight * backdrop.alpha;
+            weights += weight;
+        }
+        let color = sum.color.map(|sum| sum / weights);
+        Some(Cluster { color, alpha: sum.alpha / weights, coc_px: self.infinity_px })
+    }
+
+    /// The clusters of the gathered fragments, nearest first: if there are too many, the most visible, and always the background.
     fn clusters(&mut self) -> Vec<Cluster> {
         self.last_cluster.fill(0);
         let mut kept: Vec<Cluster> = Vec::with_capacity(self.most);
@@ -152,10 +228,12 @@ impl Merger {
             kept.push(merged(own, self.last_cluster.len() as f32));
             rest = others;
         }
-        while kept.len() > self.most {
+        let background = self.background();
+        while kept.len() + usize::from(background.is_some()) > self.most {
             let index = least_visible(&kept);
             kept.remove(index);
         }
+        kept.extend(background);
         kept
     }
 }
@@ -209,14 +287,17 @@ fn least_visible(clusters: &[Cluster]) -> usize {
 mod tests {
     use super::*;
 
+    /// CoC radius of background.
+    const INFINITY_PX: f32 = 50.0;
+
     fn fragment(sample: usize, coc_px: f32, color: f32) -> Fragment {
         Fragment { color: [color; 3], alpha: 1.0, coc_px, sample }
     }
 
     /// The clusters of a pixel with `supersample` samples along each axis, at most `most`.
     fn clusters_of(fragments: &[Fragment], supersample: usize, most: usize) -> Vec<Cluster> {
-        let mut merger = Merger::new(supersample, most);
-        merger.fragments = fragments.to_vec();
+        let mut merger = Merger::new(supersample, most, INFINITY_PX);
+        fragments.iter().for_each(|&fragment| merger.add(fragment));
         merger.clusters()
     }
 
@@ -319,7 +400,7 @@ mod tests {
         // Each of the four samples of pixel 0 has its own pair of surfaces; pixel 1 has one surface.
         let near = |x: usize, y: usize| Some((0.5, if x < 2 { (4 * (x + 2 * y)) as f32 } else { 20.0 }));
         let far = |x: usize, y: usize| (x < 1).then_some((0.5, 30.0 + (10 * y) as f32));
-        let found = merge(&layers(2, 1, &[near, far]), 2);
+        let found = merge(&layers(2, 1, &[near, far]), 2, INFINITY_PX);
         assert_eq!(found.len(), 4, "two more than the stack has");
         let cocs: Vec<f32> = found.iter().map(|layer| layer.coc_px.get(0, 0)).collect();
         assert_eq!(cocs, [0.0, 4.0, 8.0, 12.0], "the four that are seen, not the two behind them");
@@ -327,13 +408,54 @@ mod tests {
     }
 
     #[test]
+    fn the_background_continues_behind_a_surface_that_covers_part_of_the_pixel() {
+        let edge = [fragment(0, -9.0, 1.0), fragment(1, -9.0, 1.0), fragment(2, -9.0, 1.0)];
+        let sky = |sample| fragment(sample, INFINITY_PX, 0.5);
+        for shown in [vec![sky(3)], vec![sky(2), sky(3)], vec![sky(0), sky(1), sky(2), sky(3)]] {
+            let found = clusters(&[&edge[..], &shown].concat(), 4);
+            let alphas: Vec<f32> = found.iter().map(|cluster| cluster.alpha).collect();
+            assert_eq!((alphas, found[1].color[0]), (vec![0.75, 1.0], 0.5), "whoever records it");
+        }
+    }
+
+    #[test]
+    fn the_background_is_as_opaque_as_it_is_seen() {
+        let haze = |sample| Fragment { color: [0.1; 3], alpha: 0.25, coc_px: INFINITY_PX, sample };
+        let alone = clusters(&[haze(0), haze(1), haze(2), haze(3)], 4);
+        assert_eq!((alone[0].alpha, alone[0].color[0]), (0.25, 0.1), "in every sample");
+        let half = clusters(&[fragment(0, INFINITY_PX, 0.5), fragment(1, INFINITY_PX, 0.5)], 4);
+        assert_eq!((half[0].alpha, half[0].color[0]), (0.5, 0.25), "nothing is in the other samples");
+        // A trace of it in a sample that a surface hides changes little.
+        let mut trace: Vec<Fragment> = (1..4).map(|i| fragment(i, INFINITY_PX, 0.5)).collect();
+        trace.extend([fragment(0, 2.0, 1.0), Fragment { alpha: 1e-3, ..fragment(0, INFINITY_PX, 5e-4) }]);
+        let found = clusters(&trace, 4);
+        assert!((found[1].alpha - 1.0).abs() < 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn the_background_is_neither_merged_with_a_surface_nor_dropped_for_one() {
+        let far: Vec<Fragment> = (0..3).map(|i| fragment(i, INFINITY_PX - 0.1, 1.0)).collect();
+        let found = clusters(&[&far[..], &[fragment(3, INFINITY_PX, 0.5)]].concat(), 4);
+        assert_eq!([found[0].alpha, found[1].alpha], [0.75, 1.0], "a tenth of a pixel before it");
+        let at = |coc_px: f32| (0..4).map(move |i| fragment(i, coc_px, 0.5));
+        let many: Vec<Fragment> =
+            at(-9.0).chain(at(-3.0)).chain(at(2.0)).chain([fragment(0, INFINITY_PX, 0.5)]).collect();
+        let cocs: Vec<f32> = clusters(&many, 3).iter().map(|cluster| cluster.coc_px).collect();
+        assert_eq!(cocs, [-9.0, -3.0, INFINITY_PX], "behind three opaque surfaces");
+    }
+
+    #[test]
     fn no_layer_is_made_that_no_pixel_needs() {
         let wall = |_, _| Some((0.5, 3.0));
         let nothing = |_, _| None;
-        assert_eq!(merge(&layers(3, 2, &[wall, nothing, nothing]), 2).len(), 1);
-        assert_eq!(merge(&layers(3, 2, &[nothing, nothing]), 2).len(), 1, "a scene has at least one layer");
-        assert_eq!(merge(&layers(3, 2, &[wall, |_, _| Some((0.5, 9.0))]), 2).len(), 2);
-        assert_eq!(merge(&[], 2).len(), 0);
+        assert_eq!(merge(&layers(3, 2, &[wall, nothing, nothing]), 2, INFINITY_PX).len(), 1);
+        assert_eq!(
+            merge(&layers(3, 2, &[nothing, nothing]), 2, INFINITY_PX).len(),
+            1,
+            "a scene has at least one layer"
+        );
+        assert_eq!(merge(&layers(3, 2, &[wall, |_, _| Some((0.5, 9.0))]), 2, INFINITY_PX).len(), 2);
+        assert_eq!(merge(&[], 2, INFINITY_PX).len(), 0);
     }
 
     #[test]

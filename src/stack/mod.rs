@@ -4,6 +4,7 @@
 //! the file ([`Stack::convention`]). Every conclusion that a file does not state is reported as a [`Finding`].
 
 mod antialiasing;
+mod background_share;
 mod camera;
 mod carried;
 mod chunks;

@@ -7,8 +7,8 @@ use super::kind::Announced;
 use super::layers::{self, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
-    Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, camera, carried, cryptomatte, kind, names,
-    order, picture, rim_depth,
+    Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, background_share, camera, carried,
+    cryptomatte, kind, names, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -188,12 +188,17 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         return Err(in_file(no_depth_at_all()));
     }
     findings.extend(convention::doubt(conclusion, depth_range));
-    findings.extend(rim_depth::complete(&mut peels, convention));
-    findings.extend(order::sort(&mut peels, convention));
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
+    if announced.kind != Some(StackKind::Coverage) {
+        findings.extend(rim_depth::complete(&mut peels, convention));
+    }
+    findings.extend(order::sort(&mut peels, convention));
     let (kind, antialiasing, finding) = kind::conclude(&peels, convention, announced).map_err(in_file)?;
     findings.push(finding);
+    if supersample == 1 {
+        findings.extend(background_share::complete(&mut peels, convention, &antialiasing));
+    }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();
     if options.carry == Carry::None {

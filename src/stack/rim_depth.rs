@@ -2,7 +2,8 @@
 //!
 //! A renderer that filters colour and alpha does not filter depth: at a surface's rim, where the pixel's centre misses it, there is
 //! colour without depth. Sky that shares a pixel with a surface looks the same. Each fragment is decided by what is beside it: it is
-//! sky where the sky goes on, in its peel or a nearer one, or where it is one of a wide area far from surfaces; else it has the depth
+//! sky where the sky goes on, in its peel or a nearer one, where it is one of a wide area far from surfaces, or where it is exactly what the
+//! fragments before it leave of the pixel; else it has the depth
 //! of the nearest surface of its peel, or, where there is none, of the fragment before it in its pixel.
 //!
 //! Cost: one read of alpha and depth, and some sixty samples for each such fragment.
@@ -16,6 +17,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Sets the depth of fragments of fractional alpha and background depth that belong to a surface, and says so.
+///
+/// Not for peels that are known to be coverage: a fragment of theirs has background depth only if all its samples are background.
 pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> Option<Finding> {
     let foreground = foreground(convention);
     let (mut completed, mut kept) = (0, 0);
@@ -87,6 +90,9 @@ fn surface_depths(
 ) -> Vec<Option<f32>> {
     let Some((peel, before)) = peels.split_last() else { return Vec::new() };
     let width = peel.alpha.width();
+    for &(x, y) in depthless {
+        sky[y * width + x] |= is_the_rest(peel, before, x, y);
+    }
     let mut depths: Vec<Option<f32>> =
         depthless.par_iter().map(|&(x, y)| nearest_depth(peel, foreground, x, y)).collect();
     for (&(x, y), depth) in depthless.iter().zip(&mut depths) {
@@ -110,10 +116,21 @@ fn surface_depths(
 }
 
 /// The places within `reach` of one, in the picture.
-fn around(peel: &Peel, x: usize, y: usize, reach: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+pub(super) fn around(
+    peel: &Peel,
+    x: usize,
+    y: usize,
+    reach: usize,
+) -> impl Iterator<Item = (usize, usize)> + use<> {
     let within = |at: usize, size: usize| at.saturating_sub(reach)..(at + reach + 1).min(size);
     let (columns, rows) = (within(x, peel.alpha.width()), within(y, peel.alpha.height()));
     rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+}
+
+/// Whether the alpha of a fragment is what those `before` it leave of the pixel, as it is in coverage peels.
+fn is_the_rest(peel: &Peel, before: &[Peel], x: usize, y: usize) -> bool {
+    let sum: f32 = before.iter().map(|peel| peel.alpha.get(x, y)).sum();
+    sum > ALPHA_ROUNDING && (sum + peel.alpha.get(x, y) - 1.0).abs() <= ALPHA_ROUNDING
 }
 
 /// Whether all eight samples around a place have a fragment of background depth.
@@ -178,6 +195,18 @@ mod tests {
         let front = peel(&[(1.0, 2.0), (0.5, 2.0), (1.0, SKY)]);
         let behind = peel(&[(1.0, 4.0), (0.5, SKY), EMPTY]);
         assert_eq!(completed(vec![front, behind]), [4.0, SKY, SKY], "it goes on in the nearer peel");
+    }
+
+    #[test]
+    fn what_the_fragments_before_it_leave_of_a_pixel_is_sky() {
+        let front = peel(&[(1.0, 2.0), (0.25, 2.0), (1.0, 2.0)]);
+        let behind = |alpha| peel(&[(1.0, 4.0), (alpha, SKY), (1.0, 4.0)]);
+        assert_eq!(completed(vec![front.clone(), behind(0.75)])[1], SKY, "no sky beside it");
+        assert_eq!(
+            completed(vec![front, behind(0.5)])[1],
+            4.0,
+            "half of a pixel of which three quarters are left"
+        );
     }
 
     #[test]
