@@ -8,11 +8,12 @@ use fixtures::{Part, exr_bytes, exr_bytes_displayed, failure, failure_with, sour
 use half::f16;
 use std::path::Path;
 use thinlens::error::ErrorKind;
-use thinlens::render::{Job, prepare_stack};
-use thinlens::settings::{DepthConvention, Focus};
+use thinlens::image::{Image, Plane};
+use thinlens::render::{Job, prepare_stack, render_stack};
+use thinlens::settings::{DepthConvention, Effort, Focus, Values};
 use thinlens::stack::{
-    Antialiasing, Carry, ColorRange, Precision, ReadOptions, Source, Stack, StackKind, Window, read,
-    read_picture,
+    Antialiasing, Carry, ColorRange, Frame, Peel, Precision, ReadOptions, Source, Stack, StackKind, Window,
+    read, read_picture,
 };
 
 /// `[r, g, b, a, depth]` of every peel at the top left pixel.
@@ -380,6 +381,156 @@ fn a_kind_in_the_header_holds_everywhere_unless_the_user_sets_another() {
     let error = failure(exr_bytes(vec![part("beauty")]));
     assert_eq!(error.kind(), ErrorKind::Settings);
     assert!(error.to_string().contains("2 peels"), "{error}");
+}
+
+/// A stack of one row per peel of `(colour, alpha, depth)`, repeated over `HEIGHT` rows.
+fn rows_of(peels: &[Vec<(f32, f32, f32)>], kind: Option<StackKind>) -> Stack {
+    const HEIGHT: usize = 24;
+    let peel = |row: &Vec<(f32, f32, f32)>| {
+        let plane =
+            |value: fn((f32, f32, f32)) -> f32| Plane::from_fn(row.len(), HEIGHT, |x, _| value(row[x]));
+        Peel {
+            color: std::array::from_fn(|_| plane(|fragment| fragment.0)),
+            alpha: plane(|fragment| fragment.1),
+            depth: plane(|fragment| fragment.2),
+        }
+    };
+    let options = ReadOptions { kind, ..ReadOptions::default() };
+    Stack::from_peels(peels.iter().map(peel).collect(), Frame::from_size(peels[0].len(), HEIGHT), &options)
+        .expect("it is a stack")
+}
+
+/// The picture of `stack` by `method`, in focus at `focus`.
+fn picture(stack: &Stack, method: &str, focus: f32) -> Image {
+    let values = Values {
+        method: Some(method.to_owned()),
+        f_number: Some(1.0),
+        focal_length_mm: Some(200.0),
+        focus: Some(Focus::Distance(focus)),
+        effort: Some(Effort::Views(64)),
+        ..Values::default()
+    };
+    render_stack(stack.clone(), &Job::default().with_values(values), &|_| {}).expect("it is rendered").image
+}
+
+#[test]
+fn the_sky_continues_behind_the_edge_of_an_object_whatever_share_of_the_pixel_it_is_given() {
+    const WIDTH: usize = 48;
+    const EDGE: usize = 24;
+    const SKY: f32 = 0.75;
+    let empty = (0.0, 0.0, 1e10);
+    for share in [0.25, 0.5, 0.75] {
+        let object = |x| if x < EDGE { (0.25, 1.0, 4.0) } else { (0.25 * share, share, 4.0) };
+        let front = (0..WIDTH).map(|x| if x <= EDGE { object(x) } else { (SKY, 1.0, 1e10) });
+        let front: Vec<_> = front.collect();
+        let with_sky = |alpha: f32| {
+            let row = (0..WIDTH).map(|x| if x == EDGE { (SKY * alpha, alpha, 1e10) } else { empty });
+            vec![front.clone(), row.collect()]
+        };
+        for kind in [Some(StackKind::Coverage), None] {
+            let [whole, part] = [1.0, 1.0 - share].map(|alpha| rows_of(&with_sky(alpha), kind));
+            for method in ["shear", "accumulate", "layer-rays"] {
+                for focus in [4.0, 1000.0] {
+                    let [whole, part] = [&whole, &part].map(|stack| picture(stack, method, focus));
+                    assert_eq!(part, whole, "{method}, focus at {focus}, share {share}, {kind:?}");
+                }
+            }
+            // In focus the pixel is the object by its share and the sky by the rest.
+            let pixel = picture(&part, "shear", 4.0).pixel(EDGE, 12);
+            let expected = share * 0.25 + (1.0 - share) * SKY;
+            assert!((pixel[0] - expected).abs() < 1e-3 && pixel[3] > 0.999, "{pixel:?}, expected {expected}");
+        }
+    }
+}
+
+/// Channels of two point-sampled peels of 4 × 2 pixels, and a beauty in the group `beauty`, if it has a name.
+fn with_beauty(beauty: &str) -> String {
+    let peels = "Peel0.Combined.R=0.5 Peel0.Combined.G=0.5 Peel0.Combined.B=0.5 Peel0.Combined.A=1 Peel0.Depth.Z=2 \
+                 Peel1.Combined.R=0.2 Peel1.Combined.G=0.2 Peel1.Combined.B=0.2 Peel1.Combined.A=1 Peel1.Depth.Z=5";
+    if beauty.is_empty() {
+        peels.to_owned()
+    } else {
+        format!("{peels} {beauty}.R=0.25 {beauty}.G=0.25 {beauty}.B=0.25 {beauty}.A=1")
+    }
+}
+
+#[test]
+fn the_beauty_of_peel_0_is_taken_from_its_group_and_no_other() {
+    let stack = stack_of(vec![Part::flat((4, 2), &with_beauty("Peel0.Beauty"))]);
+    assert_eq!((stack.peels.len(), stack.peels[0].color[0].get(3, 1)), (2, 0.25));
+    assert_eq!(stack.antialiasing, Antialiasing::AVERAGES, "the colours of peel 0 are averages");
+    assert!(stack.findings.iter().any(|finding| finding.about == "beauty"), "{:?}", stack.findings);
+    assert!(stack.carried.channels.is_empty(), "it is part of the stack");
+    for other in ["Beauty", "Peel1.Beauty", "ViewLayer.Beauty"] {
+        let stack = stack_of(vec![Part::flat((4, 2), &with_beauty(other))]);
+        assert_eq!(stack.peels[0].color[0].get(3, 1), 0.5, "{other} is carried");
+        assert_eq!(stack.carried.channels.len(), 4, "{other} is carried");
+    }
+}
+
+#[test]
+fn a_beauty_file_replaces_the_colour_of_peel_0_and_mistakes_say_what_to_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str, size, channels: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, exr_bytes(vec![Part::flat(size, channels)])).expect("it is written");
+        path
+    };
+    let read_with = |path: std::path::PathBuf, supersample| {
+        let options = ReadOptions { beauty: Some(path), supersample, ..ReadOptions::default() };
+        read(&[source(exr_bytes(vec![Part::flat((4, 2), &with_beauty(""))]))], &options)
+    };
+    let beauty = file("beauty.exr", (4, 2), "R=0.75 G=0.75 B=0.75 Z=2");
+    let stack = read_with(beauty.clone(), None).expect("it is read");
+    assert_eq!((stack.peels[0].color[2].get(0, 0), stack.peels[1].color[2].get(0, 0)), (0.75, 0.2));
+    let refused = |path, supersample| read_with(path, supersample).expect_err("it is refused").to_string();
+    assert!(refused(file("small.exr", (2, 1), "R=1 G=1 B=1"), None).contains("not of the frame"));
+    assert!(refused(file("depth.exr", (4, 2), "Z=1"), None).contains("no colour channels"));
+    assert!(refused(folder.path().join("none.exr"), None).contains("none.exr"));
+    assert!(refused(beauty, Some(2)).contains("leave out `beauty`"));
+}
+
+#[test]
+fn in_focus_the_picture_of_point_samples_with_their_beauty_is_the_beauty() {
+    const WIDTH: usize = 48;
+    /// Place of the edge in pixels: it covers 0.3 of pixel 20.
+    const EDGE: f32 = 20.3;
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("beauty.exr");
+    // An edge between two surfaces in focus, far from a surface that is not; a light in the first surface.
+    let point = |x: usize| match x {
+        5 => 40.0,
+        _ if (x as f32 + 0.5) < EDGE => 0.8,
+        _ => 0.2,
+    };
+    let covered = |x: usize| (EDGE - x as f32).clamp(0.0, 1.0);
+    let box_filtered: Vec<f32> =
+        (0..WIDTH).map(|x| if x == 5 { 20.0 } else { 0.2 + 0.6 * covered(x) }).collect();
+    let rows = || FlatSamples::F32(box_filtered.repeat(24));
+    let part = Part::flat((WIDTH, 24), "R=0").with("R", rows()).with("G", rows()).with("B", rows());
+    std::fs::write(&path, exr_bytes(vec![part])).expect("it is written");
+    let near = |x: usize| if x == 46 { 3.99 } else { 4.0 };
+    let channel =
+        |value: &dyn Fn(usize) -> f32| FlatSamples::F32((0..WIDTH).map(value).collect::<Vec<_>>().repeat(24));
+    let mut peels = Part::flat((WIDTH, 24), "peel0.A=1 peel1.R=0 peel1.G=0 peel1.B=0 peel1.A=0 peel1.Z=9");
+    for name in ["peel0.R", "peel0.G", "peel0.B"] {
+        peels = peels.with(name, channel(&point));
+    }
+    let bytes = exr_bytes(vec![peels.with("peel0.Z", channel(&near))]);
+    let options = ReadOptions { beauty: Some(path), ..ReadOptions::default() };
+    let stack = read(&[source(bytes)], &options).expect("it is read");
+    assert_eq!(stack.peels[0].color[0].get(5, 0), 40.0, "the light is that of the peel, bit for bit");
+    for method in ["shear", "accumulate", "gather", "layer-rays"] {
+        let image = picture(&stack, method, 4.0);
+        for x in (8..44).step_by(3).chain(19..22) {
+            let found = image.pixel(x, 12)[0];
+            assert!(
+                (found - box_filtered[x]).abs() < 1e-4,
+                "{method}, column {x}: {found}, {}",
+                box_filtered[x]
+            );
+        }
+    }
 }
 
 #[test]

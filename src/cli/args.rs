@@ -238,6 +238,13 @@ pub(super) fn stack_job(
     })
 }
 
+impl JobArgs {
+    /// Every file that the flags name to be read.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        self.input.files().cloned().chain(self.lens.settings.values().beauty).collect()
+    }
+}
+
 impl InputArgs {
     fn read_options(&self, carry: Carry) -> ReadOptions {
         ReadOptions {

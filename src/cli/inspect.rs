@@ -59,7 +59,7 @@ struct Inspected {
 pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
     if let Some(path) = &args.overlay {
         checks::png(path)?;
-        checks::output(path, args.job.input.files())?;
+        checks::output(path, args.job.files().iter())?;
     }
     let mut job = Job { methods: methods.clone(), ..args.job.job(Carry::Unused)? };
     job.read_options.objects = true;

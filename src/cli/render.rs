@@ -114,7 +114,7 @@ enum Target {
 }
 
 pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
-    let target = args.output.check(args.job.input.files())?;
+    let target = args.output.check(args.job.files().iter())?;
     let verify = args.verify.map(|pixels| pixels as usize);
     let confidence = args.output.confidence.is_some();
     let methods = methods.clone();

@@ -114,6 +114,7 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);
         options.kind = values.kind.or(options.kind);
+        options.beauty = values.beauty.clone().or(options.beauty);
     }
     let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
     options.objects |= focus.is_some_and(Focus::needs_mattes);

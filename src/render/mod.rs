@@ -87,8 +87,8 @@ pub(crate) fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, E
 
 /// Decides what to simulate for `stack`, which was read before or made of planes in memory ([`Stack::from_peels`]).
 ///
-/// What `job` sets for reading has no effect: its sources, its read options, and the values `convention`, `supersample` and
-/// `kind`; the stack has its own. Focus keys need [`Job::frame`].
+/// What `job` sets for reading has no effect: its sources, its read options, and the values `convention`, `supersample`,
+/// `kind` and `beauty`; the stack has its own. Focus keys need [`Job::frame`].
 ///
 /// # Errors
 /// Those of the lens and of the plan; a setting out of its range, an unknown method or effect.

@@ -305,9 +305,12 @@ mod tests {
         clusters_of(fragments, 2, most)
     }
 
-    /// Layers of pixels with 2 × 2 samples; each layer gives the colour and the CoC radius of sample `x, y`, `None` where it is empty.
-    fn layers(width: usize, height: usize, peels: &[fn(usize, usize) -> Option<(f32, f32)>]) -> Vec<Layer> {
-        let layer = |peel: &fn(usize, usize) -> Option<(f32, f32)>| {
+    /// The colour and the CoC radius of sample `x, y` of a layer, `None` where it is empty.
+    type Sample = fn(usize, usize) -> Option<(f32, f32)>;
+
+    /// Layers of pixels with 2 × 2 samples.
+    fn layers(width: usize, height: usize, peels: &[Sample]) -> Vec<Layer> {
+        let layer = |peel: &Sample| {
             let plane = |value: fn((f32, f32)) -> f32| {
                 Plane::from_fn(2 * width, 2 * height, |x, y| peel(x, y).map_or(0.0, value))
             };

@@ -162,6 +162,13 @@ settings! {
         kind: StackKind, Setting::new(Kind::Word(StackKind::WORDS), "kind of the stack")
             .otherwise("from the edges around each pixel")
             .attribute("thinlens.kind").flag("kind", "KIND");
+        /// Anti-aliased picture that peel 0 takes its colour from
+        ///
+        /// For peels with one sample a pixel: the renderer's own anti-aliased beauty of the same frame. Pixels brighter than
+        /// white keep the colour of the peels, in proportion up to twice white. On glossy scenes the peels' own colours can be
+        /// nearer to a true render.
+        beauty: PathBuf, Setting::new(Kind::File, "beauty").otherwise("none, or the file's group Peel0.Beauty")
+            .flag("beauty", "FILE");
     }
 
     /// Settings of the picture apart from its lens, each value with its origin.

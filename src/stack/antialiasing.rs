@@ -74,6 +74,16 @@ impl Antialiasing {
         self.plane().map_or_else(|| self.clone(), |plane| Self::by_pixel(change(plane)))
     }
 
+    /// The same where the colours of peel 0 were replaced by averages over the pixel, to the share that `replaced` says of each pixel.
+    #[must_use]
+    pub(super) fn with_averages(&self, replaced: &Plane) -> Self {
+        let share = |x, y| {
+            let share = self.at(x, y);
+            share + replaced.get(x, y) * (1.0 - share)
+        };
+        Self::by_pixel(Plane::from_fn(replaced.width(), replaced.height(), share))
+    }
+
     /// The shares in words, as in "point samples 97.3 %, coverage 2.7 %".
     pub fn in_words(&self) -> String {
         let coverage = 100.0 * self.mean();

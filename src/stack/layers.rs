@@ -31,6 +31,19 @@ pub(super) struct Layer {
     pub(super) found: String,
 }
 
+/// The anti-aliased picture of the stack's frame.
+#[derive(Debug)]
+pub(super) struct Beauty {
+    /// Where it is from, for messages.
+    pub(super) name: String,
+    /// Red, green, blue: premultiplied.
+    pub(super) color: [Plane; 3],
+    /// Alpha; 1 where the file has none.
+    pub(super) alpha: Plane,
+    /// Its windows; the planes cover the data window.
+    pub(super) frame: Frame,
+}
+
 /// The content of one file.
 #[derive(Debug)]
 pub(super) struct Layers {
@@ -38,6 +51,8 @@ pub(super) struct Layers {
     pub(super) name: PathBuf,
     /// The peels, nearest first; at least one.
     pub(super) peels: Vec<Layer>,
+    /// The anti-aliased colour of the first peel, if there is any.
+    pub(super) beauty: Option<Beauty>,
     /// Frame of the first peel.
     pub(super) frame: Frame,
     /// Numeric type of the colour channels.
@@ -54,6 +69,13 @@ pub(super) struct Layers {
     pub(super) findings: Vec<Finding>,
     /// Counts of replaced values.
     pub(super) replaced: Replaced,
+}
+
+impl Layer {
+    /// The layer as the beauty of a stack; `frame` has its windows.
+    pub(super) fn into_beauty(self, frame: Frame) -> Beauty {
+        Beauty { name: self.prefix, color: self.color, alpha: self.alpha, frame }
+    }
 }
 
 /// Decodes the peels of an OpenEXR file, and the other channels that `options` request.
@@ -78,7 +100,7 @@ pub(super) fn read_exr_picture(file: ExrFile) -> Result<Layers, Error> {
     let mut peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
     peel.depth = None;
     let options = ReadOptions { carry: Carry::None, ..ReadOptions::default() };
-    read_assigned(file, Assigned { peels: vec![peel], findings: Vec::new() }, &options)
+    read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
 }
 
 /// Decodes one channel of an OpenEXR file as depth, and returns its name.
@@ -94,22 +116,23 @@ pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Pl
 }
 
 fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Result<Layers, Error> {
-    let Assigned { peels, mut findings } = assigned;
+    let Assigned { peels, beauty, mut findings } = assigned;
     peels
         .iter()
+        .chain(&beauty)
         .try_for_each(|peel| check_one_part(&file, peel))
         .map_err(|error| error.in_file(&file.name))?;
     let Some(first) = peels.first() else {
         return Err(Error::input("the file has no peel").in_file(&file.name));
     };
     let frame = file.frame(file.channels[first.color[0]].part);
-    let used: Vec<usize> = peels.iter().flat_map(requested_channels).map(|(index, _)| index).collect();
+    let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
+    let used: Vec<usize> = requested.iter().map(|(index, _)| *index).collect();
     let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
     let cryptomattes = cryptomatte::find(&file, frame.data, &deeper);
     let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
     let (kept, finding) = carried::choose(&file, &used, (options.carry, requested_mattes), frame.data);
     findings.extend(finding);
-    let mut requested: Vec<(usize, Use)> = peels.iter().flat_map(requested_channels).collect();
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
     let named = |&index: &usize| (file.channels[index].name.clone(), file.channels[index].quantize_linearly);
@@ -120,15 +143,20 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let (name, attributes) = (file.name.clone(), file.attributes());
     let described: Vec<Described> =
         peels.into_iter().map(|peel| Described::from_channels(&file, peel)).collect();
+    let beauty = beauty.map(|beauty| {
+        (file.frame(file.channels[beauty.color[0]].part), Described::from_channels(&file, beauty))
+    });
 
     let (decoded, replaced) = decode(file, &requested, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
     let peels = described.into_iter().map(|peel| peel.into_layer(&mut decoded)).collect();
+    let beauty = beauty.map(|(frame, described)| described.into_layer(&mut decoded).into_beauty(frame));
     let channels = carried::channels(carried_names, decoded);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {
         name,
         peels,
+        beauty,
         frame,
         precision,
         color_range,

@@ -5,6 +5,7 @@
 
 mod antialiasing;
 mod background_share;
+mod beauty;
 mod camera;
 mod carried;
 mod chunks;

@@ -10,6 +10,7 @@
 //! | one part per pass | part `rgba`: `R G B A` | part `depth`: `Z`, the only depth of the file | one |
 //! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
 //! | grey | `Y` | as one picture | one |
+//! | anti-aliased colour of peel 0 | `Peel0.Beauty.R G B A` beside numbered peels | that of peel 0 | see [`super::beauty`] |
 //!
 //! Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
 //! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
@@ -25,6 +26,8 @@ const DEPTH_ENDINGS: [&str; 8] =
     ["depth.z", "depth.v", "depth.t", "depth.y", "depth.depth", "depth", "z", "t"];
 /// Name of the colour group of a view layer.
 const COMBINED: &str = "combined";
+/// Name of the anti-aliased colour group of peel 0, after the peel's.
+const BEAUTY: &str = "beauty";
 /// Name under which Blender writes the compositor's result, which is not a view layer.
 const COMPOSITE: &str = "composite";
 /// Prefixes of colour groups that are not the picture.
@@ -52,6 +55,8 @@ pub(super) struct PeelChannels {
 pub(super) struct Assigned {
     /// The peels, nearest first.
     pub(super) peels: Vec<PeelChannels>,
+    /// The anti-aliased colour of the first peel, without depth, if there is any.
+    pub(super) beauty: Option<PeelChannels>,
     /// Warnings.
     pub(super) findings: Vec<Finding>,
 }
@@ -113,7 +118,8 @@ pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, 
         );
         findings.push(Finding::warning("peels", text));
     }
-    Ok(Assigned { peels, findings })
+    let beauty = peels.first().and_then(|peel| groups.beauty(&peel.prefix));
+    Ok(Assigned { peels, beauty, findings })
 }
 
 /// The main picture in `names`, for comparing: root first, then `Combined`, then a single group.
@@ -205,8 +211,6 @@ impl<'a> ChannelGroups<'a> {
             let layer = strip_ending(prefix, COMBINED).unwrap_or_default();
             is_combined(prefix) && !last_part(layer).eq_ignore_ascii_case(COMPOSITE)
         };
-        let is_peel =
-            |prefix: &str| order(prefix).0.to_ascii_lowercase().ends_with("peel") && order(prefix).1 >= 0;
         let has_depth = |prefix: &str| self.depths.contains_key(prefix);
         let is_picture =
             |prefix: &str| THE_PICTURE.iter().any(|name| last_part(prefix).eq_ignore_ascii_case(name));
@@ -215,7 +219,7 @@ impl<'a> ChannelGroups<'a> {
         let choices = [
             choose(&is_view_layer),
             choose(&is_combined),
-            choose(&is_peel),
+            choose(&is_numbered_peel),
             choose(&|prefix| prefix.is_empty()),
             choose(&has_depth),
         ];
@@ -263,6 +267,13 @@ impl<'a> ChannelGroups<'a> {
         })
     }
 
+    /// The anti-aliased colour of the peel `prefix`, if that is a numbered one.
+    fn beauty(&self, prefix: &str) -> Option<PeelChannels> {
+        let is_its_beauty = |group: &&str| strip_ending(group, BEAUTY) == Some(prefix);
+        let group = self.colors.keys().copied().filter(|_| is_numbered_peel(prefix)).find(is_its_beauty)?;
+        self.peel(group).map(|beauty| PeelChannels { depth: None, ..beauty })
+    }
+
     /// Gives a single picture without depth the file's depth: that of the root, or the only one.
     fn only_depth(&self, peels: &mut [PeelChannels]) {
         if let [peel] = peels
@@ -293,6 +304,12 @@ fn color_role(name: &str) -> Option<(&str, usize)> {
 
 fn last_part(prefix: &str) -> &str {
     prefix.rsplit('.').next().unwrap_or(prefix)
+}
+
+/// Whether `prefix` is "peel" and a number.
+fn is_numbered_peel(prefix: &str) -> bool {
+    let (stem, number) = order(prefix);
+    stem.to_ascii_lowercase().ends_with("peel") && number >= 0
 }
 
 fn is_other(prefix: &str) -> bool {

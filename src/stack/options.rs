@@ -31,6 +31,8 @@ pub struct ReadOptions {
     pub depth_channel: Option<String>,
     /// A file with the depth of the colour picture.
     pub depth_file: Option<PathBuf>,
+    /// The renderer's own anti-aliased picture of a point-sampled stack: peel 0 takes its colour.
+    pub beauty: Option<PathBuf>,
     /// Which channels are copied to the output.
     pub carry: Carry,
     /// Whether the channels of cryptomattes are read as well, as [`super::Stack::object`] requires.

@@ -47,6 +47,7 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
     Ok(Layers {
         name,
         peels,
+        beauty: None,
         frame,
         precision,
         color_range,

@@ -4,11 +4,11 @@ use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
 use super::kind::Announced;
-use super::layers::{self, Layer, Layers, place};
+use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
-    Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, background_share, camera, carried,
-    cryptomatte, kind, names, order, picture, rim_depth,
+    Antialiasing, Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, background_share, beauty,
+    camera, carried, cryptomatte, kind, names, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -41,6 +41,9 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
                 .with("found", format!("{} pictures and the depth file {}", sources.len(), path.display())));
         }
     }
+    if let Some(path) = &options.beauty {
+        stack.beauty = Some(read_beauty(path)?);
+    }
     finish(stack, options)
 }
 
@@ -51,16 +54,28 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_picture(path: &Path) -> Result<Image, Error> {
+    let (Layer { color: [red, green, blue], alpha, .. }, _) = read_main_layer(path)?;
+    Ok(Image { planes: [red, green, blue, alpha] })
+}
+
+/// Reads the main picture of a file as the beauty of a stack.
+fn read_beauty(path: &Path) -> Result<Beauty, Error> {
+    let (layer, frame) = read_main_layer(path)?;
+    Ok(Beauty { name: path.display().to_string(), ..layer.into_beauty(frame) })
+}
+
+/// The main picture of a file, and its windows.
+fn read_main_layer(path: &Path) -> Result<(Layer, Frame), Error> {
     let mut opened = Opened::open(&Source::File(path.to_owned()))?;
     let layers = if opened.is_exr()? {
         layers::read_exr_picture(ExrFile::open(opened)?)?
     } else {
         picture::read_color(opened, &ReadOptions::default())?
     };
-    let Some(Layer { color: [red, green, blue], alpha, .. }) = layers.peels.into_iter().next() else {
-        return Err(Error::input("there are no colour channels").in_file(path));
-    };
-    Ok(Image { planes: [red, green, blue, alpha] })
+    match layers.peels.into_iter().next() {
+        Some(layer) => Ok((layer, layers.frame)),
+        None => Err(Error::input("there are no colour channels").in_file(path)),
+    }
 }
 
 impl Layers {
@@ -161,7 +176,7 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 /// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
-    let Layers { peels: layers, mut findings, replaced, .. } = layers;
+    let Layers { peels: layers, beauty, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, peels_finding(&layers));
@@ -194,10 +209,17 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         findings.extend(rim_depth::complete(&mut peels, convention));
     }
     findings.extend(order::sort(&mut peels, convention));
-    let (kind, antialiasing, finding) = kind::conclude(&peels, convention, announced).map_err(in_file)?;
+    let (mut kind, mut antialiasing, finding) =
+        kind::conclude(&peels, convention, announced).map_err(in_file)?;
     findings.push(finding);
     if supersample == 1 {
         findings.extend(background_share::complete(&mut peels, convention, &antialiasing));
+    }
+    if let Some(beauty) = beauty {
+        let (replaced, finding) = beauty::apply(beauty, &mut peels, frame, supersample).map_err(in_file)?;
+        antialiasing = antialiasing.with_averages(&replaced);
+        kind = kind.filter(|kind| Antialiasing::from(*kind) == antialiasing);
+        findings.push(finding);
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();
