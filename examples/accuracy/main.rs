@@ -12,6 +12,7 @@
 mod budget;
 mod causes;
 mod distance;
+mod front;
 mod reach;
 
 use budget::{Budget, Part};
