@@ -16,6 +16,13 @@ pub(super) struct Announced {
     pub(super) supersample: usize,
 }
 
+impl Announced {
+    /// Whether one peel would be one picture with depth.
+    pub(super) fn is_beauty(self) -> bool {
+        self.supersample == 1 && self.kind.is_none_or(|kind| kind == StackKind::BeautyDepth)
+    }
+}
+
 /// The kind of all of `peels`, if there is one, with how far their colours are averages over the pixel.
 ///
 /// # Errors

@@ -14,6 +14,8 @@ mod cryptomatte;
 mod decode;
 #[doc(hidden)]
 pub mod depth;
+mod evidence;
+mod filtered_depth;
 mod frame_number;
 mod guard;
 mod header;

@@ -8,7 +8,7 @@ use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, background_share, beauty,
-    camera, carried, cryptomatte, kind, names, order, picture, rim_depth,
+    camera, carried, cryptomatte, filtered_depth, kind, names, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -205,6 +205,11 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     findings.extend(convention::doubt(conclusion, depth_range));
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
+    if let [picture] = peels.as_mut_slice()
+        && announced.is_beauty()
+    {
+        findings.extend(filtered_depth::unblend(picture, convention));
+    }
     if announced.kind != Some(StackKind::Coverage) {
         findings.extend(rim_depth::complete(&mut peels, convention));
     }

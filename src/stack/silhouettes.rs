@@ -5,15 +5,14 @@
 //! different sides. Wide areas of fractional alpha (glass, smoke) are evidence for neither, nor are single fragments of it within
 //! one surface.
 //!
-//! Both are summed around each pixel with a kernel that ends at [`RADIUS_PX`], so that no sample counts farther away. Where there is
-//! little of both, the share of the whole picture takes over, which saturates: a few samples more do not change it at all.
+//! Both are weighed around each pixel ([`shares`]).
 //!
-//! Cost: a few comparisons per fragment, and sums that do not depend on the kernel's size; nothing for peels without fractional alpha.
+//! Cost: a few comparisons per fragment, and the sums of the weighing; nothing for peels without fractional alpha.
 
 use super::antialiasing::Antialiasing;
 use super::depth::FarDepth;
+use super::evidence::{Weighing, shares, smooth_step};
 use super::{Peel, StackKind};
-use crate::image::Plane;
 use crate::settings::DepthConvention;
 use rayon::prelude::*;
 
@@ -27,19 +26,8 @@ pub(super) const RIM_SAMPLES: usize = 3;
 const DEPTH_JUMP: [f32; 2] = [0.02, 0.06];
 /// A change of depth is a slope up to this many times that of the samples beside it.
 const SLOPE_CHANGE: f32 = 2.0;
-/// A hard silhouette counts this much of one with a rim: of averages, those along pixels' borders are hard too, but point samples have
-/// no rims.
-const HARD_WEIGHT: f32 = 0.5;
-/// Half of the kernel's width in pixels; from here on a sample does not count.
-const RADIUS_PX: usize = 8;
-/// Evidence around a pixel at which it counts as much as the whole picture's share, in samples at the pixel itself.
-const ENOUGH: f32 = 3.0;
-/// Evidence in the picture, as a share of its pixels, at which it counts as much as the assumption of point samples.
-const ENOUGH_SHARE: f64 = 0.003;
-/// Share of silhouettes with a rim up to which colours are point samples, and from which on they are averages.
-const SATURATION: [f32; 2] = [0.25, 0.75];
-/// Steps of a sample's evidence. Sums of whole numbers do not depend on samples that left them.
-const STEPS: f32 = 4096.0;
+/// A hard silhouette counts half of one with a rim: of averages, those along pixels' borders are hard too, but point samples have no rims.
+const WEIGHING: Weighing = Weighing { against: 0.5, enough: 3.0, saturation: [0.25, 0.75] };
 
 /// Which colours of `peels`, all of one size and with depths in `convention`, are averages over the pixel.
 pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antialiasing {
@@ -54,18 +42,7 @@ pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antia
         return Antialiasing::POINT_SAMPLES;
     }
     let hard = hard_silhouettes(&lookups, &rims, width, height);
-    let [rim, hard] = [&rims, &hard].map(|evidence| in_steps(evidence));
-    let total = |sums: &[u32]| sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(STEPS);
-    let (all_rim, all_hard) = (total(&rim), f64::from(HARD_WEIGHT) * total(&hard));
-    let prior = all_rim / (all_rim + all_hard + ENOUGH_SHARE * (width * height) as f64);
-    let prior = saturated(prior as f32);
-    let [rim, hard] = [rim, hard].map(|sums| spread(&sums, width, height));
-    let of_kernel = 1.0 / (STEPS * (RADIUS_PX * RADIUS_PX) as f32);
-    let share = |i: usize| {
-        let (rim, hard) = (rim[i] as f32 * of_kernel, HARD_WEIGHT * hard[i] as f32 * of_kernel);
-        saturated((rim + ENOUGH * prior) / (rim + hard + ENOUGH))
-    };
-    Antialiasing::by_pixel(Plane::from_fn(width, height, |x, y| share(y * width + x)))
+    Antialiasing::by_pixel(shares([&rims, &hard], [width, height], &WEIGHING))
 }
 
 /// How fractional an alpha is, 0 … 1.
@@ -73,16 +50,6 @@ pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antia
 fn fractional(alpha: f32) -> f32 {
     let inside = alpha.min(1.0 - alpha);
     ((inside - ALPHA_ROUNDING) / (ALPHA_FRACTIONAL - ALPHA_ROUNDING)).clamp(0.0, 1.0)
-}
-
-/// 0 up to the first of [`SATURATION`], 1 from the second on, and smooth between.
-fn saturated(share: f32) -> f32 {
-    smooth_step(SATURATION, share)
-}
-
-fn smooth_step([from, to]: [f32; 2], value: f32) -> f32 {
-    let t = ((value - from) / (to - from)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 /// Evidence of averages in every pixel, 0 … 1, row by row: that of the peel with most of it.
@@ -114,47 +81,6 @@ fn hard_silhouettes(peels: &[Lookup<'_>], rims: &[f32], width: usize, height: us
         }
     });
     hard
-}
-
-/// Evidence in [`STEPS`].
-fn in_steps(evidence: &[f32]) -> Vec<u32> {
-    evidence.iter().map(|value| (value * STEPS).round() as u32).collect()
-}
-
-/// Sums with a triangle in each direction, of which the middle counts [`RADIUS_PX`].
-fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
-    let mut sums = values.to_vec();
-    sums.par_chunks_mut(width.max(1)).for_each(triangle);
-    let mut columns: Vec<u32> = transposed(&sums, width, height);
-    columns.par_chunks_mut(height.max(1)).for_each(triangle);
-    transposed(&columns, height, width)
-}
-
-/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it; nothing lies beyond the ends.
-fn triangle(line: &mut [u32]) {
-    let past_end = RADIUS_PX - 1;
-    let first = trailing_sums(line.iter().copied().chain([0; RADIUS_PX - 1]));
-    let second = trailing_sums(first.iter().copied());
-    line.iter_mut().zip(&second[past_end..]).for_each(|(value, sum)| *value = *sum);
-}
-
-/// For each of `values` the sum of the last [`RADIUS_PX`] up to it.
-fn trailing_sums(values: impl Iterator<Item = u32>) -> Vec<u32> {
-    let (mut window, mut sum) = ([0; RADIUS_PX], 0);
-    let sums = values.enumerate().map(|(i, value)| {
-        let leaving = std::mem::replace(&mut window[i % RADIUS_PX], value);
-        sum = sum + value - leaving;
-        sum
-    });
-    sums.collect()
-}
-
-fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
-    let mut turned = vec![0; values.len()];
-    turned.par_chunks_mut(height.max(1)).enumerate().for_each(|(x, column)| {
-        column.iter_mut().enumerate().for_each(|(y, value)| *value = values[y * width + x]);
-    });
-    turned
 }
 
 /// One sample of a peel.
@@ -303,7 +229,9 @@ fn hard_between([from, to]: [Sample; 2], [before, after]: [Option<Sample>; 2]) -
 
 #[cfg(test)]
 mod tests {
+    use super::super::evidence::RADIUS_PX;
     use super::*;
+    use crate::image::Plane;
 
     const SIZE: [usize; 2] = [96, 64];
     const EMPTY: (f32, f32) = (0.0, f32::INFINITY);
@@ -440,17 +368,5 @@ mod tests {
         assert!(means[0] == 0.0 && means[1000] > 0.9, "{} to {}", means[0], means[1000]);
         let largest = steps.fold(0.0, f64::max);
         assert!(largest < 0.05, "{largest}");
-    }
-
-    #[test]
-    fn the_kernel_is_a_triangle_that_ends_at_its_radius() {
-        let mut values = vec![0; 41 * 5];
-        values[2 * 41 + 20] = 1;
-        let sums = spread(&values, 41, 5);
-        let row: Vec<u32> = (0..41).map(|x| sums[2 * 41 + x]).collect();
-        for (x, sum) in row.iter().enumerate() {
-            let expected = RADIUS_PX.saturating_sub(x.abs_diff(20)) * RADIUS_PX;
-            assert_eq!(*sum as usize, expected, "column {x}");
-        }
     }
 }
