@@ -1,6 +1,7 @@
 //! One peel in CoC space.
 
 use crate::image::Plane;
+use rayon::prelude::*;
 
 /// Fragments of at least this alpha hide everything behind them.
 pub const OPAQUE_ALPHA: f32 = 0.999;
@@ -34,5 +35,20 @@ impl Layer {
     /// Colour of column `x` of row `y`.
     pub fn color_at(&self, x: usize, y: usize) -> [f32; 3] {
         self.color.each_ref().map(|plane| plane.get(x, y))
+    }
+
+    /// Unpremultiplied colour of column `x` of row `y`; black without a fragment.
+    pub(super) fn unpremultiplied_at(&self, x: usize, y: usize) -> [f32; 3] {
+        let alpha = self.alpha.get(x, y);
+        self.color_at(x, y).map(|value| if alpha > 0.0 { value / alpha } else { 0.0 })
+    }
+
+    /// Unpremultiplied colours, row by row; black without a fragment.
+    pub(super) fn unpremultiplied(&self) -> Vec<[f32; 3]> {
+        let width = self.width();
+        (0..width * self.height())
+            .into_par_iter()
+            .map(|i| self.unpremultiplied_at(i % width, i / width))
+            .collect()
     }
 }

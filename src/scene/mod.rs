@@ -16,8 +16,10 @@ mod layer;
 mod light;
 mod merge;
 mod peel_stats;
+mod smooth;
 mod spread;
 pub(crate) mod surface;
+mod surroundings;
 mod unmixing;
 mod workload;
 

@@ -96,9 +96,12 @@ pub(crate) fn difference(coc_px: f32, next_coc_px: f32) -> f32 {
     ((next_coc_px - coc_px).abs() / distinct_px).min(1.0)
 }
 
-/// Samples of a cell of many pixels within this distance of its farthest CoC radius, in picture pixels, belong to its farthest surface.
-/// Used by the disocclusion fill. Wider than [`JOIN_PX`], because samples of a cell lie farther apart than neighbours.
+/// Fragments some pixels apart within this difference in CoC radius, in picture pixels, may belong to one surface. Used by the
+/// disocclusion fill. Wider than [`JOIN_PX`], because they lie farther apart than neighbours.
 pub(crate) const CELL_PX: f32 = 1.0;
+
+/// That difference as a share of the CoC radius, or of how far the surface lies behind another, where that is more than [`CELL_PX`].
+pub(crate) const CELL_SHARE: f32 = 0.1;
 
 /// Fragments within this share of a surface's CoC radius belong to its level in `b-buffer`, which keeps no depth within a level and
 /// cannot separate them.

@@ -48,7 +48,7 @@ pub(super) fn replace_blurred(layer: &mut Layer, unmixed: &[[f32; 3]]) {
 pub(super) fn unmixed_colors(layer: &Layer, antialiasing: &Antialiasing) -> Vec<[f32; 3]> {
     let (width, height) = (layer.width(), layer.height());
     if antialiasing.everywhere() == Some(0.0) {
-        return (0..width * height).map(|i| color(layer, i % width, i / width)).collect();
+        return layer.unpremultiplied();
     }
     let mixed: Vec<f32> = (0..width * height)
         .into_par_iter()
@@ -57,16 +57,10 @@ pub(super) fn unmixed_colors(layer: &Layer, antialiasing: &Antialiasing) -> Vec<
     (0..width * height)
         .into_par_iter()
         .map(|i| {
-            let own = color(layer, i % width, i / width);
+            let own = layer.unpremultiplied_at(i % width, i / width);
             if mixed[i] > 0.0 { cleaned(layer, &mixed, i, own) } else { own }
         })
         .collect()
-}
-
-/// The colour of `layer` at `x, y`, unpremultiplied; black without a fragment.
-fn color(layer: &Layer, x: usize, y: usize) -> [f32; 3] {
-    let alpha = layer.alpha.get(x, y);
-    layer.color_at(x, y).map(|value| if alpha > 0.0 { value / alpha } else { 0.0 })
 }
 
 /// The fragments of `layer` up to `reach` columns and rows away from `x, y`: their places.
@@ -96,7 +90,7 @@ fn cleaned(layer: &Layer, mixed: &[f32], i: usize, own: [f32; 3]) -> [f32; 3] {
     for (x, y) in around(layer, i % width, i / width, AROUND) {
         let apart = (layer.coc_px.get(x, y) - coc).abs() / CELL_PX;
         let weight = (1.0 - mixed[y * width + x]) * (1.0 - apart).max(0.0);
-        let color = color(layer, x, y);
+        let color = layer.unpremultiplied_at(x, y);
         sum.iter_mut().zip(color).for_each(|(sum, value)| *sum += weight * value);
         squares += weight * squared(color);
         total += weight;

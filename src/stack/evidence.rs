@@ -35,14 +35,10 @@ pub(super) fn shares(
 ) -> Plane {
     let saturated = |share: f32| smooth_step(*saturation, share);
     let evidence = evidence.map(in_steps);
-    let [all_for, all_against] = evidence
+    let all = evidence
         .each_ref()
         .map(|sums| sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(STEPS));
-    let all_against = f64::from(*against) * all_against;
-    let prior = saturated(
-        (all_for / (all_for + all_against + ENOUGH_SHARE * (width * height) as f64).max(f64::MIN_POSITIVE))
-            as f32,
-    );
+    let prior = saturated(share_of_picture(all, *against, [width, height]));
     let [sums_for, sums_against] = evidence.map(|sums| spread(&sums, width, height));
     let of_kernel = 1.0 / (STEPS * (RADIUS_PX * RADIUS_PX) as f32);
     let share = |i: usize| {
@@ -50,6 +46,38 @@ pub(super) fn shares(
         saturated((yes + enough * prior) / (yes + no + enough))
     };
     Plane::from_fn(width, height, |x, y| share(y * width + x))
+}
+
+/// The share of the whole picture's evidence, before it saturates.
+fn share_of_picture([all_for, all_against]: [f64; 2], against: f32, [width, height]: [usize; 2]) -> f32 {
+    let all_against = f64::from(against) * all_against;
+    let all = all_for + all_against + ENOUGH_SHARE * (width * height) as f64;
+    (all_for / all.max(f64::MIN_POSITIVE)) as f32
+}
+
+/// Whether the assumption holds nowhere, by bounds that cost no more than the `evidence`, of single places: for it and against it, 0 … 1.
+/// Where this is true, [`shares`] are 0.
+pub(super) fn is_nowhere(
+    evidence: impl Iterator<Item = ((usize, usize), [f32; 2])>,
+    [width, height]: [usize; 2],
+    Weighing { against, enough, saturation }: &Weighing,
+) -> bool {
+    let size = [width, height].map(|side| side.div_ceil(RADIUS_PX));
+    let (mut tiles, mut all) = (vec![0.0_f32; size[0] * size[1]], [0.0; 2]);
+    for ((x, y), place) in evidence {
+        tiles[y / RADIUS_PX * size[0] + x / RADIUS_PX] += place[0];
+        all.iter_mut().zip(place).for_each(|(sum, value)| *sum += f64::from(value));
+    }
+    // A kernel around a pixel lies within its tile and the eight around it, and counts no sample more than once.
+    let around = |x: usize, y: usize| {
+        let rows = y.saturating_sub(1)..(y + 2).min(size[1]);
+        let columns = x.saturating_sub(1)..(x + 2).min(size[0]);
+        rows.map(|row| tiles[row * size[0]..][columns.clone()].iter().sum::<f32>()).sum::<f32>()
+    };
+    let most = (0..tiles.len()).map(|i| around(i % size[0], i / size[0])).fold(0.0, f32::max);
+    // A little less than the exact limit: steps round.
+    let from = 0.99 * saturation[0];
+    share_of_picture(all, *against, [width, height]) <= from && most / (most + enough) <= from
 }
 
 /// 0 up to `from`, 1 from `to` on, and smooth between.
@@ -102,6 +130,24 @@ fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_called_nowhere_has_no_share_anywhere() {
+        let weighing = Weighing { against: 0.5, enough: 4.0, saturation: [0.35, 0.65] };
+        let mut found = [0; 2];
+        for count in 1..60 {
+            // A cluster of evidence in a corner of a picture, with some against it.
+            let places: Vec<(usize, usize)> = (0..count).map(|i| (3 + i % 7, 5 + i / 7)).collect();
+            let [mut yes, no] = [vec![0.0; 128 * 64], vec![0.0; 128 * 64]];
+            places.iter().for_each(|&(x, y)| yes[y * 128 + x] = 1.0);
+            let shares = shares([&yes, &no], [128, 64], &weighing);
+            let has_share = shares.values().iter().any(|&share| share > 0.0);
+            let nowhere = is_nowhere(places.iter().map(|&place| (place, [1.0, 0.0])), [128, 64], &weighing);
+            assert!(!(nowhere && has_share), "{count} places");
+            found[usize::from(nowhere)] += 1;
+        }
+        assert!(found[0] > 0 && found[1] > 0, "both occur: {found:?}");
+    }
 
     #[test]
     fn the_kernel_is_a_triangle_that_ends_at_its_radius() {

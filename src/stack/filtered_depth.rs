@@ -14,7 +14,7 @@
 
 use super::Peel;
 use super::depth::{BACKGROUND, foreground};
-use super::evidence::{Weighing, shares, smooth_step};
+use super::evidence::{Weighing, is_nowhere, shares, smooth_step};
 use crate::finding::Finding;
 use crate::image::Plane;
 use crate::settings::DepthConvention;
@@ -126,6 +126,18 @@ fn is_background(number: f32) -> bool {
     number <= 0.0 || number >= BACKGROUND
 }
 
+/// The lesser of two numbers, which are never NaN.
+#[inline]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers, which are never NaN.
+#[inline]
+fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// How different the surfaces of two numbers are, 0 … 1.
 #[inline]
 fn difference(a: f32, b: f32) -> f32 {
@@ -169,13 +181,14 @@ impl Numbers {
     fn uneven(&self) -> Vec<(usize, usize)> {
         let of_row = |y: usize| {
             let row = |dy: isize| self.0.row(y.saturating_add_signed(dy).min(self.0.height() - 1));
-            let three = row(-1).iter().zip(row(0)).zip(row(1));
-            let (low, high): (Vec<f32>, Vec<f32>) =
-                three.map(|((a, b), c)| (a.min(*b).min(*c), a.max(*b).max(*c))).unzip();
+            let rows = [row(-1), row(0), row(1)];
+            let column = |x: usize, pick: fn(f32, f32) -> f32| pick(pick(rows[0][x], rows[1][x]), rows[2][x]);
+            let low: Vec<f32> = (0..self.0.width()).map(|x| column(x, least)).collect();
+            let high: Vec<f32> = (0..self.0.width()).map(|x| column(x, most)).collect();
             let is_uneven = move |x: usize| {
-                let columns = x.saturating_sub(1)..(x + 2).min(low.len());
-                let lowest = low[columns.clone()].iter().copied().fold(f32::INFINITY, f32::min);
-                high[columns].iter().copied().fold(0.0, f32::max) > lowest * (1.0 + JUMP[0])
+                let (left, right) = (x.saturating_sub(1), (x + 1).min(low.len() - 1));
+                most(most(high[left], high[x]), high[right])
+                    > least(least(low[left], low[x]), low[right]) * (1.0 + JUMP[0])
             };
             (0..self.0.width()).filter(move |&x| is_uneven(x)).map(move |x| (x, y))
         };
@@ -250,7 +263,8 @@ impl Surfaces {
         let [width, height] = [self.wide.width(), self.wide.height()];
         let found: Vec<[f32; 2]> =
             places.par_iter().map(|&place| [self.blended(place), self.hard(place)]).collect();
-        if found.iter().all(|[blended, _]| *blended <= 0.0) {
+        let evidence = places.iter().zip(&found).map(|(&place, &[blended, hard])| (place, [blended, hard]));
+        if is_nowhere(evidence, [width, height], &WEIGHING) {
             return None;
         }
         let [mut blended, mut hard] = [vec![0.0; width * height], vec![0.0; width * height]];
