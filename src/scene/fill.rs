@@ -2,7 +2,7 @@
 //!
 //! A lens ray that passes all known fragments should hit something plausible: the surfaces from the neighbourhood, continued behind what
 //! hides them. From each pixel one looks around in eight directions for the first fragment behind the pixel's last one ([`Surroundings`]).
-//! The nearer a fragment in the picture, the more it counts. The surface in the middle of the order by depth is continued: a post
+//! The nearer a fragment in the picture, the more it counts, and those that are much farther away than the nearest do not. The surface in the middle of the order by depth is continued: a post
 //! that goes on above and below a bar stays a post behind the bar. It is opaque where the nearer half is clear, and fades where it is not;
 //! behind it, a second plate continues what lies farther.
 //!
@@ -28,8 +28,8 @@ const CLEAR: [f32; 2] = [0.5, 0.9];
 /// A fragment brighter than this multiple of the median of its surface around a pixel is a light.
 const LIGHT: f32 = 2.0;
 
-/// How far is looked for fragments, as a multiple of how far rays reach, and in pixels beyond that.
-const LOOK: [f32; 2] = [2.0, 8.0];
+/// A fragment does not count from this multiple of the distance of the nearest on.
+const COUNTS_TO: f32 = 3.0;
 
 impl Scene {
     /// The scene at one sample per pixel, with estimated surfaces as its last layers.
@@ -116,14 +116,14 @@ impl Behind<'_> {
         let hidden = self.background.map_or(1.0, |background| 1.0 - background.share().get(x, y));
         let Some(last_px) = last_coc(self.layers, x, y).filter(|_| hidden > 0.0) else { return plates };
         let Some(reach_px) = self.surroundings.reach_px(place, last_px, CELL_PX) else { return plates };
-        let mut ways = Surroundings::ways(place, LOOK[0] * reach_px + LOOK[1]);
+        let mut ways = Surroundings::ways(place, reach_px + FADE_PX[1]);
         let mut limit_px = last_px + CELL_PX;
         for (i, plate) in plates.iter_mut().enumerate() {
-            let seen = ways.each_mut().map(|way| self.surroundings.follow(way, limit_px));
+            let Some((seen, nearest_px)) = self.look(&mut ways, limit_px) else { break };
             let Some(middle_px) = middle(&seen) else { break };
             let surface = Surface { coc_px: middle_px, cell_px: cell_px(middle_px - last_px) };
             let clear = if i + 1 < PLATES { surface.clear(&seen) } else { 1.0 };
-            *plate = self.mean(&surface, &mut ways.clone(), limit_px);
+            *plate = self.mean(&surface, &mut ways.clone(), [limit_px, nearest_px]);
             let separate = ((middle_px - last_px) / CELL_PX - 1.0).min(1.0);
             plate.alpha = hidden * clear * separate * within_reach(&seen, last_px);
             limit_px = surface.coc_px + surface.cell_px;
@@ -131,12 +131,26 @@ impl Behind<'_> {
         plates
     }
 
-    /// The mean of the fragments of `surface` that are met first on each way behind `limit_px`.
-    fn mean(&self, surface: &Surface, ways: &mut [Way; 8], limit_px: f32) -> Guess {
+    /// The first fragment on each way behind `limit_px` with its weight, and the distance of the nearest; `None` if all ways end without one.
+    fn look(&self, ways: &mut [Way; 8], limit_px: f32) -> Option<([Option<Weighted>; 8], f32)> {
+        let within = |ways: &mut [Way; 8]| ways.each_mut().map(|way| self.surroundings.follow(way, limit_px));
+        let nearest_px =
+            within(ways).iter().flatten().map(|seen| seen.distance_px).fold(f32::INFINITY, f32::min);
+        if nearest_px.is_infinite() {
+            return None;
+        }
+        ways.iter_mut().for_each(|way| way.extend(COUNTS_TO * nearest_px));
+        Some((within(ways).map(|seen| Weighted::new(seen?, nearest_px)), nearest_px))
+    }
+
+    /// The mean of the fragments of `surface` that are met first on each way behind `limit_px`, where the nearest of all is at
+    /// `nearest_px`.
+    fn mean(&self, surface: &Surface, ways: &mut [Way; 8], [limit_px, nearest_px]: [f32; 2]) -> Guess {
         let limit_px = limit_px.max(surface.coc_px - surface.cell_px);
         let seen = ways.each_mut().map(|way| {
-            let seen = self.surroundings.follow(way, limit_px)?;
-            Some((surface.share(seen.coc_px) * weight(&seen), seen)).filter(|(weight, _)| *weight > 0.0)
+            let Weighted { seen, weight } =
+                Weighted::new(self.surroundings.follow(way, limit_px)?, nearest_px)?;
+            Some((surface.share(seen.coc_px) * weight, seen)).filter(|(weight, _)| *weight > 0.0)
         });
         let color = |seen: &Seen| self.colors[seen.place.1 * self.surroundings.width() + seen.place.0];
         let seen = || seen.iter().flatten();
@@ -176,26 +190,37 @@ impl Surface {
     }
 
     /// How far the surface is opaque, 0 … 1: by the share of what is around that does not lie behind it.
-    fn clear(&self, seen: &[Option<Seen>; 8]) -> f32 {
+    fn clear(&self, seen: &[Option<Weighted>; 8]) -> f32 {
         let (mut nearer, mut total) = (0.0, 0.0);
-        for seen in seen.iter().flatten() {
+        for Weighted { seen, weight } in seen.iter().flatten() {
             let behind = ((seen.coc_px - self.coc_px) / self.cell_px - 1.0).clamp(0.0, 1.0);
-            nearer += weight(seen) * (1.0 - behind);
-            total += weight(seen);
+            nearer += weight * (1.0 - behind);
+            total += weight;
         }
         let t = ((nearer / total - CLEAR[0]) / (CLEAR[1] - CLEAR[0])).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
     }
 }
 
-/// How much a fragment counts.
-fn weight(seen: &Seen) -> f32 {
-    (seen.distance_px * seen.distance_px).recip()
+/// A fragment beside a pixel, and how much it counts.
+#[derive(Debug, Clone, Copy)]
+struct Weighted {
+    seen: Seen,
+    weight: f32,
+}
+
+impl Weighted {
+    /// Less the farther away it is, and nothing from [`COUNTS_TO`] times `nearest_px` on: what an edge hides depends on what is near it.
+    fn new(seen: Seen, nearest_px: f32) -> Option<Self> {
+        let inverse_square = |distance_px: f32| (distance_px * distance_px).recip();
+        let weight = inverse_square(seen.distance_px) - inverse_square(COUNTS_TO * nearest_px);
+        (weight > 0.0).then_some(Self { seen, weight })
+    }
 }
 
 /// The CoC radius up to which half of what is seen lies, by weight.
-fn middle(seen: &[Option<Seen>; 8]) -> Option<f32> {
-    let mut order = seen.map(|seen| seen.map_or((f32::INFINITY, 0.0), |seen| (seen.coc_px, weight(&seen))));
+fn middle(seen: &[Option<Weighted>; 8]) -> Option<f32> {
+    let mut order = seen.map(|seen| seen.map_or((f32::INFINITY, 0.0), |one| (one.seen.coc_px, one.weight)));
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * order.iter().map(|(_, weight)| weight).sum::<f32>();
     let mut sum = 0.0;
@@ -212,8 +237,8 @@ fn cell_px(behind_px: f32) -> f32 {
 }
 
 /// How far rays that pass a fragment of CoC radius `coc_px` reach what is seen, 0 … 1: at a depth they are as far away as CoC radii differ.
-fn within_reach(seen: &[Option<Seen>; 8], coc_px: f32) -> f32 {
-    let missing = seen.iter().flatten().map(|seen| seen.distance_px - (seen.coc_px - coc_px));
+fn within_reach(seen: &[Option<Weighted>; 8], coc_px: f32) -> f32 {
+    let missing = seen.iter().flatten().map(|one| one.seen.distance_px - (one.seen.coc_px - coc_px));
     let [all, none] = FADE_PX;
     ((none - missing.fold(f32::INFINITY, f32::min)) / (none - all)).clamp(0.0, 1.0)
 }
@@ -293,9 +318,15 @@ mod tests {
         let fill = estimated(picture(scene));
         assert_eq!(fill.len(), 2, "post and wall");
         for y in 29..35 {
-            for x in 30..36 {
+            for x in 28..38 {
                 assert!((fill[0].coc_px.get(x, y) - 2.0).abs() < 1e-4, "{x}, {y}: the post goes on");
-                assert!(fill[0].alpha.get(x, y) > 0.9 && fill[0].color_at(x, y)[1] < 0.01, "{x}, {y}: whole");
+                assert!(fill[0].alpha.get(x, y) > 0.5, "{x}, {y}: more than half");
+            }
+            for x in 31..35 {
+                assert!(
+                    fill[0].alpha.get(x, y) > 0.99 && fill[0].color_at(x, y)[1] < 0.01,
+                    "{x}, {y}: whole"
+                );
             }
             for x in (5..24).chain(42..60) {
                 let shown = fill.iter().find(|layer| layer.alpha.get(x, y) > 0.1).unwrap();

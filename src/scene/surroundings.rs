@@ -42,6 +42,13 @@ pub(super) struct Way {
     steps: usize,
 }
 
+impl Way {
+    /// Makes the way `distance_px` long, if it is shorter.
+    pub(super) fn extend(&mut self, distance_px: f32) {
+        self.steps = self.steps.max((distance_px / length(self.direction)) as usize);
+    }
+}
+
 /// The CoC radii of a layer, arranged for looking around.
 pub(super) struct Surroundings {
     /// CoC radii in picture pixels; `−∞` without a fragment.
@@ -93,10 +100,9 @@ impl Surroundings {
 
     /// The ways from a place, up to `distance_px` long.
     pub(super) fn ways(place: (usize, usize), distance_px: f32) -> [Way; 8] {
-        DIRECTIONS.map(|direction| {
-            let steps = (distance_px / length(direction)) as usize;
-            Way { from: place, direction, step: 1, steps }
-        })
+        let mut ways = DIRECTIONS.map(|direction| Way { from: place, direction, step: 1, steps: 0 });
+        ways.iter_mut().for_each(|way| way.extend(distance_px));
+        ways
     }
 
     /// The next fragment of a way behind `coc_px`; `None` at its end. The way stays there.

@@ -410,7 +410,8 @@ mod tests {
             let mixed = (x as u32).wrapping_mul(0x9E37_79B9) ^ (y as u32).wrapping_mul(0x85EB_CA6B);
             ((mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D) >> 16) % 97
         };
-        let scenes: [(&str, &dyn Fn(usize, usize) -> f32); 5] = [
+        type Depth<'a> = &'a dyn Fn(usize, usize) -> f32;
+        let scenes: [(&str, Depth<'_>); 5] = [
             ("an edge", &|x, y| if beyond(20.0, x, y) >= 0.5 { 8.0 } else { 2.0 }),
             ("a slope to the horizon", &|_, y| 10.0 / (y as f32 + 0.5)),
             ("a surface of two pixels between two", &|x, _| {
