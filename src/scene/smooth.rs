@@ -23,7 +23,7 @@ pub(super) struct Guess {
 pub(super) type Row = Vec<(usize, Guess)>;
 
 /// Half-width of the mean as a share of the distance.
-const WIDTH_SHARE: f32 = 0.5;
+const WIDTH_SHARE: f32 = 0.25;
 
 /// Largest number of levels of the pyramid.
 const LEVELS: usize = 7;
