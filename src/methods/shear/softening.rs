@@ -12,7 +12,7 @@ pub(super) const GRID: usize = 6;
 #[derive(Debug, Clone)]
 pub(super) struct Softening {
     /// Rows across the emitter and the pixel.
-    pub(super) rows: [SofteningRow; EDGE_ROWS],
+    pub(super) rows: Vec<SofteningRow>,
     /// Radius in pixels that holds both.
     pub(super) reach_px: f32,
     /// Offsets along an axis of equal weight under their convolution, in pixels.
@@ -41,23 +41,24 @@ impl Softening {
     /// A square emitter of this width.
     pub(super) fn square(width_px: f32) -> Self {
         let height = (1.0 + width_px) / EDGE_ROWS as f32;
-        let rows = std::array::from_fn(|i| {
+        let row = |i: usize| {
             let top = i as f32 * height - 0.5 * (1.0 + width_px);
             let weight = soft_step(top + height, width_px) - soft_step(top, width_px);
             SofteningRow { offset_px: top + 0.5 * height, weight, width_px }
-        });
-        Self::new(rows, FRAC_1_SQRT_2 * width_px, width_px)
+        };
+        Self::new((0..EDGE_ROWS).map(row).collect(), FRAC_1_SQRT_2 * width_px, width_px)
     }
 
     /// A uniform disc of this radius.
     pub(super) fn disc(radius_px: f32) -> Self {
         let radius_px = radius_px.max(1e-3);
-        let top_px = -0.5 - radius_px;
-        let height = (1.0 + 2.0 * radius_px) / EDGE_ROWS as f32;
-        let mut rows = std::array::from_fn(|i| SofteningRow {
-            offset_px: top_px + (i as f32 + 0.5) * height,
-            ..SofteningRow::default()
-        });
+        // A whole number of rows a pixel: their sum over the rows of the picture is then that of the kernel.
+        let per_px = (2.0 * EDGE_ROWS as f32 / (1.0 + 2.0 * radius_px)).floor().clamp(4.0, 8.0);
+        let (height, count) = (1.0 / per_px, ((1.0 + 2.0 * radius_px) * per_px).ceil());
+        let top_px = -0.5 * count * height;
+        let offset_px = |i: usize| top_px + (i as f32 + 0.5) * height;
+        let row = |i: usize| SofteningRow { offset_px: offset_px(i), ..SofteningRow::default() };
+        let mut rows: Vec<SofteningRow> = (0..count as usize).map(row).collect();
         // Each row of the disc, as high as the pixel, over the rows that it overlaps.
         let step = 2.0 * radius_px / Self::DISC_ROWS as f32;
         for disc_row in 0..Self::DISC_ROWS {
@@ -84,7 +85,7 @@ impl Softening {
 
     /// The softening of an emitter by these rows; the emitter lies within `radius_px`, and has along an axis the variance of a box of
     /// `width_px`.
-    fn new(rows: [SofteningRow; EDGE_ROWS], radius_px: f32, width_px: f32) -> Self {
+    fn new(rows: Vec<SofteningRow>, radius_px: f32, width_px: f32) -> Self {
         let grid = std::array::from_fn(|i| quantile((i as f32 + 0.5) / GRID as f32, width_px));
         let spread = grid.iter().map(|offset| offset * offset).sum::<f32>() / GRID as f32;
         Self {
