@@ -40,11 +40,11 @@ fn psnr_db(scene: &str, input: &str, views: usize) -> (f64, f64) {
 fn the_default_method_is_as_near_the_true_lens_as_it_was() {
     for (scene, input, averages, floor_db) in [
         ("terrace", "stack.exr", 0.98..=1.0, 34.7),
-        ("terrace", "pinhole.exr", 1.0..=1.0, 26.6),
+        ("terrace", "pinhole.exr", 1.0..=1.0, 27.9),
         ("fence", "stack.exr", 0.0..=0.0, 32.5),
-        ("fence", "pinhole.exr", 1.0..=1.0, 28.0),
+        ("fence", "pinhole.exr", 1.0..=1.0, 28.5),
         ("table", "stack.exr", 0.0..=0.0, 36.6),
-        ("table", "pinhole.exr", 1.0..=1.0, 38.1),
+        ("table", "pinhole.exr", 1.0..=1.0, 38.6),
     ] {
         let (db, found) = psnr_db(scene, input, 64);
         assert!(db > floor_db, "{scene}/{input}: {db:.2} dB, was over {floor_db}");
@@ -54,7 +54,7 @@ fn the_default_method_is_as_near_the_true_lens_as_it_was() {
 
 #[test]
 fn peels_tell_what_a_picture_with_depth_cannot() {
-    for (scene, gain_db) in [("fence", 4.0), ("terrace", 7.5)] {
+    for (scene, gain_db) in [("fence", 4.0), ("terrace", 6.3)] {
         let (peels, _) = psnr_db(scene, "stack.exr", 64);
         let (picture, _) = psnr_db(scene, "pinhole.exr", 64);
         assert!(peels > picture + gain_db, "{scene}: peels {peels:.2} dB, one picture {picture:.2} dB");

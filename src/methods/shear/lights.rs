@@ -63,6 +63,8 @@ struct Spark {
     antialiased: f32,
     /// Whether its colour may be of another surface than its depth: see [`mixes`].
     mixes: bool,
+    /// How far its depth is its light's own: see [`own_depth`].
+    own_depth: f32,
 }
 
 impl Spark {
@@ -180,6 +182,7 @@ fn spark(scene: &Scene, place: [usize; 3], threshold: f32) -> Option<Spark> {
     let (color, coc_px) = (layer.color_at(x, y), layer.coc_px.get(x, y));
     let share = isolation(layer, [x, y], supersample) * share_of_light(brightness(color) / threshold);
     let base = (share > 0.0).then(|| surroundings(layer, x, y, threshold))?;
+    let mixes = mixes(&scene.layers, &scene.antialiasing, [x / supersample, y / supersample]);
     Some(Spark {
         place,
         coc_px,
@@ -188,7 +191,8 @@ fn spark(scene: &Scene, place: [usize; 3], threshold: f32) -> Option<Spark> {
         share,
         hidden: hidden_at(&scene.layers[..index], [x, y], coc_px),
         antialiased: scene.antialiasing.at(x / supersample, y / supersample),
-        mixes: mixes(&scene.layers, &scene.antialiasing, [x / supersample, y / supersample]),
+        mixes,
+        own_depth: if mixes { own_depth(layer, x, y, threshold) } else { 1.0 },
     })
 }
 
@@ -208,20 +212,35 @@ fn mixes(layers: &[Layer], antialiasing: &Antialiasing, [x, y]: [usize; 2]) -> b
 fn surroundings(layer: &Layer, x: usize, y: usize, threshold: f32) -> [f32; 3] {
     let (own, own_alpha) = (layer.color_at(x, y), layer.alpha.get(x, y));
     let (mut sum, mut alpha_sum) = ([0.0; 3], 0.0);
-    for ny in y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(layer.height() - 1) {
-        for nx in x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(layer.width() - 1) {
-            let (near, alpha) = (layer.color_at(nx, ny), layer.alpha.get(nx, ny));
-            // The rim of a light covers little of its pixels: it is dim, and no surroundings.
-            if alpha > 0.0 && brightness(near) <= threshold * alpha {
-                sum.iter_mut().zip(near).for_each(|(sum, value)| *sum += value);
-                alpha_sum += alpha;
-            }
-        }
+    for [nx, ny] in dim_around(layer, [x, y], threshold) {
+        sum.iter_mut().zip(layer.color_at(nx, ny)).for_each(|(sum, value)| *sum += value);
+        alpha_sum += layer.alpha.get(nx, ny);
     }
     std::array::from_fn(|k| {
         let around = if alpha_sum > 0.0 { sum[k] / alpha_sum } else { own[k] * threshold / brightness(own) };
         (own_alpha * around).min(own[k])
     })
+}
+
+/// The fragments around `place` whose surfaces are no brighter than `threshold`. The rim of a light covers little of its pixels: it is dim,
+/// and none of them.
+fn dim_around(layer: &Layer, [x, y]: [usize; 2], threshold: f32) -> impl Iterator<Item = [usize; 2]> {
+    let rows = y.saturating_sub(SURROUNDINGS)..=(y + SURROUNDINGS).min(layer.height() - 1);
+    let columns = x.saturating_sub(SURROUNDINGS)..=(x + SURROUNDINGS).min(layer.width() - 1);
+    let places = rows.flat_map(move |ny| columns.clone().map(move |nx| [nx, ny]));
+    places.filter(move |&[nx, ny]| {
+        let alpha = layer.alpha.get(nx, ny);
+        alpha > 0.0 && brightness(layer.color_at(nx, ny)) <= threshold * alpha
+    })
+}
+
+/// How far the depth of a bright fragment at `x, y` is its light's own, 0 … 1: not that of a surface beside the light, which the fragment shows
+/// in part.
+fn own_depth(layer: &Layer, x: usize, y: usize, threshold: f32) -> f32 {
+    let coc_px = layer.coc_px.get(x, y);
+    let difference = |[nx, ny]: [usize; 2]| (layer.coc_px.get(nx, ny) - coc_px).abs();
+    let least = dim_around(layer, [x, y], threshold).map(difference).fold(f32::INFINITY, f32::min);
+    (least / merge_gap_px(coc_px) - 1.0).clamp(0.0, 1.0)
 }
 
 /// Share of a fragment at `x, y` that the fragments of `in_front` at the same place hide from all of the lens.
@@ -308,7 +327,7 @@ impl Light {
             variances: eigenvalues(covariances),
             // A fragment is a light in part where the light covers it in part, or where other parts of its surface do.
             area: sparks.iter().map(|spark| (spark.energy() / level).min(spark.share * spark.alpha)).sum(),
-            coc_px: nearest_coc_px(sparks, most),
+            coc_px: own_coc_px(sparks, most),
         }
     }
 
@@ -382,17 +401,24 @@ fn level(sparks: &[&Spark], most: f32) -> f32 {
     most * sum(2) / sum(1)
 }
 
-/// The CoC radius of a light of `sparks`, of which the brightest has the energy `most`: the nearest of those whose depth is the light's.
-fn nearest_coc_px(sparks: &[&Spark], most: f32) -> f32 {
+/// The CoC radius of a light of `sparks`, of which the brightest has the energy `most`: the nearest of those whose depth is the light's own, or
+/// else that of the brightest.
+fn own_coc_px(sparks: &[&Spark], most: f32) -> f32 {
     let mut by_depth = sparks.to_vec();
     by_depth.sort_by(|a, b| a.coc_px.total_cmp(&b.coc_px));
     let (mut coc_px, mut left) = (0.0, 1.0);
     for spark in by_depth {
-        let share = left * (1.0 - up_to(OWN_DEPTH_FROM, spark.energy() / most));
+        let is_light = 1.0 - up_to(OWN_DEPTH_FROM, spark.energy() / most);
+        let share = left * is_light * spark.own_depth;
         coc_px += share * spark.coc_px;
         left -= share;
     }
-    coc_px
+    // Where a fragment is of another surface in part, it is dimmer.
+    let weight = |spark: &Spark| (spark.energy() / most).powi(8);
+    let (sum, weights) = sparks.iter().fold((0.0, 0.0), |(sum, weights), spark| {
+        (sum + weight(spark) * spark.coc_px, weights + weight(spark))
+    });
+    coc_px + left * sum / weights
 }
 
 /// The larger and the smaller eigenvalue of a symmetric matrix.
@@ -488,6 +514,26 @@ mod tests {
                     assert!((radius_px - radius).abs() < within, "{name}: {radius_px}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_light_half_behind_a_nearer_surface_keeps_its_own_depth() {
+        for edge in 0..8 {
+            let right_of = 15.6 + 0.125 * edge as f32;
+            let mut scene = scene(&[(Vec2::splat(16.0), 2.2)], 6.0, Seen::Picture);
+            let [layer] = &mut scene.layers[..] else { panic!("one picture") };
+            for (x, y) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))) {
+                // The surface hides what is left of its edge, and its depth is the pixel's from half a pixel on.
+                let visible = (x as f32 + 0.5 - right_of).clamp(0.0, 1.0);
+                layer.color.iter_mut().for_each(|plane| plane.set(x, y, visible * plane.get(x, y)));
+                if visible <= 0.5 {
+                    layer.coc_px.set(x, y, -10.0);
+                }
+            }
+            let lights = extract_brighter(&mut scene, 1.0, 0.0);
+            let brightest = lights.iter().max_by(|a, b| a.energy[0].total_cmp(&b.energy[0])).unwrap();
+            assert!((brightest.coc_px - 6.0).abs() < 1e-3, "edge at {right_of}: {lights:?}");
         }
     }
 
