@@ -2,9 +2,9 @@
 //!
 //! A lens ray that passes all known fragments should hit something plausible: the surfaces from the neighbourhood, continued behind what
 //! hides them. From each pixel one looks around in eight directions for the first fragment behind the pixel's last one ([`Surroundings`]).
-//! The nearer a fragment in the picture, the more it counts, and those that are much farther away than the nearest do not. The surface in the middle of the order by depth is continued: a post
-//! that goes on above and below a bar stays a post behind the bar. It is opaque where the nearer half is clear, and fades where it is not;
-//! behind it, a second plate continues what lies farther.
+//! The nearer a fragment in the picture, the more it counts, and those that are much farther away than the nearest do not. The surface in
+//! the middle of the order by depth is continued: a post that goes on above and below a bar stays a post behind the bar. It is opaque
+//! where the nearer half is clear, and fades where it is not; behind it, a second plate continues what lies farther.
 //!
 //! A plate's colour is the mean of its surface's fragments, smoothed more the farther they are away ([`Smooth`]). None is that of a mixture
 //! ([`unmixed_colors`]), and lights, which are brighter than the others around, are dimmed.

@@ -3,8 +3,9 @@
 //! The `S²·M` fragments of each pixel are sorted by CoC radius and grouped into clusters, nearest first. A cluster's
 //! coverage is the sum of its fragments' alpha divided by `S²`, its colour the same sum (premultiplied), its radius the mean
 //! (`1/z` is affine in `c`). Fragments at infinity are the background, which continues behind whatever hides it from other samples: they
-//! make one cluster, the last, with the opacity of the background and not with its share of the pixel. A pixel keeps at most [`EXTRA_LAYERS`] clusters more than the stack has layers: if there are more, the least
-//! visible ones surfaces are dropped, never the background. There are as many layers as the pixel with the most clusters needs.
+//! make one cluster, the last, with the opacity of the background and not with its share of the pixel. A pixel keeps at most
+//! [`EXTRA_LAYERS`] clusters more than the stack has layers: if there are more, the least visible surfaces are dropped, never the
+//! background. There are as many layers as the pixel with the most clusters needs.
 
 use super::{Layer, MAX_TRANSLUCENT_LAYERS, Scene, surface};
 use crate::image::Plane;

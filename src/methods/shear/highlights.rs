@@ -1,8 +1,9 @@
 //! Bright points as exact discs: with few views a point a thousand times brighter than its surroundings would show as dots.
 //!
 //! [`super::lights`] finds them and removes them from their surfaces; [`draw`] adds them back in the shape that [`super::bokeh`]
-//! computes. Each row of a disc is clipped by the spans of nearer bins, seen from the highlight: the ray from picture point `p` to highlight `q` passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`.
-//! This is affine in `p`, so a span is projected to a span.
+//! computes. Each row of a disc is clipped by the spans of nearer bins, seen from each part of the highlight ([`super::hidden`]): the ray
+//! from picture point `p` to `q` on the highlight passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`. This is affine in `p`,
+//! so a span is projected to a span.
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};

@@ -9,7 +9,7 @@
 //!
 //! | pass | module | does |
 //! | --- | --- | --- |
-//! | highlights | [`lights`] | removes bright points, which are drawn as exact discs |
+//! | highlights | [`sparks`], [`lights`] | removes bright points, which are drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage layers, as many as the pixels need |
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
@@ -46,6 +46,7 @@ mod sampler;
 mod saved;
 mod softening;
 mod spans;
+mod sparks;
 mod sums;
 mod translucent_hits;
 
