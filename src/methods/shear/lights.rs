@@ -386,10 +386,10 @@ mod tests {
             let mut scene = scene(&[(Vec2::splat(16.0), 2.2)], 6.0, Seen::Picture);
             let [layer] = &mut scene.layers[..] else { panic!("one picture") };
             for (x, y) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))) {
-                // The surface hides what is left of its edge, and its depth is the pixel's from half a pixel on.
+                // The surface hides what is left of its edge, and its depth is that of each pixel of which it hides any.
                 let visible = (x as f32 + 0.5 - right_of).clamp(0.0, 1.0);
                 layer.color.iter_mut().for_each(|plane| plane.set(x, y, visible * plane.get(x, y)));
-                if visible <= 0.5 {
+                if visible < 1.0 {
                     layer.coc_px.set(x, y, -10.0);
                 }
             }
