@@ -1,16 +1,13 @@
 //! Bright points as exact discs: with few views a point a thousand times brighter than its surroundings would show as dots.
 //!
 //! [`super::lights`] finds them and removes them from their surfaces; [`draw`] adds them back in the shape that [`super::bokeh`]
-//! computes. Each row of a disc is clipped by the spans of nearer bins, seen from each part of the highlight ([`super::hidden`]): the ray
-//! from picture point `p` to `q` on the highlight passes CoC depth `c_k` at `s = p (1 − f) + q f`, `f = c_k / c_q`. This is affine in `p`,
-//! so a span is projected to a span.
+//! computes. Each row of a disc is clipped by what is nearer ([`super::occluders`]), seen from each part of the highlight.
 
 use super::bins::Bins;
 use super::bokeh::{Bokeh, Shape};
-use super::hidden::{Affine, Hidden};
-use super::keys::Extent;
+use super::hidden::Hidden;
+use super::occluders::{Candidate, DiscRow, Occluders};
 use super::softening::Softening;
-use super::spans::{self, Span, Spans};
 use crate::image::Image;
 use crate::lens::Field;
 use crate::methods::contract::Plan;
@@ -18,10 +15,6 @@ use crate::scene::Layer;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Fragments nearer than a highlight by less than the first belong to its own surface, and those nearer by more than the second to
-/// others, in picture pixels and as a share of the highlight's CoC radius: whichever is more.
-const OWN_SURFACE: [(f32, f32); 2] = [(0.25, 0.03), (0.75, 0.06)];
 
 /// Rows that one task draws.
 const STRIP: usize = 16;
@@ -48,7 +41,7 @@ pub(super) struct Part {
     pub(super) position: Vec2,
     /// Share of the light's energy.
     pub(super) share: f32,
-    /// Share that is hidden from all of the lens, 0 … 1: see [`share_that_covers`].
+    /// Share that is hidden from all of the lens, 0 … 1: see [`super::occluders::share_that_covers`].
     pub(super) hidden: f32,
 }
 
@@ -68,19 +61,6 @@ impl Emitter {
             Self::Disc { radius_px } => Softening::disc(radius_px),
         }
     }
-}
-
-/// The scene that occludes highlights.
-#[derive(Debug)]
-pub(super) struct Occluders<'a> {
-    /// Width of the picture.
-    width: usize,
-    /// The spans of all layers, by [`Extent::Occluder`].
-    spans: Spans,
-    /// The bins of the spans.
-    bins: &'a Bins,
-    /// The layers.
-    layers: &'a [Layer],
 }
 
 /// Adds the discs of `highlights` to `image`, each in the shape of the lens of `plan` and occluded by nearer fragments of `layers`,
@@ -108,13 +88,13 @@ fn draw_all(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, occl
         .enumerate()
         .for_each(|(strip, ((red, green), blue))| {
             let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut hidden = (Hidden::default(), Vec::new());
+            let mut scratch = Scratch::default();
             for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
                 for y in rows.clone() {
                     let start = (y - rows.start) * width;
                     let row =
                         [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
-                    disc.draw_row(y, row, occluders, &mut hidden);
+                    disc.draw_row(y, row, occluders, &mut scratch);
                 }
             }
         });
@@ -124,14 +104,24 @@ fn draw_all(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, occl
 struct Disc<'a> {
     highlight: &'a Highlight,
     bokeh: &'a Bokeh<'a>,
+    /// Corners of the rectangle that holds the light's parts, in picture pixels.
+    corners: [Vec2; 2],
     /// The shape of each set of colours that share one.
     shapes: Vec<Shape>,
     /// The shape of a part of the light, alike.
     part_shapes: Vec<Shape>,
 }
 
-/// Memory for a row of a disc: what is hidden of one part, and how far each part is visible in each column.
-type Scratch = (Hidden, Vec<f32>);
+/// Memory for a row of a disc.
+#[derive(Default)]
+struct Scratch<'a> {
+    /// What may hide a part of the light.
+    candidates: Vec<Candidate<'a>>,
+    /// What is hidden of one part.
+    hidden: Hidden,
+    /// For each part, how far it is visible in each column.
+    visible: Vec<f32>,
+}
 
 impl<'a> Disc<'a> {
     /// Width of a part of a light, in picture pixels.
@@ -139,9 +129,14 @@ impl<'a> Disc<'a> {
 
     fn new(highlight: &'a Highlight, bokeh: &'a Bokeh<'a>) -> Self {
         let shapes = |softening| bokeh.shapes(highlight.coc_px, &softening);
+        let positions = || highlight.parts.iter().map(|part| part.position);
         Self {
             highlight,
             bokeh,
+            corners: [
+                positions().fold(Vec2::INFINITY, Vec2::min),
+                positions().fold(Vec2::NEG_INFINITY, Vec2::max),
+            ],
             shapes: shapes(highlight.emitter.softening()),
             part_shapes: shapes(Softening::square(Self::PART_PX)),
         }
@@ -153,23 +148,31 @@ impl<'a> Disc<'a> {
         y + reach >= first_row as f32 && y - reach <= (end_row - 1) as f32
     }
 
-    fn draw_row(&self, y: usize, row: [&mut [f32]; 3], occluders: &Occluders<'_>, scratch: &mut Scratch) {
-        let position = self.highlight.position;
+    fn draw_row<'s>(
+        &self,
+        y: usize,
+        row: [&mut [f32]; 3],
+        occluders: &'s Occluders<'_>,
+        scratch: &mut Scratch<'s>,
+    ) {
+        let Highlight { position, coc_px, energy, .. } = *self.highlight;
         for (shape, part_shape) in self.shapes.iter().zip(&self.part_shapes) {
             let columns = self.columns(shape, y, row[0].len());
             if columns.is_empty() {
                 continue;
             }
-            self.see(shape, (y, columns.clone()), occluders, scratch);
             let (count, first) = (columns.len(), columns.start);
+            let (disc_px, axial_px) = (shape.coc_px, shape.axial_px);
+            let disc_row = DiscRow { y, columns: columns.clone(), coc_px, disc_px, axial_px };
+            let same = self.see(&disc_row, occluders, scratch);
             for x in columns {
                 let pixel = Vec2::new(x as f32, y as f32);
-                let visible = |part: usize| scratch.1[part * count + x - first];
-                let share =
-                    self.bokeh.share(shape, position, pixel) * self.visible(part_shape, pixel, &visible);
+                let of_part = |part: usize| scratch.visible[part * count + x - first];
+                let visible = same.unwrap_or_else(|| self.visible(part_shape, pixel, &of_part));
+                let share = self.bokeh.share(shape, position, pixel) * visible;
                 if share > 0.0 {
                     for &channel in shape.colors {
-                        row[channel][x] += self.highlight.energy[channel] * share;
+                        row[channel][x] += energy[channel] * share;
                     }
                 }
             }
@@ -206,82 +209,33 @@ impl<'a> Disc<'a> {
         sum / weight
     }
 
-    /// Writes how far each part of the light is visible in `columns` of row `y` of the picture.
-    fn see(
+    /// Writes to `scratch` how far each part of the light is visible in the columns of `disc_row`. Returns how far if that is the same for
+    /// all of them.
+    fn see<'s>(
         &self,
-        shape: &Shape,
-        (y, columns): (usize, Range<usize>),
-        occluders: &Occluders<'_>,
-        (hidden, visible): &mut Scratch,
-    ) {
+        disc_row: &DiscRow,
+        occluders: &'s Occluders<'_>,
+        scratch: &mut Scratch<'s>,
+    ) -> Option<f32> {
+        let (parts, Scratch { candidates, hidden, visible }) = (&self.highlight.parts, scratch);
+        occluders.search(disc_row, self.corners, candidates);
+        let same = parts.iter().all(|part| part.hidden == parts[0].hidden);
+        if candidates.is_empty() && same {
+            return Some(1.0 - parts[0].hidden);
+        }
         visible.clear();
-        for part in &self.highlight.parts {
-            hidden.clear(columns.clone(), part.hidden);
-            self.occlude(shape, (part.position, y), hidden, occluders);
+        for part in parts {
+            hidden.clear(disc_row.columns.clone(), part.hidden);
+            occluders.hide(candidates, (part.position, disc_row.y), hidden);
             visible.extend(hidden.visible());
         }
-    }
-
-    /// Adds to `hidden` what nearer fragments hide of row `y` from a part of the light at `position`.
-    fn occlude(
-        &self,
-        shape: &Shape,
-        (position, y): (Vec2, usize),
-        hidden: &mut Hidden,
-        occluders: &Occluders<'_>,
-    ) {
-        let coc_px = self.highlight.coc_px;
-        let height = occluders.spans.height();
-        for (bin, &bin_coc) in occluders.bins.centers_px().iter().enumerate() {
-            let share = share_that_hides(coc_px, bin_coc);
-            if share <= 0.0 {
-                break;
-            }
-            // Axial colour changes all CoC radii of these colours by the same amount.
-            let f = (bin_coc + shape.axial_px) / shape.coc_px;
-            let row = ((y as f32) * (1.0 - f) + position.y * f + 0.5).floor();
-            let row = row.clamp(0.0, height as f32 - 1.0) as usize;
-            let map = Affine { offset: -position.x * f / (1.0 - f), scale: 1.0 / (1.0 - f) };
-            for span in occluders.spans.of_block(row, bin) {
-                let alpha = (!span.opaque).then(|| occluders.layers[span.layer as usize].alpha.row(row));
-                hidden.add(span, (occluders.columns_of(span), map), (share, alpha));
-            }
-        }
-    }
-}
-
-/// Share of a fragment with the CoC radius `occluder_px` that hides a highlight with `coc_px`: what is not of its own surface.
-pub(super) fn share_that_hides(coc_px: f32, occluder_px: f32) -> f32 {
-    let [own_px, other_px] = OWN_SURFACE.map(|(least_px, share)| f32::max(least_px, share * coc_px.abs()));
-    ((coc_px - occluder_px - own_px) / (other_px - own_px)).clamp(0.0, 1.0)
-}
-
-/// Share of a fragment with the CoC radius `occluder_px` that hides all of the light behind it at the same place with `coc_px`: a ray passes it
-/// at nearly the place of the light, if it is little nearer.
-pub(super) fn share_that_covers(coc_px: f32, occluder_px: f32) -> f32 {
-    /// Difference in CoC radius from which on it covers nothing, relative to the one from which on [`share_that_hides`] is all.
-    const NONE_FROM: f32 = 1.25;
-    let other_px = f32::max(OWN_SURFACE[1].0, OWN_SURFACE[1].1 * coc_px.abs());
-    ((NONE_FROM * other_px - (coc_px - occluder_px)) / ((NONE_FROM - 1.0) * other_px)).clamp(0.0, 1.0)
-}
-
-impl<'a> Occluders<'a> {
-    /// The occluders in `layers`, whose CoC radii `bins` cover.
-    fn new(layers: &'a [Layer], bins: &'a Bins) -> Self {
-        let width = layers.first().map_or(0, Layer::width);
-        Self { width, spans: spans::find(layers, bins, Extent::Occluder), bins, layers }
-    }
-
-    /// The columns that `span` covers; a span that ends at the picture's border is unbounded there.
-    fn columns_of(&self, span: &Span) -> [f32; 2] {
-        let start = if span.start == 0 { f32::NEG_INFINITY } else { span.start as f32 - 0.5 };
-        let end = if span.end as usize == self.width { f32::INFINITY } else { span.end as f32 - 0.5 };
-        [start, end]
+        None
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::occluders::share_that_hides;
     use super::*;
     use crate::image::Plane;
     use crate::lens::{Aperture, Field, Optics};

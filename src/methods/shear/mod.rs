@@ -15,7 +15,7 @@
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
-//! | draw | [`highlights`], [`bokeh`], [`softening`] | adds the discs |
+//! | draw | [`highlights`], [`occluders`], [`bokeh`], [`softening`] | adds the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
 //! On a GPU ([`gpu`], `shaders/methods/shear.wgsl`) each pixel searches for its fragments, and no spans are made.
@@ -34,6 +34,7 @@ mod highlights;
 mod keys;
 mod lanes;
 mod lights;
+mod occluders;
 mod paint;
 mod parameters;
 mod passes;

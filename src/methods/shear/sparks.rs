@@ -1,6 +1,6 @@
 //! Bright fragments: what each has beyond its surroundings, and how far its depth is that of the light.
 
-use super::highlights::share_that_covers;
+use super::occluders::share_that_covers;
 use crate::scene::surface::merge_gap_px;
 use crate::scene::{Antialiasing, Layer, Scene, brightness, isolation};
 use glam::Vec2;
