@@ -50,10 +50,15 @@ impl Plane {
         if [columns, rows] == [0, 0] {
             return self;
         }
-        let (width, height) = (self.width - 2 * columns, self.height - 2 * rows);
+        self.part([columns, rows], (self.width - 2 * columns, self.height - 2 * rows))
+    }
+
+    /// The `width` × `height` values from column `x`, row `y` on, which are inside of the plane.
+    #[must_use]
+    pub fn part(&self, [x, y]: [usize; 2], (width, height): (usize, usize)) -> Self {
         let mut plane = Self::zeros(width, height);
-        for y in 0..height {
-            plane.row_mut(y).copy_from_slice(&self.row(rows + y)[columns..][..width]);
+        for row in 0..height {
+            plane.row_mut(row).copy_from_slice(&self.row(y + row)[x..][..width]);
         }
         plane
     }
@@ -137,6 +142,15 @@ impl Image {
     #[must_use]
     pub fn trimmed(self, outside: [usize; 2]) -> Self {
         Self { planes: self.planes.map(|plane| plane.trimmed(outside)) }
+    }
+
+    /// The `width` × `height` pixels from column `x`, row `y` on, which are inside of the picture; unchanged if they are all of it.
+    #[must_use]
+    pub fn part(self, from: [usize; 2], (width, height): (usize, usize)) -> Self {
+        if (self.width(), self.height()) == (width, height) {
+            return self;
+        }
+        Self { planes: self.planes.each_ref().map(|plane| plane.part(from, (width, height))) }
     }
 
     /// Width in pixels.

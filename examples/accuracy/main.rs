@@ -19,11 +19,10 @@ use budget::{Budget, Part};
 use causes::{Cause, causes};
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
-use thinlens::image::{Image, Plane};
 use thinlens::metrics::score;
 use thinlens::render::{Job, NamedPreset, prepare};
 use thinlens::settings::{Effort, Preset, Values};
-use thinlens::stack::{Frame, Source, read_picture};
+use thinlens::stack::{FramedImage, Source, read_framed_picture};
 
 /// The stacks of a scene, and the samples per pixel along each axis where the file does not say.
 const INPUTS: [(&str, Option<usize>); 5] = [
@@ -42,7 +41,7 @@ fn main() -> Result<(), Error> {
     let mut budgets = Vec::new();
     println!("{:<40}{}", "dB at", views.iter().map(|n| format!("{n:>7} views")).collect::<String>());
     for scene in scenes(&folder) {
-        let reference = read_picture(&scene.join("reference.exr"))?;
+        let reference = read_framed_picture(&scene.join("reference.exr"))?;
         for (name, supersample) in INPUTS {
             let input = scene.join(name);
             if !input.is_file() {
@@ -74,31 +73,18 @@ struct Compared {
 ///
 /// # Errors
 /// Those of the render, and a picture that differs in size from `reference`.
-fn compared(job: &Job, reference: &Image) -> Result<Compared, Error> {
+fn compared(job: &Job, reference: &FramedImage) -> Result<Compared, Error> {
     let prepared = prepare(job)?;
     let causes = causes(&prepared.scene);
     let rendered = prepared.blur(&|_| {})?;
-    let size = (reference.width(), reference.height());
-    let (image, origin) = shown(&rendered.image, &rendered.frame, size);
-    let psnr_db = score(&image, reference, 0)?.psnr_db;
+    let [part, of_reference] = rendered.frame.shared_with(&reference.frame)?;
     let width = rendered.image.width();
-    let cause_at = |x: usize, y: usize| causes[(y + origin[1]) * width + x + origin[0]];
-    Ok(Compared { psnr_db, budget: Budget::new(&image, reference, cause_at) })
-}
-
-/// The part of `image` that the display window of `frame` shows, and where it begins. All of it, if it has `size` already, or if the
-/// window is not within the picture.
-fn shown(image: &Image, frame: &Frame, size: (usize, usize)) -> (Image, [usize; 2]) {
-    let (data, display) = (frame.data, frame.display);
-    if (image.width(), image.height()) == size || !data.contains(display) {
-        return (image.clone(), [0; 2]);
-    }
-    // The display window lies within the data window, so that neither difference is negative.
-    let origin = [display.x - data.x, display.y - data.y].map(|offset| offset.unsigned_abs() as usize);
-    let part = |plane: &Plane| {
-        Plane::from_fn(display.width, display.height, |x, y| plane.get(x + origin[0], y + origin[1]))
-    };
-    (Image { planes: image.planes.each_ref().map(part) }, origin)
+    let image = FramedImage { image: rendered.image, frame: rendered.frame }.part(part);
+    let reference = reference.clone().part(of_reference);
+    let psnr_db = score(&image, &reference, 0)?.psnr_db;
+    let [left, top] = [part.x, part.y].map(|start| start.unsigned_abs() as usize);
+    let cause_at = |x: usize, y: usize| causes[(y + top) * width + x + left];
+    Ok(Compared { psnr_db, budget: Budget::new(&image, &reference, cause_at) })
 }
 
 fn print_budgets(budgets: &[(String, Budget)], views: usize) {

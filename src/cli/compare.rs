@@ -15,7 +15,7 @@ use thinlens::metrics::check_size;
 use thinlens::output::png;
 use thinlens::probes::{MIN_PROBES, ProbeSet};
 use thinlens::render::{Job, Prepared};
-use thinlens::stack::{Carry, read_picture};
+use thinlens::stack::{Carry, Window, read_framed_picture};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -65,18 +65,29 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
     if let Some(folder) = &args.output {
         args.check_files(folder, &candidates)?;
     }
-    let reference = args.reference.as_deref().map(read_picture).transpose()?;
+    let reference = args.reference.as_deref().map(read_framed_picture).transpose()?;
     let job = stack_job(&args.input, &args.lens, &args.effects, Carry::None)?;
     let prepared = prepare(&Job { methods: methods.clone(), ..job })?;
     console.findings(&prepared.stack.findings);
+    let frame = prepared.stack.picture_frame();
+    let whole = Window { x: 0, y: 0, ..frame.data };
+    let (part, reference) = match reference {
+        Some(reference) => {
+            let parts = frame.shared_with(&reference.frame)?;
+            console.compared(parts, [&frame, &reference.frame]);
+            (parts[0], Some(reference.part(parts[1])))
+        }
+        None => (whole, None),
+    };
     if let Some(reference) = &reference {
-        check_size(prepared.scene.frame_size(), reference)?;
+        check_size((part.width, part.height), reference)?;
     }
     let calibration = console.calibration(false)?;
     let Prepared { scene, plan, .. } = &prepared;
     let probes = ProbeSet::new(scene, plan, args.probes as usize);
     let comparison = Comparison {
         prepared: &prepared,
+        part,
         reference: reference.as_ref(),
         repeats: usize::from(args.repeats),
         probes: &probes,
@@ -129,7 +140,7 @@ impl CompareArgs {
             self.reference.as_ref().map(path),
         );
         let scene = &comparison.prepared.scene;
-        let pinhole = scene.pinhole().trimmed(scene.outside_px);
+        let pinhole = comparison.compared(scene.pinhole().trimmed(scene.outside_px));
         let mut gallery = Gallery::new(&pinhole, comparison.reference);
         for (i, candidate) in candidates.iter().enumerate() {
             console.note(format_args!("{candidate} ({} of {})", i + 1, candidates.len()));

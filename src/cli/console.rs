@@ -14,6 +14,7 @@ use thinlens::gpu::Device;
 use thinlens::methods::{Plan, Target};
 use thinlens::probes::ErrorEstimate;
 use thinlens::scene::EffectKind;
+use thinlens::stack::{Frame, Window};
 
 /// Messages on standard error; with `quiet`, warnings and errors only.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +37,19 @@ impl Console {
     /// Prints that a file was written.
     pub(super) fn wrote(self, path: &Path) {
         self.note(format_args!("wrote {}", path.display()));
+    }
+
+    /// Prints which part of two pictures is compared, if it is not all of both.
+    pub(super) fn compared(self, parts: [Window; 2], frames: [&Frame; 2]) {
+        let is_whole = |(part, frame): (Window, &Frame)| {
+            (part.width, part.height) == (frame.data.width, frame.data.height)
+        };
+        if !parts.into_iter().zip(frames).all(is_whole) {
+            let [Window { x, y, width, height }, _] = parts;
+            self.note(format_args!(
+                "compared: {width}×{height} pixels that both pictures show, from column {x} and row {y} on"
+            ));
+        }
     }
 
     /// Prints one line per finding about the input.

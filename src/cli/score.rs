@@ -7,7 +7,7 @@ use clap::Args;
 use std::path::PathBuf;
 use thinlens::metrics::{Pair, Score};
 use thinlens::output::png;
-use thinlens::stack::read_picture;
+use thinlens::stack::{Window, read_framed_picture};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -43,16 +43,22 @@ struct ScoreReport {
     #[serde(flatten)]
     score: Score,
     hdr_flip: Option<f64>,
+    /// The part of the picture that is compared, in pixels of its data window.
+    compared: Window,
 }
 
 pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
     if let Some(map) = &args.map {
         checks::output(map, [&args.image, &args.reference].into_iter())?;
     }
-    let image = read_picture(&args.image)?;
-    let reference = read_picture(&args.reference)?;
+    let image = read_framed_picture(&args.image)?;
+    let reference = read_framed_picture(&args.reference)?;
+    let parts = image.frame.shared_with(&reference.frame)?;
+    Console::new(false).compared(parts, [&image.frame, &reference.frame]);
+    let (image, reference) = (image.part(parts[0]), reference.part(parts[1]));
     let pair = Pair::new(&image, &reference, args.border)?;
-    let report = ScoreReport { score: pair.score(), hdr_flip: args.hdr_flip.then(|| pair.hdr_flip()) };
+    let hdr_flip = args.hdr_flip.then(|| pair.hdr_flip());
+    let report = ScoreReport { score: pair.score(), hdr_flip, compared: parts[0] };
     if let Some(map) = &args.map {
         png::write_false_color(map, &pair.flip_map())?;
         Console::new(false).wrote(map);
@@ -65,7 +71,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn in_words(ScoreReport { score, hdr_flip }: &ScoreReport) -> String {
+fn in_words(ScoreReport { score, hdr_flip, .. }: &ScoreReport) -> String {
     let ssim = score.ssim.map_or("picture too small".to_owned(), |ssim| format!("{ssim:.4}"));
     let hdr_flip = hdr_flip.map(|value| format!("HDR-FLIP      {value:.4}\n")).unwrap_or_default();
     format!(

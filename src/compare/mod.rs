@@ -33,6 +33,7 @@ use crate::metrics::{Pair, Score};
 use crate::output::report::{LensReport, Report, StackReport};
 use crate::probes::{ErrorEstimate, ProbeSet};
 use crate::render::Prepared;
+use crate::stack::{FramedImage, Window};
 use crate::usage::Stopwatch;
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,8 @@ pub struct Results {
     pub input: Vec<String>,
     /// The file of the reference render, if there is one.
     pub reference: Option<String>,
+    /// The part of the picture that is compared, in pixels of its data window.
+    pub compared: Window,
     /// The stack.
     pub stack: StackReport,
     /// The lens, each value with its origin.
@@ -125,7 +128,7 @@ pub enum Baseline {
 /// A square in which the pictures differ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Crop {
-    /// First column of the square in the data window.
+    /// First column of the square in the part that is compared.
     pub x: usize,
     /// First row.
     pub y: usize,
@@ -149,7 +152,9 @@ impl Entry {
 pub struct Comparison<'a> {
     /// The stack, the lens and the settings; the method of the settings is not used.
     pub prepared: &'a Prepared,
-    /// The reference render, if there is one.
+    /// The part of the picture that is compared, in pixels of its data window.
+    pub part: Window,
+    /// The reference render's pixels of that part, if there is one.
     pub reference: Option<&'a Image>,
     /// Number of runs of each candidate; at least one run is made.
     pub repeats: usize,
@@ -171,7 +176,7 @@ impl Comparison<'_> {
         methods.plan(stats, &candidate.settings(settings)?)
     }
 
-    /// Runs `candidate` and measures it; returns its picture too.
+    /// Runs `candidate` and measures it; returns its picture too, as far as it is compared.
     ///
     /// # Errors
     /// Those of the plan and of the method, and a reference of another size.
@@ -188,7 +193,7 @@ impl Comparison<'_> {
         }
         let blurred = picture.unwrap_or_default();
         let sampling = self.probes.estimate_image(&blurred, &plan);
-        let image = finish(blurred, &plan, scene.field).trimmed(scene.outside_px);
+        let image = self.compared(finish(blurred, &plan, scene.field).trimmed(scene.outside_px));
         let model = self.reference.map(|reference| Pair::new(&image, reference, 0)).transpose()?;
         let blur = Cost {
             cpu_seconds: median(runs.iter().map(|run| run.cpu_seconds)),
@@ -213,6 +218,11 @@ impl Comparison<'_> {
         Ok((entry, image))
     }
 
+    /// The part of `picture` that is compared.
+    pub fn compared(&self, picture: Image) -> Image {
+        FramedImage { image: picture, frame: self.prepared.stack.picture_frame() }.part(self.part)
+    }
+
     /// Results without entries: everything that is known before the first candidate runs. `command` is the command line of the
     /// comparison, `input` and `reference` are the files read.
     pub fn results(&self, command: String, input: Vec<String>, reference: Option<String>) -> Results {
@@ -222,6 +232,7 @@ impl Comparison<'_> {
             command,
             input,
             reference,
+            compared: self.part,
             stack: summary.clone(),
             lens: LensReport::new(settings, lens),
             warnings: Report::warnings(&stack.findings),
@@ -324,6 +335,7 @@ mod tests {
             command: "thinlens compare a.exr".to_owned(),
             input: vec!["a.exr".to_owned()],
             reference: None,
+            compared: Window { x: 0, y: 0, width: 100, height: 80 },
             stack: StackReport {
                 width: 100,
                 height: 80,

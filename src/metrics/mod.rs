@@ -100,7 +100,7 @@ pub fn check_size(size: (usize, usize), reference: &Image) -> Result<(), Error> 
         return Err(Error::input("the pictures differ in size")
             .with("image", text(size))
             .with("reference", text(reference_size))
-            .help("compare renders of one resolution and one data window"));
+            .help("compare renders of one resolution; with display windows of one size, what both show is compared"));
     }
     if size.0 * size.1 == 0 {
         return Err(Error::input("the pictures have no pixels").with("size", text(size)));

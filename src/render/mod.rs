@@ -26,7 +26,6 @@ use crate::stack::{self, Stack};
 use crate::usage::{Stage, StageClock};
 use crate::{confidence, finish};
 use paint::Painted;
-use rendered::picture_frame;
 
 /// A job with its plan, before the blur.
 #[derive(Debug)]
@@ -184,7 +183,7 @@ impl Prepared {
         if known.is_some() {
             clock.lap(Stage::Confidence);
         }
-        let frame = picture_frame(&stack.frame, stack.supersample);
+        let frame = stack.picture_frame();
         Ok(Rendered {
             image: image.trimmed(outside_px),
             frame,

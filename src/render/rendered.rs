@@ -9,7 +9,7 @@ use crate::output::report::{LensReport, PlanReport, Report, StackReport};
 use crate::probes::ErrorEstimate;
 use crate::sample_budget::Outcome;
 use crate::settings::Settings;
-use crate::stack::{Frame, Stack, Window};
+use crate::stack::{Frame, Stack};
 use crate::usage::{self, StageClock};
 
 /// A rendered job.
@@ -79,31 +79,5 @@ impl Rendered {
             findings: self.stack.findings.clone(),
             warnings: Report::warnings(&self.stack.findings),
         }
-    }
-}
-
-/// `frame`, in samples, converted to picture pixels.
-pub(super) fn picture_frame(frame: &Frame, supersample: usize) -> Frame {
-    let step = i32::try_from(supersample).unwrap_or(i32::MAX).max(1);
-    let window = |window: Window| Window {
-        x: window.x.div_euclid(step),
-        y: window.y.div_euclid(step),
-        width: window.width / supersample.max(1),
-        height: window.height / supersample.max(1),
-    };
-    Frame { data: window(frame.data), display: window(frame.display), pixel_aspect: frame.pixel_aspect }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_supersampled_frame_shrinks_to_picture_pixels() {
-        let data = Window { x: -4, y: 2, width: 24, height: 12 };
-        let display = Window { x: 0, y: 0, width: 16, height: 16 };
-        let frame = picture_frame(&Frame { data, display, pixel_aspect: 1.0 }, 2);
-        assert_eq!(frame.data, Window { x: -2, y: 1, width: 12, height: 6 });
-        assert_eq!(frame.display, Window { x: 0, y: 0, width: 8, height: 8 });
     }
 }

@@ -17,6 +17,7 @@ pub mod depth;
 mod evidence;
 mod filtered_depth;
 mod frame_number;
+mod framed;
 mod guard;
 mod header;
 mod input;
@@ -40,8 +41,9 @@ pub use camera::camera_attributes;
 pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
 pub(crate) use frame_number::frame_number;
+pub use framed::FramedImage;
 pub use options::{Carry, ReadOptions, Source};
-pub use read::{read, read_picture};
+pub use read::{read, read_framed_picture, read_picture};
 
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -61,7 +63,7 @@ pub struct Peel {
 }
 
 /// A rectangle of pixels. Its top left corner `x`, `y` may be negative.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Window {
     /// Left edge.
     pub x: i32,
@@ -186,6 +188,18 @@ impl Frame {
         Self { data: window, display: window, pixel_aspect: 1.0 }
     }
 
+    /// This frame, in samples, in picture pixels of `supersample` samples along each axis.
+    fn in_pixels(&self, supersample: usize) -> Self {
+        let step = i32::try_from(supersample).unwrap_or(i32::MAX).max(1);
+        let window = |window: Window| Window {
+            x: window.x.div_euclid(step),
+            y: window.y.div_euclid(step),
+            width: window.width / supersample.max(1),
+            height: window.height / supersample.max(1),
+        };
+        Self { data: window(self.data), display: window(self.display), pixel_aspect: self.pixel_aspect }
+    }
+
     /// Position of the data window's first pixel centre relative to the centre of the display window, in pixels right and down.
     pub fn data_origin_from_centre(&self) -> [f32; 2] {
         let (data, display) = (self.data, self.display);
@@ -202,6 +216,11 @@ impl Stack {
         self.kind.map_or_else(|| self.antialiasing.in_words(), |kind| kind.name().to_owned())
     }
 
+    /// Data and display window of the picture, in picture pixels.
+    pub fn picture_frame(&self) -> Frame {
+        self.frame.in_pixels(self.supersample)
+    }
+
     /// Width of the planes in samples.
     pub fn width(&self) -> usize {
         self.frame.data.width
@@ -210,5 +229,19 @@ impl Stack {
     /// Height of the planes in samples.
     pub fn height(&self) -> usize {
         self.frame.data.height
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_supersampled_frame_shrinks_to_picture_pixels() {
+        let data = Window { x: -4, y: 2, width: 24, height: 12 };
+        let display = Window { x: 0, y: 0, width: 16, height: 16 };
+        let frame = Frame { data, display, pixel_aspect: 1.0 }.in_pixels(2);
+        assert_eq!(frame.data, Window { x: -2, y: 1, width: 12, height: 6 });
+        assert_eq!(frame.display, Window { x: 0, y: 0, width: 8, height: 8 });
     }
 }

@@ -7,8 +7,8 @@ use super::kind::Announced;
 use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
-    Antialiasing, Carried, ColorRange, Frame, Peel, Stack, StackKind, Window, background_share, beauty,
-    camera, carried, cryptomatte, filtered_depth, kind, names, order, picture, rim_depth,
+    Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, background_share,
+    beauty, camera, carried, cryptomatte, filtered_depth, kind, names, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -54,8 +54,17 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_picture(path: &Path) -> Result<Image, Error> {
-    let (Layer { color: [red, green, blue], alpha, .. }, _) = read_main_layer(path)?;
-    Ok(Image { planes: [red, green, blue, alpha] })
+    read_framed_picture(path).map(|picture| picture.image)
+}
+
+/// [`read_picture`], with the picture's windows.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
+    let (Layer { color: [red, green, blue], alpha, window, .. }, frame) = read_main_layer(path)?;
+    let image = Image { planes: [red, green, blue, alpha] };
+    Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }
 
 /// Reads the main picture of a file as the beauty of a stack.

@@ -3,6 +3,20 @@
 use super::program::{STACK, run, stderr};
 use super::stdout;
 use std::fs;
+use std::path::Path;
+use thinlens::image::Image;
+use thinlens::output::exr::{self, ExrOptions};
+use thinlens::stack::{Carried, Frame, Precision, Window, read_picture};
+
+/// Writes the part of `picture` in `data`, whose pixels are those of its display window, to `path`.
+fn write_part(path: &Path, picture: &Image, data: Window) {
+    let display = Window { x: 0, y: 0, width: picture.width(), height: picture.height() };
+    let frame = Frame { data, display, pixel_aspect: 1.0 };
+    let from = [data.x, data.y].map(|start| start.unsigned_abs() as usize);
+    let part = picture.clone().part(from, (data.width, data.height));
+    let options = ExrOptions { precision: Precision::Float, codec: exr::Codec::default() };
+    exr::write(path, &part, &frame, &Carried::default(), &options).unwrap();
+}
 
 #[test]
 fn a_picture_scored_against_itself_has_no_error() {
@@ -25,6 +39,49 @@ fn score_can_measure_hdr_flip_and_write_a_map_of_flip() {
     assert_eq!((map.width(), map.height()), (320, 180));
     let onto_input = run(folder.path(), &["score", &image, &reference, "--map", &image]);
     assert!(stderr(&onto_input).contains("one of the inputs"), "{}", stderr(&onto_input));
+}
+
+#[test]
+fn pictures_with_different_data_windows_are_scored_where_both_have_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = Image::from_fn(96, 80, |x, y| [x as f32 / 96.0, y as f32 / 80.0, 0.5, 1.0]);
+    let parts = [(0, 0, 90, 70), (10, 8, 86, 72), (90, 0, 6, 80)];
+    for (number, (x, y, width, height)) in parts.into_iter().enumerate() {
+        let path = folder.path().join(format!("{number}.exr"));
+        write_part(&path, &picture, Window { x, y, width, height });
+    }
+    let output = run(folder.path(), &["score", "0.exr", "1.exr", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(json["psnr_db"], 200.0, "both show the same picture there");
+    let window = serde_json::json!({ "x": 10, "y": 8, "width": 80, "height": 62 });
+    assert_eq!(json["compared"], window);
+    assert!(stderr(&output).contains("80×62 pixels that both pictures show"), "{}", stderr(&output));
+    let apart = run(folder.path(), &["score", "0.exr", "2.exr"]);
+    assert_ne!(apart.status.code(), Some(0));
+    assert!(stderr(&apart).contains("different parts of the frame"), "{}", stderr(&apart));
+}
+
+#[test]
+fn compare_measures_against_a_reference_of_a_part_of_the_frame_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = |name: &str| format!("{}/samples/fence/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (x, y, width, height) = (100, 50, 128, 96);
+    let whole = read_picture(Path::new(&sample("reference.exr"))).unwrap();
+    write_part(&folder.path().join("part.exr"), &whole, Window { x, y, width, height });
+    let common = [STACK, "--preset", &sample("preset.toml")];
+    let measured =
+        ["--methods", "shear:16", "--repeats", "1", "--probes", "60", "--reference", "part.exr", "--json"];
+    let output = run(folder.path(), &[["compare"].as_slice(), &common, &measured].concat());
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(json["compared"], serde_json::json!({ "x": x, "y": y, "width": width, "height": height }));
+    let rendered = ["--views", "16", "-o", "out.exr", "--precision", "float"];
+    let output = run(folder.path(), &[["render"].as_slice(), &common, &rendered].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let scored = stdout(&run(folder.path(), &["score", "out.exr", "part.exr", "--json"]));
+    let scored: serde_json::Value = serde_json::from_str(&scored).unwrap();
+    let [compared, scored] =
+        [&json["entries"][0]["model"]["psnr_db"], &scored["psnr_db"]].map(|db| db.as_f64().unwrap());
+    assert!((compared - scored).abs() < 0.01, "{compared} and {scored} dB");
 }
 
 #[test]
