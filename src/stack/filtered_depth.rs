@@ -21,6 +21,8 @@ use crate::settings::DepthConvention;
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// The number for an infinite depth: farther than any background that a file writes.
+const INFINITE: f32 = 1e30;
 /// Relative difference of depths: one surface up to the first, two from the second on.
 const JUMP: [f32; 2] = [0.02, 0.06];
 /// Number of similar neighbours, of eight: no surface up to the first, a surface from the second on. A blended depth along an edge has two.
@@ -72,8 +74,8 @@ pub(super) fn unblend(peel: &mut Peel, convention: DepthConvention) -> Option<Fi
     (count > 0).then(|| Finding::note("depth", text))
 }
 
-/// The numbers of a convention, ordered as a filter means them: background is 0, or [`BACKGROUND`] where the file has it farther than
-/// all surfaces.
+/// The numbers of a convention, ordered as a filter means them: background is 0, or its depth of at least [`BACKGROUND`] where the file has
+/// it farther than all surfaces. A mean with that depth may be at least [`BACKGROUND`] too.
 struct Coding {
     convention: DepthConvention,
     foreground: Range<f32>,
@@ -101,7 +103,8 @@ impl Coding {
         match self.foreground.contains(&depth) {
             true => depth + self.offset,
             false if is_low => 0.0,
-            false => BACKGROUND,
+            // Infinity and NaN are infinite.
+            false => least(depth, INFINITE),
         }
     }
 
@@ -198,18 +201,29 @@ impl Numbers {
     /// Number of a place's eight neighbours that are of its surface; all for background.
     fn similar(&self, place: (usize, usize)) -> f32 {
         let number = self.beside(place, 0, 0);
-        if is_background(number) {
+        let background = self.background(place);
+        if background >= 1.0 {
             return 8.0;
         }
-        self.around(place, 1).map(|other| 1.0 - difference(number, other)).sum()
+        let sum: f32 = self.around(place, 1).map(|other| 1.0 - difference(number, other)).sum();
+        sum.max(8.0 * background)
     }
 
-    /// Sets the numbers of no surface that are almost 0 to 0.
+    /// How far a place is background, 0 … 1: less than the farthest number around is a mean with it.
+    fn background(&self, place: (usize, usize)) -> f32 {
+        match self.beside(place, 0, 0) {
+            number if !is_background(number) => 0.0,
+            number if number <= 0.0 => 1.0,
+            number => 1.0 - difference(number, self.around(place, REACH).fold(number, most)),
+        }
+    }
+
+    /// Sets the numbers of no surface that are almost 0 to 0, but beside a background that is far: there the others are the means.
     fn clear_almost_zero(&mut self, places: &[(usize, usize)]) {
         let is_almost_zero = |&place: &(usize, usize)| {
-            let greatest =
-                self.around(place, REACH).filter(|&number| number < BACKGROUND).fold(0.0, f32::max);
-            self.beside(place, 0, 0) < ALMOST_ZERO * greatest
+            let greatest = self.around(place, REACH).fold(0.0, most);
+            greatest < BACKGROUND
+                && self.beside(place, 0, 0) < ALMOST_ZERO * greatest
                 && smooth_step(SIMILAR, self.similar(place)) < 0.5
         };
         let cleared: Vec<(usize, usize)> = places.par_iter().copied().filter(is_almost_zero).collect();
@@ -405,13 +419,32 @@ mod tests {
     }
 
     #[test]
+    fn a_mean_with_a_background_of_ten_to_the_tenth_is_surface_or_background() {
+        const FAR: f32 = 1e10;
+        for angle in (0..180).step_by(15).map(|angle| angle as f32) {
+            let share = |x, y| beyond(angle, x, y);
+            let (found, changed) = unblended(depths(|x, y| 3.0 * share(x, y) + FAR * (1.0 - share(x, y))));
+            for (x, y) in (0..SIZE * SIZE).map(|i| (i % SIZE, i / SIZE)) {
+                let (share, depth) = (share(x, y), found.get(x, y));
+                let is_surface = (depth - 3.0).abs() <= 0.06 * 3.0;
+                let is_expected = if share > 0.55 { is_surface } else { is_surface || depth >= BACKGROUND };
+                assert!(
+                    is_expected && (share > 0.45 || !is_surface),
+                    "{angle}°, {x}, {y}: {depth} of {share}"
+                );
+            }
+            assert!(changed >= SIZE / 2, "{angle}°: {changed}");
+        }
+    }
+
+    #[test]
     fn unfiltered_depth_is_kept_bit_for_bit() {
         let hash = |x: usize, y: usize| {
             let mixed = (x as u32).wrapping_mul(0x9E37_79B9) ^ (y as u32).wrapping_mul(0x85EB_CA6B);
             ((mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D) >> 16) % 97
         };
         type Depth<'a> = &'a dyn Fn(usize, usize) -> f32;
-        let scenes: [(&str, Depth<'_>); 5] = [
+        let scenes: [(&str, Depth<'_>); 7] = [
             ("an edge", &|x, y| if beyond(20.0, x, y) >= 0.5 { 8.0 } else { 2.0 }),
             ("a slope to the horizon", &|_, y| 10.0 / (y as f32 + 0.5)),
             ("a surface of two pixels between two", &|x, _| {
@@ -419,6 +452,10 @@ mod tests {
             }),
             ("posts of one pixel", &|x, _| if x.is_multiple_of(9) { 1.5 } else { 7.0 }),
             ("noise", &|x, y| 5.0 + 0.05 * hash(x, y) as f32),
+            ("leaves before infinity", &|x, y| if hash(x / 2, y / 2) < 40 { 2.0 } else { f32::INFINITY }),
+            ("leaves before a background of ten to the tenth", &|x, y| {
+                if hash(x, y / 3) < 40 { 2.0 } else { 1e10 }
+            }),
         ];
         for (name, depth) in scenes {
             assert_eq!(unblended(depths(depth)).1, 0, "{name}");
