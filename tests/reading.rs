@@ -468,11 +468,30 @@ fn the_beauty_of_peel_0_is_taken_from_its_group_and_no_other() {
     assert_eq!(stack.antialiasing, Antialiasing::AVERAGES, "the colours of peel 0 are averages");
     assert!(stack.findings.iter().any(|finding| finding.about == "beauty"), "{:?}", stack.findings);
     assert!(stack.carried.channels.is_empty(), "it is part of the stack");
+    for same in ["peel0.beauty", "Peel0.Beauty.Combined"] {
+        let stack = stack_of(vec![Part::flat((4, 2), &with_beauty(same))]);
+        assert_eq!((stack.peels.len(), stack.peels[0].color[0].get(3, 1)), (2, 0.25), "{same}");
+    }
     for other in ["Beauty", "Peel1.Beauty", "ViewLayer.Beauty"] {
         let stack = stack_of(vec![Part::flat((4, 2), &with_beauty(other))]);
         assert_eq!(stack.peels[0].color[0].get(3, 1), 0.5, "{other} is carried");
         assert_eq!(stack.carried.channels.len(), 4, "{other} is carried");
     }
+}
+
+#[test]
+fn a_beauty_in_the_stack_that_cannot_be_used_is_said_and_the_stack_is_read() {
+    let text_of = |part: Part, options: &ReadOptions| {
+        let stack = read(&[source(exr_bytes(vec![part]))], options).expect("it is read");
+        assert_eq!(stack.peels[0].color[0].get(1, 1), 0.5, "peel 0 keeps its colour");
+        stack.findings.into_iter().find(|finding| finding.about == "beauty").expect("it is said").text
+    };
+    let incomplete = format!("{} Peel0.Beauty.R=1 Peel0.Beauty.G=1", with_beauty(""));
+    let text = text_of(Part::flat((4, 2), &incomplete), &ReadOptions::default());
+    assert!(text.contains("Peel0.Beauty") && text.contains("R, G, B"), "{text}");
+    let options = ReadOptions { supersample: Some(2), ..ReadOptions::default() };
+    let text = text_of(Part::flat((4, 2), &with_beauty("Peel0.Beauty")), &options);
+    assert!(text.contains("one sample a pixel"), "{text}");
 }
 
 #[test]
@@ -492,8 +511,15 @@ fn a_beauty_file_replaces_the_colour_of_peel_0_and_mistakes_say_what_to_do() {
     assert_eq!((stack.peels[0].color[2].get(0, 0), stack.peels[1].color[2].get(0, 0)), (0.75, 0.2));
     let refused = |path, supersample| read_with(path, supersample).expect_err("it is refused").to_string();
     assert!(refused(file("small.exr", (2, 1), "R=1 G=1 B=1"), None).contains("not of the frame"));
-    assert!(refused(file("depth.exr", (4, 2), "Z=1"), None).contains("no colour channels"));
-    assert!(refused(folder.path().join("none.exr"), None).contains("none.exr"));
+    let text = refused(file("depth.exr", (4, 2), "Z=1"), None);
+    assert!(text.contains("no colour channels") && !text.contains("color_channel"), "{text}");
+    let text = refused(folder.path().join("none.exr"), None);
+    assert!(text.contains("none.exr") && text.contains("used as: `beauty`"), "{text}");
+    let broken = read_with(file("broken.exr", (4, 2), "R=NaN G=0.4 B=inf"), None).expect("it is read");
+    let is_said = |finding: &thinlens::finding::Finding| {
+        finding.about == "beauty" && finding.text.contains("8 colour values were NaN")
+    };
+    assert!(broken.findings.iter().any(is_said), "{:?}", broken.findings);
     assert!(refused(beauty, Some(2)).contains("leave out `beauty`"));
 }
 

@@ -13,7 +13,10 @@
 //! | what is empty in peel 0, or outside the beauty | there is no colour to replace |
 //!
 //! Where the beauty is more transparent than the peels, its colour without alpha counts, by the share that it covers.
+//!
+//! A beauty that the user names must fit the peels. One that the stack holds itself is left out where it does not.
 
+use super::agreement::differing_share;
 use super::layers::{Beauty, place};
 use super::{Frame, Peel};
 use crate::error::Error;
@@ -23,6 +26,9 @@ use rayon::prelude::*;
 
 /// Brightness, the largest of red, green and blue, up to which the beauty counts in full, and from which on not at all.
 const FADE: [f32; 2] = [1.0, 2.0];
+
+/// Share of the pixels that may differ from the peels without a warning, 0 … 1.
+const DIFFERING: f64 = 0.05;
 
 /// Red, green, blue and alpha of a pixel, premultiplied.
 type Pixel = [f32; 4];
@@ -38,67 +44,77 @@ struct Replaced {
     bright: f32,
 }
 
-/// Replaces the colour of the first of `peels`, which cover the data window of `frame`, by `beauty`. Says how far by pixel, and in words.
+/// Replaces the colour of the first of `peels`, which cover the data window of `frame`, by `beauty`. Says how far by pixel, `None` if
+/// nothing is replaced, and in words.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Settings`] for peels with several samples a pixel; [`crate::error::ErrorKind::Input`] for a beauty of
-/// another frame.
+/// For a beauty that the user names: [`crate::error::ErrorKind::Settings`] for peels with several samples a pixel,
+/// [`crate::error::ErrorKind::Input`] for a beauty of another frame.
 pub(super) fn apply(
     beauty: Beauty,
     peels: &mut [Peel],
     frame: Frame,
     supersample: usize,
-) -> Result<(Plane, Finding), Error> {
-    check(&beauty, frame, supersample)?;
-    let Beauty { name, color, alpha, frame: own } = beauty;
+) -> Result<(Option<Plane>, Vec<Finding>), Error> {
+    match check(&beauty, frame, supersample) {
+        Ok(()) => {}
+        Err(error) if beauty.is_requested => return Err(error),
+        Err(error) => {
+            let text = format!("{} is not used: {}", beauty.name, error.on_one_line());
+            return Ok((None, vec![Finding { warning: supersample == 1, ..Finding::note("beauty", text) }]));
+        }
+    }
+    let Beauty { name, color, alpha, frame: own, .. } = beauty;
     let [red, green, blue] = color.map(|plane| place(plane, own.data, frame.data, 0.0));
     let planes = [red, green, blue, place(alpha, own.data, frame.data, 0.0)];
     let (width, height) = (frame.data.width, frame.data.height);
-    let pixel = |x: usize, y: usize| replaced(peels, planes.each_ref().map(|plane| plane.get(x, y)), x, y);
-    let rows: Vec<Vec<Replaced>> =
-        (0..height).into_par_iter().map(|y| (0..width).map(|x| pixel(x, y)).collect()).collect();
+    let pixel = |x: usize, y: usize| planes.each_ref().map(|plane| plane.get(x, y));
+    let row = |y: usize| (0..width).map(|x| replaced(peels, pixel(x, y), x, y)).collect();
+    let rows: Vec<Vec<Replaced>> = (0..height).into_par_iter().map(row).collect();
+    let differing = differing_share(
+        [width, height],
+        |x, y| color_of(composite(peels, x, y)),
+        |x, y| (whole(pixel(x, y), composite(peels, x, y)[3]).1, rows[y][x].share),
+    );
     if let Some(peel) = peels.first_mut() {
         for (channel, plane) in peel.color.iter_mut().enumerate() {
             *plane = Plane::from_fn(width, height, |x, y| rows[y][x].color[channel]);
         }
     }
-    let finding = finding(&name, &rows);
-    Ok((Plane::from_fn(width, height, |x, y| rows[y][x].share), finding))
+    let findings = [Some(finding(&name, &rows)), doubt(&name, differing)];
+    let share = Plane::from_fn(width, height, |x, y| rows[y][x].share);
+    Ok((Some(share), findings.into_iter().flatten().collect()))
 }
 
 /// Refuses a beauty that is not of the frame, and peels that it is not for.
 fn check(beauty: &Beauty, frame: Frame, supersample: usize) -> Result<(), Error> {
+    let help = |error: Error, text: &str| if beauty.is_requested { error.help(text) } else { error };
     if supersample > 1 {
-        return Err(Error::settings("a beauty is for peels with one sample a pixel")
-            .with(
-                "found",
-                format!("{supersample} × {supersample} samples a pixel, and the beauty {}", beauty.name),
-            )
-            .help("leave out `beauty`: the samples are averaged over the pixel when they are merged"));
+        let error = Error::settings("a beauty is for peels with one sample a pixel").with(
+            "found",
+            format!("{supersample} × {supersample} samples a pixel, and the beauty {}", beauty.name),
+        );
+        return Err(help(
+            error,
+            "leave out `beauty`: the samples are averaged over the pixel when they are merged",
+        ));
     }
-    let size = |frame: Frame| [frame.display.width, frame.display.height];
-    if size(beauty.frame) == size(frame) && frame.data.contains(beauty.frame.data) {
+    if beauty.frame.display == frame.display {
         return Ok(());
     }
     let windows = |frame: Frame| format!("data window {}, display window {}", frame.data, frame.display);
-    Err(Error::input("the beauty is not of the frame of the peels")
+    let error = Error::input("the beauty is not of the frame of the peels")
         .with("beauty", format!("{} in {}", windows(beauty.frame), beauty.name))
-        .with("peels", windows(frame))
-        .help("render both with one camera, size and data window, or leave out `beauty`"))
+        .with("peels", windows(frame));
+    Err(help(error, "render both with one camera and one display window, or leave out `beauty`"))
 }
 
 /// The pixel `x, y` of `peels` with `beauty`.
 fn replaced(peels: &[Peel], beauty: Pixel, x: usize, y: usize) -> Replaced {
-    let at = |peel: &Peel| {
-        let [red, green, blue] = peel.color.each_ref().map(|plane| plane.get(x, y));
-        [red, green, blue, peel.alpha.get(x, y)]
-    };
-    let [red, green, blue, alpha] = peels.first().map_or([0.0; 4], at);
+    let [red, green, blue, alpha] = peels.first().map_or([0.0; 4], |peel| fragment(peel, x, y));
     let color = [red, green, blue];
-    let seen = composite(peels.iter().map(at));
-    let covered = if seen[3] > beauty[3] { beauty[3] / seen[3] } else { 1.0 };
-    let whole = if covered > 0.0 { covered.recip() } else { 0.0 };
-    let beauty = [0, 1, 2].map(|channel| beauty[channel] * whole);
+    let seen = composite(peels, x, y);
+    let (covered, beauty) = whole(beauty, seen[3]);
     let brightness = color.into_iter().chain(beauty).fold(0.0, f32::max);
     let dim = ((FADE[1] - brightness) / (FADE[1] - FADE[0])).clamp(0.0, 1.0);
     let share = alpha * covered * dim;
@@ -110,14 +126,32 @@ fn replaced(peels: &[Peel], beauty: Pixel, x: usize, y: usize) -> Replaced {
     Replaced { color: [0, 1, 2].map(channel), share, bright: alpha * covered * (1.0 - dim) }
 }
 
-/// Fragments composited, nearest first.
-fn composite(fragments: impl Iterator<Item = Pixel>) -> Pixel {
+/// The share of what is `seen`, an alpha, that the beauty covers, and the colour of the beauty there.
+fn whole(beauty: Pixel, seen: f32) -> (f32, [f32; 3]) {
+    let covered = if seen > beauty[3] { beauty[3] / seen } else { 1.0 };
+    let whole = if covered > 0.0 { covered.recip() } else { 0.0 };
+    (covered, color_of(beauty).map(|value| value * whole))
+}
+
+/// The fragment of a peel at `x, y`.
+fn fragment(peel: &Peel, x: usize, y: usize) -> Pixel {
+    let [red, green, blue] = peel.color.each_ref().map(|plane| plane.get(x, y));
+    [red, green, blue, peel.alpha.get(x, y)]
+}
+
+/// The fragments of `peels` at `x, y` composited, nearest first.
+fn composite(peels: &[Peel], x: usize, y: usize) -> Pixel {
     let (mut sum, mut passing) = ([0.0; 4], 1.0);
-    for fragment in fragments {
+    for fragment in peels.iter().map(|peel| fragment(peel, x, y)) {
         sum.iter_mut().zip(fragment).for_each(|(sum, value)| *sum += passing * value);
         passing *= 1.0 - fragment[3];
     }
     sum
+}
+
+/// Red, green and blue of a pixel.
+fn color_of([red, green, blue, _]: Pixel) -> [f32; 3] {
+    [red, green, blue]
 }
 
 fn finding(name: &str, rows: &[Vec<Replaced>]) -> Finding {
@@ -127,11 +161,21 @@ fn finding(name: &str, rows: &[Vec<Replaced>]) -> Finding {
     };
     let (taken, bright) = (percent(&|pixel| pixel.share), percent(&|pixel| pixel.bright));
     let text = format!(
-        "peel 0 has the colour of {name} in {taken:.1} % of the picture, and its own where it is brighter than white \
-         ({bright:.1} %) and where it is translucent or empty ({:.1} %)",
+        "peel 0 has the colour of {name} in {taken:.1} % of the picture, an average over the pixel, and its own where either is brighter \
+         than white ({bright:.1} %) and where either is translucent or empty ({:.1} %)",
         (100.0 - taken - bright).max(0.0)
     );
-    Finding::note("beauty", text)
+    Finding { warning: taken <= 0.0, ..Finding::note("beauty", text) }
+}
+
+/// A warning if the beauty differs from the peels in more than [`DIFFERING`] of what it replaces.
+fn doubt(name: &str, differing: f64) -> Option<Finding> {
+    let text = format!(
+        "{name} is brighter or darker than all samples of the peels around in {:.1} % of the pixels: give the beauty of the same frame, \
+         camera, exposure and colour space, premultiplied",
+        100.0 * differing
+    );
+    (differing > DIFFERING).then(|| Finding::warning("beauty", text))
 }
 
 #[cfg(test)]
@@ -153,14 +197,15 @@ mod tests {
 
     fn beauty(pixels: &[(f32, f32)]) -> Beauty {
         let Peel { color, alpha, .. } = peel(pixels);
-        Beauty { name: "beauty.exr".to_owned(), color, alpha, frame: Frame::from_size(pixels.len(), 1) }
+        let frame = Frame::from_size(pixels.len(), 1);
+        Beauty { name: "beauty.exr".to_owned(), color, alpha, frame, is_requested: true }
     }
 
     /// The colours of peel 0 of `peels` with `pixels` as beauty, and the shares.
     fn applied(mut peels: Vec<Peel>, pixels: &[(f32, f32)]) -> (Vec<f32>, Vec<f32>) {
         let frame = Frame::from_size(pixels.len(), 1);
         let (share, _) = apply(beauty(pixels), &mut peels, frame, 1).unwrap();
-        (peels[0].color[0].row(0).to_vec(), share.row(0).to_vec())
+        (peels[0].color[0].row(0).to_vec(), share.unwrap().row(0).to_vec())
     }
 
     #[test]
@@ -200,9 +245,36 @@ mod tests {
         let mut peels = vec![peel(&[(0.1, 1.0), (0.2, 1.0), (0.3, 1.0)])];
         let frame = Frame::from_size(3, 1);
         let crop = Beauty { frame: Frame { data: window, ..frame }, ..beauty(&[(0.9, 1.0)]) };
-        let (share, finding) = apply(crop, &mut peels, frame, 1).unwrap();
-        assert_eq!((peels[0].color[0].row(0), share.row(0)), (&[0.1, 0.9, 0.3][..], &[0.0, 1.0, 0.0][..]));
-        assert!(finding.text.contains("in 33.3 % of the picture"), "{}", finding.text);
+        let (share, findings) = apply(crop, &mut peels, frame, 1).unwrap();
+        assert_eq!(peels[0].color[0].row(0), [0.1, 0.9, 0.3]);
+        assert_eq!(share.unwrap().row(0), [0.0, 1.0, 0.0]);
+        assert!(findings[0].text.contains("in 33.3 % of the picture"), "{findings:?}");
+    }
+
+    #[test]
+    fn overscan_of_the_beauty_that_the_peels_lack_is_left_out() {
+        let mut peels = vec![peel(&[(0.1, 1.0), (0.2, 1.0)])];
+        let frame = Frame::from_size(2, 1);
+        let data = Window { x: -1, y: 0, width: 4, height: 1 };
+        let wide = Beauty {
+            frame: Frame { data, ..frame },
+            ..beauty(&[(0.5, 1.0), (0.15, 1.0), (0.25, 1.0), (0.6, 1.0)])
+        };
+        apply(wide, &mut peels, frame, 1).unwrap();
+        assert_eq!(peels[0].color[0].row(0), [0.15, 0.25]);
+    }
+
+    #[test]
+    fn a_beauty_that_shows_something_else_or_nothing_is_taken_with_a_warning() {
+        let warned = |pixel: (f32, f32)| {
+            let mut peels = [peel(&[(0.4, 1.0); 9])];
+            let (_, findings) = apply(beauty(&[pixel; 9]), &mut peels, Frame::from_size(9, 1), 1).unwrap();
+            findings.iter().filter(|finding| finding.warning).map(|finding| finding.text.clone()).collect()
+        };
+        let warnings: [Vec<String>; 3] = [(0.41, 1.0), (0.1, 1.0), (0.0, 0.0)].map(warned);
+        assert!(warnings[0].is_empty(), "{warnings:?}");
+        assert!(warnings[1][0].contains("in 100.0 % of the pixels"), "{warnings:?}");
+        assert!(warnings[2][0].contains("in 0.0 % of the picture"), "{warnings:?}");
     }
 
     #[test]
@@ -215,5 +287,18 @@ mod tests {
         assert!(text.contains("not of the frame") && text.contains("2×1") && text.contains("4×1"), "{text}");
         let text = refused(beauty(&[(0.5, 1.0); 4]), 2);
         assert!(text.contains("one sample a pixel") && text.contains("leave out `beauty`"), "{text}");
+    }
+
+    #[test]
+    fn a_beauty_in_the_stack_that_does_not_fit_is_left_out_and_said_so() {
+        for (pixels, supersample) in [(2, 1), (4, 2)] {
+            let mut peels = [peel(&[(0.1, 1.0); 4])];
+            let own = Beauty { is_requested: false, ..beauty(&vec![(0.5, 1.0); pixels]) };
+            let (share, findings) = apply(own, &mut peels, Frame::from_size(4, 1), supersample).unwrap();
+            assert_eq!((share, peels[0].color[0].row(0)), (None, &[0.1; 4][..]));
+            let [Finding { text, warning, .. }] = &findings[..] else { panic!("{findings:?}") };
+            assert!(text.contains("is not used") && !text.contains("leave out"), "{text}");
+            assert_eq!(*warning, supersample == 1, "averaged samples have their beauty already");
+        }
     }
 }

@@ -42,6 +42,8 @@ pub(super) struct Beauty {
     pub(super) alpha: Plane,
     /// Its windows; the planes cover the data window.
     pub(super) frame: Frame,
+    /// Whether the user names it; otherwise the stack holds it.
+    pub(super) is_requested: bool,
 }
 
 /// The content of one file.
@@ -72,9 +74,9 @@ pub(super) struct Layers {
 }
 
 impl Layer {
-    /// The layer as the beauty of a stack; `frame` has its windows.
+    /// The layer as the beauty that the stack holds; `frame` has its windows.
     pub(super) fn into_beauty(self, frame: Frame) -> Beauty {
-        Beauty { name: self.prefix, color: self.color, alpha: self.alpha, frame }
+        Beauty { name: self.prefix, color: self.color, alpha: self.alpha, frame, is_requested: false }
     }
 }
 

@@ -3,6 +3,7 @@
 //! This module has all file formats and naming conventions of the input, and nothing about lenses: depth stays in the convention of
 //! the file ([`Stack::convention`]). Every conclusion that a file does not state is reported as a [`Finding`].
 
+mod agreement;
 mod antialiasing;
 mod background_share;
 mod beauty;

@@ -11,6 +11,7 @@
 //! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
 //! | grey | `Y` | as one picture | one |
 //! | anti-aliased colour of peel 0 | `Peel0.Beauty.R G B A` beside numbered peels | that of peel 0 | see [`super::beauty`] |
+//! | the same as a view layer | `Peel0.Beauty.Combined.R G B A` | that of peel 0 | as above |
 //!
 //! Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
 //! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
@@ -100,7 +101,9 @@ pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, 
     let groups = ChannelGroups::from_names(names);
     let prefixes = match &options.color_channel {
         Some(requested) => groups.named_colors(requested, names)?,
-        None => groups.pictures(names)?,
+        None => groups.pictures(names).map_err(|error| {
+            error.help("enable the Combined pass, or name the group with `color_channel`")
+        })?,
     };
     let mut peels: Vec<PeelChannels> = prefixes.iter().filter_map(|prefix| groups.peel(prefix)).collect();
     peels.sort_by_cached_key(|peel| order(&peel.prefix));
@@ -119,6 +122,9 @@ pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, 
         findings.push(Finding::warning("peels", text));
     }
     let beauty = peels.first().and_then(|peel| groups.beauty(&peel.prefix));
+    if let (Some(peel), None) = (peels.first(), &beauty) {
+        findings.extend(groups.incomplete_beauty(&peel.prefix));
+    }
     Ok(Assigned { peels, beauty, findings })
 }
 
@@ -129,11 +135,15 @@ pub(super) fn assign(names: &[&str], options: &ReadOptions) -> Result<Assigned, 
 pub(super) fn picture(names: &[&str]) -> Result<PeelChannels, Error> {
     let groups = ChannelGroups::from_names(names);
     let root = groups.colors.get("").and_then(Group::color).map(|_| "");
-    let prefix = match root {
-        Some(root) => root,
-        None => groups.pictures(names)?.into_iter().min_by_key(|prefix| order(prefix)).unwrap_or_default(),
+    let found = match root {
+        Some(root) => Ok(root),
+        None => groups
+            .pictures(names)
+            .map(|found| found.into_iter().min_by_key(|prefix| order(prefix)).unwrap_or_default()),
     };
-    groups.peel(prefix).ok_or_else(|| no_color(names))
+    found
+        .and_then(|prefix| groups.peel(prefix).ok_or_else(|| no_color(names)))
+        .map_err(|error| error.help("write the picture as R G B without a prefix, or as Combined"))
 }
 
 /// Index of the depth channel in a depth file: the requested name, else a known depth name, else the only channel, grey or red.
@@ -202,7 +212,8 @@ impl<'a> ChannelGroups<'a> {
     fn pictures(&self, names: &[&str]) -> Result<Vec<&'a str>, Error> {
         let rgb: Vec<&str> =
             self.colors.iter().filter(|(_, group)| group.is_rgb()).map(|(prefix, _)| *prefix).collect();
-        let likely: Vec<&str> = rgb.iter().copied().filter(|prefix| !is_other(prefix)).collect();
+        let is_likely = |prefix: &&str| !is_other(prefix) && !self.is_beauty(prefix);
+        let likely: Vec<&str> = rgb.iter().copied().filter(is_likely).collect();
         let choose = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a str> {
             likely.iter().copied().filter(|prefix| fits(prefix)).collect()
         };
@@ -234,8 +245,7 @@ impl<'a> ChannelGroups<'a> {
             },
             _ => Err(Error::input("several channel groups could be the picture")
                 .with("found", likely.join(" "))
-                .with("looked for", "Combined, peelN, or R G B without a prefix")
-                .help("name it with `color_channel`")),
+                .with("looked for", "Combined, peelN, or R G B without a prefix")),
         }
     }
 
@@ -255,7 +265,7 @@ impl<'a> ChannelGroups<'a> {
     /// The peel with the colour group `prefix`.
     fn peel(&self, prefix: &str) -> Option<PeelChannels> {
         let group = self.colors.get(prefix)?;
-        let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
+        let layer = layer_of(prefix);
         // Another pass of a layer (`ViewLayer.DiffCol`) has the layer's depth.
         let outer = layer.rsplit_once('.').map(|(outer, _)| outer);
         let depth = self.depths.get(layer).or_else(|| outer.and_then(|outer| self.depths.get(outer)));
@@ -269,9 +279,25 @@ impl<'a> ChannelGroups<'a> {
 
     /// The anti-aliased colour of the peel `prefix`, if that is a numbered one.
     fn beauty(&self, prefix: &str) -> Option<PeelChannels> {
-        let is_its_beauty = |group: &&str| strip_ending(group, BEAUTY) == Some(prefix);
-        let group = self.colors.keys().copied().filter(|_| is_numbered_peel(prefix)).find(is_its_beauty)?;
+        let group = self.colors.keys().copied().find(|group| is_beauty_of(group, prefix))?;
         self.peel(group).map(|beauty| PeelChannels { depth: None, ..beauty })
+    }
+
+    /// A warning if the anti-aliased colour of the peel `prefix` lacks a channel.
+    fn incomplete_beauty(&self, prefix: &str) -> Option<Finding> {
+        let is_incomplete = |(group, channels): &(&&str, &Group)| {
+            is_beauty_of(group, prefix)
+                && channels.channels.iter().any(Option::is_some)
+                && channels.color().is_none()
+        };
+        let (group, _) = self.colors.iter().find(is_incomplete)?;
+        let text = format!("{group} is not used: it lacks one of R, G, B");
+        Some(Finding::warning("beauty", text))
+    }
+
+    /// Whether `group` is the anti-aliased colour of a peel that is here too.
+    fn is_beauty(&self, group: &str) -> bool {
+        self.colors.keys().any(|other| is_beauty_of(group, layer_of(other)))
     }
 
     /// Gives a single picture without depth the file's depth: that of the root, or the only one.
@@ -306,6 +332,17 @@ fn last_part(prefix: &str) -> &str {
     prefix.rsplit('.').next().unwrap_or(prefix)
 }
 
+/// The name of the layer whose colour group is `prefix`.
+fn layer_of(prefix: &str) -> &str {
+    strip_ending(prefix, COMBINED).unwrap_or(prefix)
+}
+
+/// Whether the colour group `group` is named as the anti-aliased colour of the numbered peel `peel`.
+fn is_beauty_of(group: &str, peel: &str) -> bool {
+    strip_ending(layer_of(group), BEAUTY)
+        .is_some_and(|layer| layer.eq_ignore_ascii_case(peel) && is_numbered_peel(peel))
+}
+
 /// Whether `prefix` is "peel" and a number.
 fn is_numbered_peel(prefix: &str) -> bool {
     let (stem, number) = order(prefix);
@@ -319,7 +356,7 @@ fn is_other(prefix: &str) -> bool {
 
 /// Sort key of a peel: its name without the number at the end, and that number, −1 if there is none.
 fn order(prefix: &str) -> (String, i64) {
-    let layer = strip_ending(prefix, COMBINED).unwrap_or(prefix);
+    let layer = layer_of(prefix);
     let stem = layer.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = layer[stem.len()..].parse().unwrap_or(-1);
     (stem.trim_end_matches(['_', ' ', '-', '.']).to_owned(), number)
@@ -351,5 +388,4 @@ fn no_color(names: &[&str]) -> Error {
     Error::input("there are no colour channels")
         .with("found", shown(names))
         .with("looked for", "R G B, Combined.R G B, peel0.R G B, Y")
-        .help("enable the Combined pass, or name the group with `color_channel`")
 }

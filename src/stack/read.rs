@@ -42,7 +42,9 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         }
     }
     if let Some(path) = &options.beauty {
-        stack.beauty = Some(read_beauty(path)?);
+        let (beauty, findings) = read_beauty(path).map_err(|error| error.with("used as", "`beauty`"))?;
+        stack.beauty = Some(beauty);
+        stack.findings.extend(findings);
     }
     finish(stack, options)
 }
@@ -62,27 +64,33 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
-    let (Layer { color: [red, green, blue], alpha, window, .. }, frame) = read_main_layer(path)?;
+    let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) = read_main_layer(path)?;
     let image = Image { planes: [red, green, blue, alpha] };
     Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }
 
-/// Reads the main picture of a file as the beauty of a stack.
-fn read_beauty(path: &Path) -> Result<Beauty, Error> {
-    let (layer, frame) = read_main_layer(path)?;
-    Ok(Beauty { name: path.display().to_string(), ..layer.into_beauty(frame) })
+/// Reads the main picture of a file as the beauty of a stack, with what was found of it.
+fn read_beauty(path: &Path) -> Result<(Beauty, Vec<Finding>), Error> {
+    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path)?;
+    let name = path.display().to_string();
+    let of_beauty = |finding: Finding| {
+        let text = format!("{name}: {}: {}", finding.about, finding.text);
+        Finding { about: "beauty", text, ..finding }
+    };
+    let findings = findings.into_iter().chain(replaced.finding()).map(of_beauty).collect();
+    Ok((Beauty { name, is_requested: true, ..layer.into_beauty(frame) }, findings))
 }
 
-/// The main picture of a file, and its windows.
-fn read_main_layer(path: &Path) -> Result<(Layer, Frame), Error> {
+/// The main picture of a file, and what else is known of it.
+fn read_main_layer(path: &Path) -> Result<(Layer, Layers), Error> {
     let mut opened = Opened::open(&Source::File(path.to_owned()))?;
-    let layers = if opened.is_exr()? {
+    let mut layers = if opened.is_exr()? {
         layers::read_exr_picture(ExrFile::open(opened)?)?
     } else {
         picture::read_color(opened, &ReadOptions::default())?
     };
-    match layers.peels.into_iter().next() {
-        Some(layer) => Ok((layer, layers.frame)),
+    match layers.peels.pop() {
+        Some(layer) => Ok((layer, layers)),
         None => Err(Error::input("there are no colour channels").in_file(path)),
     }
 }
@@ -230,10 +238,12 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         findings.extend(background_share::complete(&mut peels, convention, &antialiasing));
     }
     if let Some(beauty) = beauty {
-        let (replaced, finding) = beauty::apply(beauty, &mut peels, frame, supersample).map_err(in_file)?;
-        antialiasing = antialiasing.with_averages(&replaced);
-        kind = kind.filter(|kind| Antialiasing::from(*kind) == antialiasing);
-        findings.push(finding);
+        let (replaced, found) = beauty::apply(beauty, &mut peels, frame, supersample).map_err(in_file)?;
+        if let Some(replaced) = replaced {
+            antialiasing = antialiasing.with_averages(&replaced);
+            kind = kind.filter(|kind| Antialiasing::from(*kind) == antialiasing);
+        }
+        findings.extend(found);
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();

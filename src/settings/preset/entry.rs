@@ -127,7 +127,9 @@ impl<'a> Entry<'a> {
                 Some(Value::Word(self.one_of(&names)?))
             }
             Kind::Name => Some(Value::Name(self.text()?.to_owned())),
-            Kind::File => Some(Value::File(self.text()?.into())),
+            Kind::File => {
+                Some(self.text()?).filter(|path| !path.is_empty()).map(|path| Value::File(path.into()))
+            }
         };
         let allowed = value.filter(|value| setting.kind.allows(value));
         allowed.ok_or_else(|| self.unsuitable(&setting.expected()))
