@@ -1,7 +1,7 @@
 //! Whether an anti-aliased picture and point samples show the same.
 //!
 //! An average over a pixel lies between the least and the greatest of the samples around it, but for what is smaller than the pixels'
-//! distance. So the picture differs where it is outside of their range by more than a tolerance. Of eleven renders with their own peels at
+//! distance. So the picture differs where it is outside of their range by more than a tolerance. Of thirteen renders with their own peels at
 //! most 1.4 % of the pixels differ; 7 % or more do if the picture is another frame, exposure or colour space.
 //!
 //! Every fourth row is compared.
