@@ -1,0 +1,4 @@
+"""What the exporters share: OpenEXR files, the lens in their header, merging of samples, frames.
+
+Needs Python 3.11 and numpy. Nothing here knows a renderer.
+"""

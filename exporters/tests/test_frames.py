@@ -1,0 +1,74 @@
+"""Frame lists, names of files, and the run over a sequence."""
+
+import contextlib
+import io
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+from thinlens_stack import exr, frames
+from thinlens_stack.errors import ExportError
+
+
+class Lists(unittest.TestCase):
+    def test_numbers_and_ranges_are_frames_in_order(self):
+        self.assertEqual(frames.parse("7"), [7])
+        self.assertEqual(frames.parse("3-5, 1,4"), [1, 3, 4, 5])
+        self.assertEqual(frames.parse("1-10x4"), [1, 5, 9])
+        self.assertEqual(frames.parse("-2-1"), [-2, -1, 0, 1])
+
+    def test_other_texts_are_refused(self):
+        for text in ("", "a", "5-3", "1-", "1,,2", "1-9x0", "1.5"):
+            with self.assertRaisesRegex(ExportError, "list of frames"):
+                frames.parse(text)
+
+
+class Names(unittest.TestCase):
+    def test_the_last_run_of_hashes_in_the_name_is_the_number(self):
+        self.assertEqual(frames.path("shots/a.####.exr", 12), "shots/a.0012.exr")
+        self.assertEqual(frames.path("a#.###.exr", 12345), "a#.12345.exr")
+        self.assertEqual(frames.path("a.####.exr", -7), "a.-0007.exr")
+        self.assertEqual(frames.path("folder##/a.exr", 1), "folder##/a.exr")
+
+    def test_a_pattern_tells_frames_apart(self):
+        self.assertTrue(frames.is_pattern("a.#.exr"))
+        self.assertFalse(frames.is_pattern("a.exr"))
+
+
+class Runs(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.pattern = str(Path(folder.name) / "a.##.exr")
+        self.exported = []
+
+    def export(self, frame, path):
+        self.exported.append(frame)
+        if frame == 2:
+            raise ExportError("no camera")
+        exr.write(path, {"Y": np.zeros((1, 1), np.float32)}, (0, 0, 0, 0), (0, 0, 0, 0), {})
+        return "one pixel"
+
+    def run_frames(self, *arguments, **options):
+        self.said = io.StringIO()
+        with contextlib.redirect_stderr(self.said):
+            return frames.run(*arguments, self.export, **options)
+
+    def test_a_second_run_makes_what_is_missing(self):
+        self.assertEqual(self.run_frames([1, 3], self.pattern), frames.DONE)
+        self.assertEqual(self.run_frames([1, 3, 4], self.pattern), frames.DONE)
+        self.assertEqual(self.exported, [1, 3, 4])
+        self.assertEqual(len(self.said.getvalue().splitlines()), 3, "a line a frame")
+        self.run_frames([1], self.pattern, overwrite=True)
+        self.assertEqual(self.exported, [1, 3, 4, 1])
+
+    def test_a_frame_that_fails_is_said_and_does_not_stop_the_others(self):
+        self.assertEqual(self.run_frames([1, 2, 3], self.pattern), frames.FAILED)
+        self.assertEqual(self.exported, [1, 2, 3])
+        self.assertIn("no camera", self.said.getvalue())
+        self.assertIn("1 of 3 frames failed", self.said.getvalue())
+
+    def test_several_frames_do_not_go_into_one_file(self):
+        self.assertEqual(self.run_frames([1, 3], "a.exr"), frames.WRONG_USAGE)
+        self.assertEqual(self.exported, [])
