@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The export of one frame: renders, with the scene changed and restored, then merging and writing."""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from . import camera as cameras
+from . import closed_objects, cryptomatte, materials, overscan
+from .camera import View
+from .denoise import Denoiser
+from .journal import Journal
+from .passes import Progress, Renderer
+from .peel_nodes import PeelNodes
+from .peels import Peeler, Peels
+from .settings import COVERAGE, POINT, Say, Settings
+from .shared import ExportError, exr, stack
+from .shared import merge as merging
+
+# What the header of a stack calls a kind.
+KINDS = {POINT: "point", COVERAGE: "coverage"}
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What is left of the renders when the scene is as it was."""
+
+    peels: Peels
+    view: View
+    lens: Any
+    overscan: int
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Where an export reports to: lines for the user, and the names of renders as they start."""
+
+    say: Say
+    progress: Progress
+
+
+def export(scene: Any, settings: Settings, path: str, talk: Talk) -> str:
+    """Writes the stack of the scene's current frame to `path`. Returns what to say of it. Raises `ExportError`."""
+    settings.checked()
+    rendered = render(scene, settings, talk)
+    frame = stack.Frame(rendered.view.width, rendered.view.height, rendered.overscan)
+    per_axis = settings.per_axis
+    layers, crypto = rendered.peels.layers, rendered.peels.cryptomatte
+    kind = stack.Kind(KINDS.get(settings.kind, "supersampled" if per_axis > 1 else "point"), per_axis)
+    if settings.kind == COVERAGE:
+        layers = merging.merge(merging.split(layers, per_axis), rendered.lens.for_merging(), rendered.view.width)
+        crypto = cryptomatte.merged(crypto, per_axis)
+        kind = stack.Kind("coverage")
+    attributes = {
+        **rendered.peels.attributes,
+        "pixelAspectRatio": float(rendered.view.pixel_aspect),
+        "software": f"Blender {bpy.app.version_string}",
+        "thinlens.exporter": f"Blender exporter {version()}",
+    }
+    stack.write(path, {**stack.channels(layers), **crypto}, frame, kind, rendered.lens, attributes)
+    return f"{frame.width}×{frame.height} and {frame.overscan} px around it, {len(layers)} layers"
+
+
+def render(scene: Any, settings: Settings, talk: Talk) -> Rendered:
+    """Renders the peels of the scene's current frame. The open file is as before when it returns or raises."""
+    if scene.render.engine != "CYCLES":
+        raise ExportError(
+            "only Cycles renders peels",
+            where=f"scene {scene.name}",
+            found=scene.render.engine,
+            help="set the render engine to Cycles",
+        )
+    layer = _view_layer(scene, settings.view_layer, talk.say)
+    layer.update()
+    camera = cameras.find(scene, settings.camera)
+    view = cameras.view_of(scene, camera)
+    lens = cameras.lens_of(camera, view, talk.say)
+    with tempfile.TemporaryDirectory(prefix="thinlens-") as folder, Journal() as journal:
+        return _render(_Open(scene, layer, folder, journal, talk), settings, Rendered(Peels([]), view, lens, 0), camera)
+
+
+@dataclass(frozen=True)
+class _Open:
+    """The open file while it is changed."""
+
+    scene: Any
+    layer: Any
+    folder: str
+    journal: Journal
+    talk: Talk
+
+
+def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Rendered:
+    scene, journal, say, view, lens = file.scene, file.journal, file.talk.say, start.view, start.lens
+    # What the user's scene asks for, before it is changed.
+    samples = settings.samples_each(scene.cycles.samples)
+    has_sky = scene.world is not None and not scene.render.film_transparent
+    has_sky = has_sky if settings.background is None else settings.background
+    denoises = scene.cycles.use_denoising if settings.denoise is None else settings.denoise
+    eye = camera.matrix_world.translation.copy()
+    _say_samples(settings, samples, say)
+
+    if settings.threads:
+        journal.set(scene.render, "threads_mode", "FIXED")
+        journal.set(scene.render, "threads", settings.threads)
+    renderer = Renderer(scene, file.layer, file.folder, journal, file.talk.progress)
+    data = cameras.stand_in(scene, camera, journal)
+    _hide_lamps(scene, journal, say)
+    over = settings.overscan
+    if over is None:
+        over = overscan.find(renderer, data, view, lens, say)
+    materials.fill_empty_slots(journal)
+    file.layer.update()
+    closed_objects.mark(file.layer.depsgraph, eye, journal, say)
+
+    per_axis = settings.per_axis
+    size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
+    nodes = PeelNodes(size, view.pixels_per_slope(lens.focal_length_mm) * per_axis, journal)
+    wrapped = materials.wrap_all(nodes.group, journal, say)
+    has_volume = _say_materials(scene, wrapped, say)
+    cameras.aim(scene, data, view, over, size)
+    denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress) if denoises else None
+    peeler = Peeler(renderer, nodes, denoiser, say)
+    peels = peeler.render(settings.peels, samples, settings.cryptomatte)
+    if has_sky:
+        peels.layers.append(peeler.background(peels, samples, has_volume))
+    return Rendered(peels, view, lens, over)
+
+
+def version() -> str:
+    """The version of this exporter."""
+    manifest = Path(__file__).with_name("blender_manifest.toml")
+    return tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
+
+
+def _view_layer(scene: Any, name: str | None, say: Say) -> Any:
+    """The view layer `name`, or the first that is rendered."""
+    layers = [layer for layer in scene.view_layers if (layer.use if name is None else layer.name == name)]
+    if not layers:
+        names = ", ".join(layer.name for layer in scene.view_layers)
+        found = "none that is used for rendering" if name is None else f'"{name}"'
+        raise ExportError("there is no such view layer", where=f"scene {scene.name}", found=found, wanted=names)
+    if len(layers) > 1:
+        say(f"note: only view layer {layers[0].name} is exported, of {len(layers)}; choose another with --view-layer")
+    if layers[0].material_override:
+        say(f"note: the material override of view layer {layers[0].name} is left out")
+    return layers[0]
+
+
+def _say_samples(settings: Settings, samples: int, say: Say) -> None:
+    per_axis = settings.per_axis
+    total = samples * per_axis**2
+    say(f"{total} light samples a pixel: {per_axis}×{per_axis} places with {samples} each, up to {settings.peels} peels")
+
+
+def _hide_lamps(scene: Any, journal: Journal, say: Say) -> None:
+    """Hides lamps from the camera: they have no depth."""
+    for ob in scene.objects:
+        if ob.type == "LIGHT" and ob.data.type != "SUN" and ob.visible_camera and not ob.hide_render:
+            say(f"warning: lamp {ob.name} has no depth and is hidden from the camera; use a mesh that emits light")
+            journal.set(ob, "visible_camera", False)
+
+
+def _say_materials(scene: Any, wrapped: materials.Wrapped, say: Say) -> bool:
+    """Says what the materials cannot have in a stack. Whether there are volumes."""
+    if wrapped.tinted:
+        names = ", ".join(sorted(wrapped.tinted))
+        say(f"note: coloured transparent material {names}: what is behind is seen in it, at its depth")
+    volumes = list(wrapped.volumes)
+    world = scene.world
+    output = world.node_tree.get_output_node("CYCLES") if world and world.node_tree else None
+    if output and output.inputs["Volume"].is_linked:
+        volumes.append(f"world {world.name}")
+    if volumes:
+        names = ", ".join(sorted(volumes))
+        say(f"warning: volume {names} has no depth: what is behind it keeps it, and it blurs with that")
+    return bool(volumes)
