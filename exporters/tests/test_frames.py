@@ -7,6 +7,7 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+
 from thinlens_stack import exr, frames
 from thinlens_stack.errors import ExportError
 

@@ -4,6 +4,7 @@ import math
 import unittest
 
 import numpy as np
+
 from thinlens_stack.lens import Lens, overscan_px, sensor_width_mm
 
 # Aperture radius 12.5 mm.

@@ -3,9 +3,10 @@
 import unittest
 
 import numpy as np
+
 from thinlens_stack.errors import ExportError
 from thinlens_stack.lens import Lens
-from thinlens_stack.merge import Layer, interleave, merge, split
+from thinlens_stack.merge import Layer, interleave, merge, split, stacked
 
 # In a picture 1000 pixels wide, the CoC radius is 10 px at infinity, 0 at 1 and -10 px at 0.5.
 WIDTH_PX = 1000
@@ -152,6 +153,18 @@ class Grids(unittest.TestCase):
         for a, b in zip(whole, alone, strict=False):
             np.testing.assert_array_equal(a.depth[1:2], b.depth)
             np.testing.assert_array_equal(a.color[1:2], b.color)
+
+    def test_bands_are_put_below_each_other_and_filled_up_with_empty_layers(self):
+        above, below = self.phases()[0], self.phases()[1][:1]
+        first, second = stacked([above, below])
+        np.testing.assert_array_equal(first.alpha, np.concatenate([above[0].alpha, below[0].alpha]))
+        np.testing.assert_array_equal(second.alpha[:3], above[1].alpha)
+        np.testing.assert_array_equal(second.alpha[3:], 0.0)
+
+    def test_the_number_of_peels_limits_the_layers(self):
+        cocs = [-9.0, -6.0, -3.0, 0.0, 3.0]
+        phases = pixel([[(1.0, 1.0, depth_at(coc)) for coc in cocs]])
+        self.assertEqual([len(merge(phases, LENS, WIDTH_PX, peels)) for peels in (None, 2, 1)], [5, 4, 3])
 
     def test_samples_that_form_no_square_are_refused(self):
         with self.assertRaisesRegex(ExportError, "3 samples"):

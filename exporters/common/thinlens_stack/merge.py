@@ -10,7 +10,7 @@ and not its share of the pixel: it continues behind whatever hides it from other
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,7 +50,7 @@ class Layer:
         """The rows from `start` to before `end`."""
         return self._mapped(lambda plane: plane[start:end])
 
-    def _mapped(self, change) -> Layer:
+    def _mapped(self, change: Callable[[np.ndarray], np.ndarray]) -> Layer:
         sums, means = ({name: change(plane) for name, plane in more.items()} for more in (self.sums, self.means))
         return Layer(change(self.color), change(self.alpha), change(self.depth), sums, means)
 
@@ -62,22 +62,24 @@ def interleave(phases: Sequence[Sequence[Layer]]) -> list[Layer]:
     """
     per_axis = samples_per_axis(len(phases))
 
-    def woven(planes: list[np.ndarray]) -> np.ndarray:
+    def woven(planes: Sequence[np.ndarray]) -> np.ndarray:
         height, width, *rest = planes[0].shape
         out = np.empty((height * per_axis, width * per_axis, *rest), planes[0].dtype)
         for i, plane in enumerate(planes):
             out[i // per_axis :: per_axis, i % per_axis :: per_axis] = plane
         return out
 
-    def layer(parts: Sequence[Layer]) -> Layer:
-        more = (
-            {name: woven([getattr(part, group)[name] for part in parts]) for name in getattr(parts[0], group)}
-            for group in ("sums", "means")
-        )
-        color, alpha, depth = (woven([getattr(part, name) for part in parts]) for name in ("color", "alpha", "depth"))
-        return Layer(color, alpha, depth, *more)
+    return [_joined(parts, woven) for parts in zip(*phases, strict=True)]
 
-    return [layer(parts) for parts in zip(*phases, strict=True)]
+
+def _joined(parts: Sequence[Layer], join: Callable[[Sequence[np.ndarray]], np.ndarray]) -> Layer:
+    """One layer of several, channel by channel."""
+    color, alpha, depth = (join([getattr(part, name) for part in parts]) for name in ("color", "alpha", "depth"))
+    sums, means = (
+        {name: join([getattr(part, group)[name] for part in parts]) for name in getattr(parts[0], group)}
+        for group in ("sums", "means")
+    )
+    return Layer(color, alpha, depth, sums, means)
 
 
 def split(layers: Sequence[Layer], per_axis: int) -> list[list[Layer]]:
@@ -97,15 +99,16 @@ def samples_per_axis(phases: int) -> int:
     return per_axis
 
 
-def merge(phases: Sequence[Sequence[Layer]], lens: Lens, width_px: float) -> list[Layer]:
+def merge(phases: Sequence[Sequence[Layer]], lens: Lens, width_px: float, peels: int | None = None) -> list[Layer]:
     """Coverage layers of `phases`: for each sample of the pixel, ordered as in `interleave`, its layers by distance.
 
     All layers are of one size. The lens and the width of its frame in pixels give the CoC radii that say what is one
-    surface. A stack is often rendered with another lens later: pass `lens.for_merging()`.
+    surface. A stack is often rendered with another lens later: pass `lens.for_merging()`. At most `EXTRA_LAYERS` more
+    than `peels` are kept, which is the number of each sample's layers where it is not given.
     """
     samples_per_axis(len(phases))
-    peels, (height, width) = len(phases[0]), phases[0][0].alpha.shape
-    most = peels + EXTRA_LAYERS
+    most = (len(phases[0]) if peels is None else peels) + EXTRA_LAYERS
+    height, width = phases[0][0].alpha.shape
     out = [_empty_like(phases[0][0]) for _ in range(most)]
     used = 1
     rows = max(1, PIXELS_AT_A_TIME // width)
@@ -114,6 +117,13 @@ def merge(phases: Sequence[Sequence[Layer]], lens: Lens, width_px: float) -> lis
         band = _Band([[layer.rows(start, end) for layer in phase] for phase in phases])
         used = max(used, band.merge(lens, width_px, [layer.rows(start, end) for layer in out]))
     return out[:used]
+
+
+def stacked(bands: Sequence[Sequence[Layer]]) -> list[Layer]:
+    """The layers of bands of rows, one below the other; a band with fewer layers than another is empty in the rest."""
+    count = max(map(len, bands))
+    filled = [[*band, *(_empty_like(band[0]) for _ in range(count - len(band)))] for band in bands]
+    return [_joined(parts, np.concatenate) for parts in zip(*filled, strict=True)]
 
 
 def _empty_like(layer: Layer) -> Layer:
