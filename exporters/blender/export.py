@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from . import camera as cameras
-from . import closed_objects, cryptomatte, materials, overscan
+from . import closed_objects, cryptomatte, materials, overscan, view_layer
 from .camera import View
 from .denoise import Denoiser
 from .journal import Journal
@@ -76,7 +76,7 @@ def render(scene: Any, settings: Settings, talk: Talk) -> Rendered:
             found=scene.render.engine,
             help="set the render engine to Cycles",
         )
-    layer = _view_layer(scene, settings.view_layer, talk.say)
+    layer = view_layer.find(scene, settings.view_layer, talk.say)
     layer.update()
     camera = cameras.find(scene, settings.camera)
     view = cameras.view_of(scene, camera)
@@ -115,9 +115,10 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
     over = settings.overscan
     if over is None:
         over = overscan.find(renderer, data, view, lens, say)
+    materials.give_nodes(journal)
     materials.fill_empty_slots(journal)
-    file.layer.update()
-    closed_objects.mark(file.layer.depsgraph, eye, journal, say)
+    renderer.layer.update()
+    closed_objects.mark(renderer.layer.depsgraph, eye, journal, say)
 
     per_axis = settings.per_axis
     size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
@@ -137,20 +138,6 @@ def version() -> str:
     """The version of this exporter."""
     manifest = Path(__file__).with_name("blender_manifest.toml")
     return tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
-
-
-def _view_layer(scene: Any, name: str | None, say: Say) -> Any:
-    """The view layer `name`, or the first that is rendered."""
-    layers = [layer for layer in scene.view_layers if (layer.use if name is None else layer.name == name)]
-    if not layers:
-        names = ", ".join(layer.name for layer in scene.view_layers)
-        found = "none that is used for rendering" if name is None else f'"{name}"'
-        raise ExportError("there is no such view layer", where=f"scene {scene.name}", found=found, wanted=names)
-    if len(layers) > 1:
-        say(f"note: only view layer {layers[0].name} is exported, of {len(layers)}; choose another with --view-layer")
-    if layers[0].material_override:
-        say(f"note: the material override of view layer {layers[0].name} is left out")
-    return layers[0]
 
 
 def _say_samples(settings: Settings, samples: int, say: Say) -> None:

@@ -14,6 +14,8 @@ from .settings import Say
 
 # Blender 5 has no materials without nodes.
 HAS_USE_NODES = bpy.app.version < (5, 0)
+# Of surfaces without a material.
+DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
 # Nodes that let through what is behind them.
 TRANSPARENT = {"BSDF_TRANSPARENT", "HOLDOUT", "SCRIPT"}
 # Types of objects with a surface, whose data holds materials.
@@ -50,6 +52,15 @@ def is_transparent(tree: Any, seen: frozenset[str] = frozenset()) -> bool:
     return False
 
 
+def give_nodes(journal: Journal) -> None:
+    """Puts materials with nodes in the place of those without, as Cycles renders those: diffuse, in one colour."""
+    for material in list(used()) if HAS_USE_NODES else []:
+        if not material.use_nodes:
+            plain = _plain_material(journal, material.diffuse_color[:])
+            journal.on_restore(lambda plain=plain, material=material: plain.user_remap(material))
+            material.user_remap(plain)
+
+
 def fill_empty_slots(journal: Journal) -> None:
     """Gives what has no material the surface that Cycles gives it, so that it can be wrapped."""
     plain = None
@@ -67,13 +78,15 @@ def fill_empty_slots(journal: Journal) -> None:
                 slot.material = plain
 
 
-def _plain_material(journal: Journal) -> Any:
+def _plain_material(journal: Journal, color: tuple[float, ...] = DEFAULT_COLOR) -> Any:
+    """A diffuse material."""
     material = journal.made(bpy.data.materials, bpy.data.materials.new("thinlens default"))
     if HAS_USE_NODES:
         material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     diffuse, output = (tree.nodes.new(kind) for kind in ("ShaderNodeBsdfDiffuse", "ShaderNodeOutputMaterial"))
+    diffuse.inputs["Color"].default_value = color
     tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
     return material
 
@@ -93,8 +106,6 @@ def wrap_all(group: Any, journal: Journal, say: Say) -> Wrapped:
 
 def _wrap(material: Any, group: Any, journal: Journal, wrapped: Wrapped) -> bool:
     """Wraps one material; whether it has a surface."""
-    if HAS_USE_NODES and not material.use_nodes:
-        _use_nodes(material, journal)
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") if tree else None
     if output is None:
@@ -126,25 +137,6 @@ def _unlink(tree: Any, nodes: list[Any], source: Any, target: Any) -> None:
         tree.nodes.remove(node)
     if source:
         tree.links.new(source, target)
-
-
-def _use_nodes(material: Any, journal: Journal) -> None:
-    """Turns on the nodes of a material without, as what Cycles renders it: diffuse, in its viewport colour."""
-    had_nodes = material.node_tree is not None
-    material.use_nodes = True
-    tree = material.node_tree
-    output = tree.get_output_node("CYCLES")
-    old = output.inputs["Surface"].links[0].from_socket if output and output.inputs["Surface"].is_linked else None
-    nodes = [tree.nodes.new("ShaderNodeBsdfDiffuse")]
-    if output is None:
-        output = tree.nodes.new("ShaderNodeOutputMaterial")
-        nodes.append(output)
-    journal.on_restore(lambda: setattr(material, "use_nodes", False))
-    target = output.inputs["Surface"]
-    if had_nodes:
-        journal.on_restore(lambda: _unlink(tree, nodes, old, target))
-    nodes[0].inputs[0].default_value = material.diffuse_color[:]
-    tree.links.new(nodes[0].outputs[0], target)
 
 
 def _is_tinted(node: Any) -> bool:

@@ -14,13 +14,10 @@ import numpy as np
 from .journal import Journal
 from .peel_nodes import FILTER_WIDTH_PX
 from .shared import ExportError, exr
+from .view_layer import stand_in
 
 # Camera rays pass so many hidden or transparent surfaces.
 TRANSPARENT_BOUNCES = 1024
-# Surfaces of less alpha have no depth.
-ALPHA_THRESHOLD = 0.01
-# Ranks of a cryptomatte in a render with one sample a pixel.
-CRYPTOMATTE_RANKS = 2
 
 # Is told the name of each render before it starts.
 Progress = Callable[[str], None]
@@ -76,7 +73,8 @@ class Renderer:
     """Renders one view layer of a scene, whose settings it changes for point samples; the journal restores them."""
 
     def __init__(self, scene: Any, layer: Any, folder: str, journal: Journal, progress: Progress) -> None:
-        self.scene, self.layer, self.progress = scene, layer, progress
+        """For what the view layer `layer` shows."""
+        self.scene, self.progress = scene, progress
         self.path = os.path.join(folder, "pass.exr")
         self.bounces = scene.cycles.max_bounces
         kinds = ("object", "material", "asset")
@@ -84,7 +82,9 @@ class Renderer:
         write_float_exr(scene, self.path, journal)
         _render_plainly(scene, journal)
         _sample_points(scene, journal)
-        _show_only(scene, layer, journal)
+        self.layer = stand_in(scene, layer, journal)
+        for other in scene.view_layers:
+            journal.set(other, "use", other == self.layer)
 
     def render(self, job: Job) -> Passes:
         """The passes of one render. Raises `ExportError` if it fails or is stopped."""
@@ -160,24 +160,6 @@ def _sample_points(scene: Any, journal: Journal) -> None:
     journal.set(cycles, "pixel_filter_type", "BLACKMAN_HARRIS")
     journal.set(cycles, "filter_width", FILTER_WIDTH_PX)
     journal.set(cycles, "transparent_max_bounces", TRANSPARENT_BOUNCES)
-
-
-def _show_only(scene: Any, layer: Any, journal: Journal) -> None:
-    """Renders `layer` alone, with no passes but colour and depth, and with its own materials."""
-    for other in scene.view_layers:
-        journal.set(other, "use", other == layer)
-    passes = [name for name in layer.bl_rna.properties.keys() if name.startswith("use_pass_")]
-    for name in passes:
-        journal.remember(layer, name)
-        setattr(layer, name, name in ("use_pass_combined", "use_pass_z"))
-    for name in layer.cycles.bl_rna.properties.keys():
-        if name.startswith("use_pass_") or name == "pass_debug_sample_count":
-            journal.set(layer.cycles, name, False)
-    journal.remember(layer.cycles, "denoising_store_passes")
-    journal.set(layer, "samples", 0)
-    journal.set(layer, "pass_alpha_threshold", ALPHA_THRESHOLD)
-    journal.set(layer, "pass_cryptomatte_depth", CRYPTOMATTE_RANKS)
-    journal.set(layer, "material_override", None)
 
 
 def _cryptomatte(kind: str) -> str:

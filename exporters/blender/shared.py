@@ -25,6 +25,7 @@ def _package() -> str:
 
 
 _ROOT = _package()
+closed = importlib.import_module(f"{_ROOT}.closed")
 errors = importlib.import_module(f"{_ROOT}.errors")
 exr = importlib.import_module(f"{_ROOT}.exr")
 frames = importlib.import_module(f"{_ROOT}.frames")

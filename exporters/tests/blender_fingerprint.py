@@ -11,9 +11,11 @@ PASSING = {"rna_type", "session_uid", "is_updated", "is_updated_data", "depsgrap
 MADE_BY_RENDERS = {"Render Result"}
 # The user interface.
 NOT_THE_SCENE = {"window_managers", "screens", "workspaces"}
+# Built from the rest when it is asked for.
+DERIVED = {"original", "loop_triangles", "loop_triangle_polygons", "corner_normals", "preview"}
+DERIVED |= {"uv_layer_clone", "uv_layer_stencil"}
 # Longer collections are compared by their length.
 LONGEST = 300
-DEEPEST = 7
 
 
 def fingerprint() -> dict[str, str]:
@@ -22,10 +24,9 @@ def fingerprint() -> dict[str, str]:
     for collection in bpy.data.bl_rna.properties:
         if collection.type != "COLLECTION" or collection.identifier in NOT_THE_SCENE:
             continue
-        blocks = getattr(bpy.data, collection.identifier)
-        for block in blocks:
+        for block in getattr(bpy.data, collection.identifier):
             if isinstance(block, bpy.types.ID) and block.name not in MADE_BY_RENDERS:
-                _describe(block, f"{collection.identifier}[{block.name}]", out, 0)
+                _Describer(out).describe(block, f"{collection.identifier}[{block.name}]")
     return out
 
 
@@ -35,57 +36,67 @@ def changes(before: dict[str, str], after: dict[str, str]) -> list[str]:
     return [f"{path}: {before.get(path)} → {after.get(path)}" for path in sorted(paths)]
 
 
-def _describe(thing: Any, path: str, out: dict[str, str], depth: int) -> None:
-    if depth > DEEPEST:
-        return
-    if hasattr(thing, "keys"):
-        try:
-            for key in thing.keys():  # noqa: SIM118: custom properties have no other way in
-                out[f"{path}[{key!r}]"] = repr(thing[key])
-        except TypeError:
-            pass
-    for rna in thing.bl_rna.properties:
-        if rna.identifier in PASSING:
-            continue
-        try:
-            value = getattr(thing, rna.identifier)
-        except (AttributeError, ValueError, RuntimeError):
-            continue
-        own = f"{path}.{rna.identifier}"
-        if rna.type == "POINTER":
-            _pointer(value, own, out, depth)
-        elif rna.type == "COLLECTION":
-            _collection(value, own, out, depth)
-        else:
-            is_array = getattr(rna, "is_array", False)
-            out[own] = repr(_flat(value)) if is_array else repr(value)
+class _Describer:
+    """Describes one datablock; what is found again in it is left out."""
+
+    def __init__(self, out: dict[str, str]) -> None:
+        self.out = out
+        self.seen: set[tuple[int, str]] = set()
+
+    def describe(self, thing: Any, path: str) -> None:
+        key = (thing.as_pointer(), type(thing).__name__)
+        if key in self.seen:
+            return
+        self.seen.add(key)
+        if isinstance(thing, bpy.types.ID):
+            self._custom(thing, path)
+        for rna in thing.bl_rna.properties:
+            name = rna.identifier
+            if name in PASSING or name in DERIVED or name.startswith("bl_"):
+                continue
+            try:
+                value = getattr(thing, name)
+            except (AttributeError, ValueError, RuntimeError):
+                continue
+            if rna.type == "POINTER":
+                self._pointer(value, f"{path}.{name}")
+            elif rna.type == "COLLECTION":
+                self._collection(value, f"{path}.{name}")
+            else:
+                self.out[f"{path}.{name}"] = repr(_flat(value) if getattr(rna, "is_array", False) else value)
+
+    def _custom(self, thing: Any, path: str) -> None:
+        """The custom properties. Those that add-ons register are described as properties."""
+        for key in thing.keys():  # noqa: SIM118: a datablock cannot be iterated
+            if not key.startswith("cycles"):
+                self.out[f"{path}[{key!r}]"] = repr(thing[key])
+
+    def _pointer(self, value: Any, path: str) -> None:
+        if value is None or isinstance(value, bpy.types.ID):
+            self.out[path] = repr(value and value.name)
+        if value is not None and (not isinstance(value, bpy.types.ID) or _is_embedded(value)):
+            self.describe(value, path)
+
+    def _collection(self, value: Any, path: str) -> None:
+        self.out[f"{path}.length"] = repr(len(value))
+        if len(value) > LONGEST:
+            return
+        if all(isinstance(item, bpy.types.NodeLink) for item in value):
+            ends = [(i.from_node.name, i.from_socket.identifier, i.to_node.name, i.to_socket.identifier) for i in value]
+            self.out[path] = repr(sorted(ends))
+            return
+        for index, item in enumerate(value):
+            if item is None or isinstance(item, bpy.types.ID):
+                self.out[f"{path}[{index}]"] = repr(item and item.name)
+            else:
+                self.describe(item, f"{path}[{index}]")
+
+
+def _is_embedded(block: Any) -> bool:
+    """Whether a datablock is part of another one."""
+    return isinstance(block, bpy.types.NodeTree) and block.is_embedded_data
 
 
 def _flat(value: Any) -> Any:
     """An array, of any number of dimensions, as tuples."""
     return tuple(_flat(item) for item in value) if hasattr(value, "__len__") else value
-
-
-def _pointer(value: Any, path: str, out: dict[str, str], depth: int) -> None:
-    if value is None or isinstance(value, bpy.types.ID):
-        is_embedded = isinstance(value, bpy.types.NodeTree) and value.is_embedded_data
-        out[path] = repr(value and value.name)
-        if is_embedded:
-            _describe(value, path, out, depth + 1)
-    else:
-        _describe(value, path, out, depth + 1)
-
-
-def _collection(value: Any, path: str, out: dict[str, str], depth: int) -> None:
-    out[f"{path}.length"] = repr(len(value))
-    if len(value) > LONGEST:
-        return
-    if path.endswith(".links") and all(hasattr(item, "from_socket") for item in value):
-        ends = [(i.from_node.name, i.from_socket.identifier, i.to_node.name, i.to_socket.identifier) for i in value]
-        out[path] = repr(sorted(ends))
-        return
-    for index, item in enumerate(value):
-        if item is None or isinstance(item, bpy.types.ID):
-            out[f"{path}[{index}]"] = repr(item and item.name)
-        else:
-            _describe(item, f"{path}[{index}]", out, depth + 1)
