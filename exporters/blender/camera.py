@@ -125,7 +125,7 @@ def stand_in(scene: Any, camera: Any, journal: Journal) -> Any:
 
 
 def aim(scene: Any, data: Any, view: View, overscan: int, size: tuple[int, int]) -> None:
-    """Makes the scene's next render one of `size` pixels that shows the frame with `overscan` picture pixels around it."""
+    """Makes the scene's next render one of `size` pixels: the frame with `overscan` picture pixels around it."""
     wide = view.width + 2 * overscan
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100

@@ -35,12 +35,16 @@ def parser(needs_scene: bool) -> argparse.ArgumentParser:
     own = argparse.ArgumentParser(prog="cli.py", description="Writes stacks of depth peels for thinlens.")
     if needs_scene:
         own.add_argument("file", metavar="FILE.blend", help="the scene")
-    own.add_argument("-o", "--output", required=True, metavar="FILE", help="the stack; # is replaced by the frame number")
+    own.add_argument(
+        "-o", "--output", required=True, metavar="FILE", help="the stack; # is replaced by the frame number"
+    )
     own.add_argument("--frames", metavar="LIST", help='frames, such as "1-100,120"; default: the current one')
     own.add_argument("--overwrite", action="store_true", help="export frames again whose file is there")
     own.add_argument("--peels", type=int, default=4, metavar="N", help="most surfaces behind each other (default 4)")
     own.add_argument("--kind", choices=("point", "coverage", "super"), default="coverage", help="default: coverage")
-    own.add_argument("--supersample", type=int, default=2, metavar="S", help="S×S places in a pixel, 1 to 4 (default 2)")
+    own.add_argument(
+        "--supersample", type=int, default=2, metavar="S", help="S×S places in a pixel, 1 to 4 (default 2)"
+    )
     own.add_argument("--samples", type=int, metavar="N", help="light samples of a pixel in all (default: the scene's)")
     own.add_argument("--overscan", type=int, metavar="PX", help="pixels around the frame (default: as the blur needs)")
     own.add_argument("--denoise", action=argparse.BooleanOptionalAction, help="default: as the scene")

@@ -31,7 +31,9 @@ class Denoiser:
         self._prepare_scene(threads.render, journal)
         images = bpy.data.images
         self.images = {
-            name: journal.made(images, images.new(f"thinlens {name}", *size, alpha=False, float_buffer=True, is_data=True))
+            name: journal.made(
+                images, images.new(f"thinlens {name}", *size, alpha=False, float_buffer=True, is_data=True)
+            )
             for name in (COLOR, ALBEDO, NORMAL)
         }
         self._build(_tree(self.scene, journal))

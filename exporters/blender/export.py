@@ -20,7 +20,7 @@ from .passes import Progress, Renderer
 from .peel_nodes import PeelNodes
 from .peels import Peeler, Peels
 from .settings import COVERAGE, POINT, Say, Settings
-from .shared import ExportError, exr, stack
+from .shared import ExportError, stack
 from .shared import merge as merging
 
 # What the header of a stack calls a kind.
@@ -143,7 +143,9 @@ def version() -> str:
 def _say_samples(settings: Settings, samples: int, say: Say) -> None:
     per_axis = settings.per_axis
     total = samples * per_axis**2
-    say(f"{total} light samples a pixel: {per_axis}×{per_axis} places with {samples} each, up to {settings.peels} peels")
+    say(
+        f"{total} light samples a pixel: {per_axis}×{per_axis} places with {samples} each, up to {settings.peels} peels"
+    )
 
 
 def _hide_lamps(scene: Any, journal: Journal, say: Say) -> None:

@@ -7,7 +7,6 @@ pixel. Only camera rays ask it: light, shadows and reflections see the whole sce
 
 from __future__ import annotations
 
-import math
 from enum import Enum
 from typing import Any
 

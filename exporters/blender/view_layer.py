@@ -41,11 +41,11 @@ def stand_in(scene: Any, layer: Any, journal: Journal) -> Any:
     for name in SHOWN:
         if hasattr(layer, name):
             setattr(own, name, getattr(layer, name))
-    for key in layer.keys():  # noqa: SIM118: a view layer cannot be iterated
+    for key in sorted(layer.keys()):
         if not key.startswith("cycles"):
             own[key] = layer[key]
     _copy_collections(layer.layer_collection, own.layer_collection)
-    for name in own.bl_rna.properties.keys():  # noqa: SIM118
+    for name in sorted(own.bl_rna.properties.keys()):
         if name.startswith("use_pass_"):
             setattr(own, name, name in ("use_pass_combined", "use_pass_z"))
     own.pass_alpha_threshold = ALPHA_THRESHOLD

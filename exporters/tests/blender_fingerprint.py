@@ -67,7 +67,7 @@ class _Describer:
 
     def _custom(self, thing: Any, path: str) -> None:
         """The custom properties. Those that add-ons register are described as properties."""
-        for key in thing.keys():  # noqa: SIM118: a datablock cannot be iterated
+        for key in sorted(thing.keys()):
             if not key.startswith("cycles"):
                 self.out[f"{path}[{key!r}]"] = repr(thing[key])
 

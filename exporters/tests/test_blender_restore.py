@@ -17,9 +17,10 @@ except ImportError as error:
     raise unittest.SkipTest("the bpy module is not installed: the Blender exporter is not tested") from error
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "blender")]
-import cli  # noqa: E402
 from blender_fingerprint import changes, fingerprint  # noqa: E402
 from blender_scene import build  # noqa: E402
+
+import cli  # noqa: E402
 
 cli.load_package()
 export = importlib.import_module(f"{cli.PACKAGE}.export")
