@@ -14,7 +14,7 @@ TURNED_SHARE = 0.02
 WELD_SHARE = 1e-6
 
 
-def outsides(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray) -> np.ndarray:
+def outsides(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray | None) -> np.ndarray:
     """Which side of each triangle is the outside of a closed surface, `[m]`: 1 its front, -1 its back, 0 both.
 
     A triangle's front is where its corners are anticlockwise. Both are outside in open pieces, and in those that
@@ -35,14 +35,14 @@ def outsides(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray)
     return sides
 
 
-def _outside(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray) -> int:
+def _outside(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray | None) -> int:
     """The outside of one piece."""
     corners = vertices[triangles]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(areas, axis=1).sum()
     if area <= 0.0 or np.linalg.norm(areas.sum(axis=0)) > OPENING_SHARE * area or not _has_closed_edges(triangles):
         return 0
-    if abs(winding_number(corners, viewpoint)) > 0.5:
+    if viewpoint is not None and abs(winding_number(corners, viewpoint)) > 0.5:
         return 0
     volume = ((corners[:, 0] - corners[0, 0]) * areas).sum()
     return 1 if volume > 0.0 else -1

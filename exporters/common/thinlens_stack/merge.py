@@ -50,6 +50,10 @@ class Layer:
         """The rows from `start` to before `end`."""
         return self._mapped(lambda plane: plane[start:end])
 
+    def reshaped(self, height: int, width: int) -> Layer:
+        """The layer with its samples, in whatever shape, as rows of pixels."""
+        return self._mapped(lambda plane: plane.reshape(height, width, *plane.shape[self.alpha.ndim :]))
+
     def _mapped(self, change: Callable[[np.ndarray], np.ndarray]) -> Layer:
         sums, means = ({name: change(plane) for name, plane in more.items()} for more in (self.sums, self.means))
         return Layer(change(self.color), change(self.alpha), change(self.depth), sums, means)

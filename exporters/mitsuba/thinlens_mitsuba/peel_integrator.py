@@ -113,45 +113,48 @@ class Peeler:
         """The layers of one sample of each pixel: the peels, and one for the environment behind them."""
         offset = (rotated if sampling.is_merged else regular)(sampling.samples, phase)
         walked = self._walk(*places(frame, rows, offset), sampling.peels)
-        shape = (len(rows), frame.wide()[0])
-        layers = [_empty(len(walked.x)) for _ in range(sampling.peels + 1)]
+        seed = (sampling.seed, phase, rows.start)
         paths = sampling.paths_per_sample()
+        light = self._lights(walked, paths, seed)
+        layers = [_empty(len(walked.x)) for _ in range(sampling.peels + 1)]
         for peel in range(sampling.peels):
             at = np.flatnonzero(walked.count > peel)
-            seed = (sampling.seed, phase, rows.start, peel)
-            layers[peel].color[at] = self._own_color(walked, peel, at, paths, seed)
-            layers[peel].alpha[at] = 1.0 - walked.transmission[peel, at]
+            passing = walked.transmission[peel, at]
+            # What passes straight on is the light of the next peel, from the same paths: in sum, no noise is added.
+            layers[peel].color[at] = light[peel, at] - passing[:, None] * light[peel + 1, at]
+            layers[peel].alpha[at] = 1.0 - passing
             layers[peel].depth[at] = walked.depth[peel, at]
-        self._add_background(walked, layers, paths, (sampling.seed, phase, rows.start, sampling.peels))
-        return [
-            Layer(layer.color.reshape(*shape, 3), layer.alpha.reshape(shape), layer.depth.reshape(shape))
-            for layer in layers
-        ]
-
-    def _own_color(self, walked: Walked, peel: int, at: np.ndarray, paths: int, seed: tuple[int, ...]) -> np.ndarray:
-        """Premultiplied colour of a peel at the rays `at`, `[ray][3]`: without what passes straight through it."""
-        # Fog before the first surface is part of its colour.
-        starts = np.zeros(len(at)) if self.has_media and peel == 0 else walked.before[peel, at]
-        color, _ = self._light(walked.x[at], walked.y[at], starts, paths, (*seed, 0))
-        passing = walked.transmission[peel, at]
-        through = np.flatnonzero(passing > 0.0)
-        if len(through) > 0:
-            rays = at[through]
-            behind, _ = self._light(walked.x[rays], walked.y[rays], walked.behind[peel, rays], paths, (*seed, 1))
-            color[through] -= passing[through, None] * behind
-        return np.maximum(color, 0.0)
-
-    def _add_background(self, walked: Walked, layers: list[Layer], paths: int, seed: tuple[int, ...]) -> None:
-        """Puts the environment behind the last surface of each ray; fog that hides no surface as well."""
-        color, alpha = np.zeros((len(walked.x), 3)), np.zeros(len(walked.x))
-        if self.scene.environment() is not None and not self.rules.hides_emitters:
-            color, alpha = self._light(walked.x, walked.y, np.full(len(walked.x), self.beyond), 1, (*seed, 0))
-        if self.has_media:
-            at = np.flatnonzero(walked.count == 0)
-            color[at], alpha[at] = self._light(walked.x[at], walked.y[at], np.zeros(len(at)), paths, (*seed, 1))
+        color, alpha = self._background(walked, paths, seed)
         for peel, layer in enumerate(layers):
             at = np.flatnonzero((walked.count == peel) & (alpha > 0.0))
             layer.color[at], layer.alpha[at] = color[at], alpha[at]
+        return [layer.reshaped(len(rows), frame.wide()[0]) for layer in layers]
+
+    def _lights(self, walked: Walked, paths: int, seed: tuple[int, ...]) -> np.ndarray:
+        """The light along each ray from each of its surfaces on, and from behind the last one; `[peel][ray][3]`."""
+        peels, rays = walked.before.shape
+        light = np.zeros((peels + 1, rays, 3))
+        for peel in range(peels):
+            at = np.flatnonzero(walked.count > peel)
+            # Fog before the first surface is part of its colour.
+            starts = np.zeros(len(at)) if self.has_media and peel == 0 else walked.before[peel, at]
+            light[peel, at], _ = self._light(walked.x[at], walked.y[at], starts, paths, (*seed, peel))
+            ends = at[(walked.count[at] == peel + 1) & (walked.transmission[peel, at] > 0.0)]
+            starts = walked.behind[peel, ends]
+            light[peel + 1, ends], _ = self._light(walked.x[ends], walked.y[ends], starts, paths, (*seed, peel, 1))
+        return light
+
+    def _background(self, walked: Walked, paths: int, seed: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Colour `[ray][3]` and alpha `[ray]` of the environment, with the fog before it if no surface is there."""
+        color, alpha = np.zeros((len(walked.x), 3)), np.zeros(len(walked.x))
+        if self.scene.environment() is not None and not self.rules.hides_emitters:
+            start = np.full(len(walked.x), self.beyond)
+            color, alpha = self._light(walked.x, walked.y, start, 1, (*seed, len(walked.before)))
+        if self.has_media:
+            at = np.flatnonzero(walked.count == 0)
+            start = np.zeros(len(at))
+            color[at], alpha[at] = self._light(walked.x[at], walked.y[at], start, paths, (*seed, len(walked.before), 1))
+        return color, alpha
 
     def _light(
         self, x: np.ndarray, y: np.ndarray, start: np.ndarray, paths: int, seed: tuple[int, ...]

@@ -12,33 +12,39 @@ from .lanes import is_scalar
 
 # Shapes that are closed by themselves.
 CLOSED = ("Sphere", "Ellipsoids", "SDFGrid", "BSplineCurve", "LinearCurve")
+# Both sides of a shape's faces are outside.
+BOTH = np.zeros(1, np.int8)
 
 
 class Sides:
-    """The outside of every face of a scene, as in `closed.outsides`; 0 for shapes in instances."""
+    """The outside of every face of a scene, as in `closed.outsides`."""
 
     def __init__(self, scene: mi.Scene, viewpoint: np.ndarray) -> None:
         """`viewpoint` is the place of the camera in the world."""
-        sides = {shape: _outsides(shape, viewpoint) for shape in scene.shapes()}
-        if is_scalar():
-            self.of_shape = sides
-            return
-        # The faces of all shapes one after the other; face 0 is that of unknown shapes.
-        numbers = {shape: int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in sides}
-        self.shapes = max(numbers.values(), default=0) + 1
-        first, last = np.zeros(self.shapes, np.uint32), np.zeros(self.shapes, np.uint32)
-        faces = [np.zeros(1, np.int8)]
-        for shape, own in sides.items():
-            first[numbers[shape]] = sum(map(len, faces))
-            last[numbers[shape]] = first[numbers[shape]] + len(own) - 1
-            faces.append(own)
-        self.first, self.last = mi.UInt32(first), mi.UInt32(last)
-        self.faces = mi.Float(np.concatenate(faces).astype(np.float32))
+        # Of the shapes of the scene, and of those that instances repeat as they are met.
+        self.of_shape = {shape: _outsides(shape, viewpoint) for shape in scene.shapes()}
+        if not is_scalar():
+            self._tabulate()
+
+    def _tabulate(self) -> None:
+        """Lists the faces of all shapes one after the other, for look-ups by the number of a shape."""
+        sides = [self._outsides(shape) for shape in _registered()]
+        ends = np.cumsum([len(own) for own in sides])
+        self.first = mi.UInt32(np.concatenate([[0], ends[:-1]]).astype(np.uint32))
+        self.last = mi.UInt32((ends - 1).astype(np.uint32))
+        self.faces = mi.Float(np.concatenate(sides).astype(np.float32))
+        self.shapes = len(sides)
+
+    def _outsides(self, shape: mi.Shape | None) -> np.ndarray:
+        """The outside of a shape's faces. That of a shape in instances is judged as from far away."""
+        if shape not in self.of_shape:
+            self.of_shape[shape] = BOTH if shape is None else _outsides(shape, None)
+        return self.of_shape[shape]
 
     def of(self, surface: mi.SurfaceInteraction3f) -> mi.Float:
         """The outside of the faces that were hit."""
         if is_scalar():
-            own = self.of_shape.get(surface.shape, [0])
+            own = self._outsides(surface.shape)
             return float(own[min(surface.prim_index, len(own) - 1)])
         number = dr.reinterpret_array(mi.UInt32, surface.shape)
         is_known = number < self.shapes
@@ -46,17 +52,33 @@ class Sides:
         return dr.gather(mi.Float, self.faces, dr.minimum(first + surface.prim_index, last), is_known)
 
 
-def _outsides(shape: mi.Shape, viewpoint: np.ndarray) -> np.ndarray:
+def _registered() -> list[mi.Shape | None]:
+    """All shapes by their number in vectorised variants; None for numbers without a shape, such as 0."""
+    shapes: list[mi.Shape | None] = [None]
+    while True:
+        try:
+            shapes.append(dr.reinterpret_array(mi.ShapePtr, mi.UInt32(len(shapes)))[0])
+        except RuntimeError:
+            # Beyond the last number.
+            return shapes
+
+
+def _outsides(shape: mi.Shape, viewpoint: np.ndarray | None) -> np.ndarray:
     """The outside of a shape's faces; one for all where they are not triangles."""
-    if mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Null):
-        # The far wall is seen through the near one.
-        return np.zeros(1, np.int8)
+    bsdf = shape.bsdf()
+    if bsdf is None or mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null):
+        # Instances have no faces of their own. Where light passes straight on, the far wall is seen through the near
+        # one.
+        return BOTH
     turned = -1 if shape.has_flipped_normals() else 1
-    if shape.is_mesh():
-        vertices = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
-        return turned * closed.outsides(vertices, np.array(shape.faces_buffer()).reshape(-1, 3), viewpoint)
+    values = mi.traverse(shape)
+    if "faces" in values:
+        vertices, faces = (np.array(values[name]).reshape(-1, 3) for name in ("vertex_positions", "faces"))
+        return turned * closed.outsides(vertices, faces, viewpoint)
     if shape.class_name() not in CLOSED:
-        return np.zeros(1, np.int8)
+        return BOTH
+    if viewpoint is None:
+        return np.array([turned], np.int8)
     box = shape.bbox()
     low, high = np.array(box.min).reshape(-1), np.array(box.max).reshape(-1)
     middle, half = (low + high) / 2, (high - low) / 2
