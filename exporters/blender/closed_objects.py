@@ -40,55 +40,107 @@ class Faces:
         return 0.0
 
 
+class Geometry:
+    """A copy of a mesh, with the matrices from the world into each of its instances."""
+
+    def __init__(self, ob: Any, mesh: Any) -> None:
+        """`mesh` with the materials of `ob`."""
+        self.count = len(mesh.polygons)
+        self.points, self.triangles, self.face = _triangles(mesh)
+        self.clear = _clear_faces(ob, mesh)
+        self.matrices: list[Any] = []
+
+    def faces(self, eye: Any) -> Faces:
+        """The faces as seen from `eye`, a point of the world, in all instances."""
+        if len(self.triangles) == 0:
+            return Faces(np.zeros(self.count), np.zeros(self.count))
+        eyes = np.array([tuple(matrix @ eye) for matrix in self.matrices], np.float64).reshape(-1, 3)
+        corners = self.points[self.triangles] - self.points.mean(axis=0)
+        vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(vectors, axis=1)
+        volume = (corners[:, 0] * vectors).sum(axis=1) / 3.0
+        side = np.zeros(self.count)
+        side[self.face] = _sides(self.points, self.triangles, eyes)
+        is_closed = side[self.face] != 0.0
+        if 36.0 * np.pi * volume[is_closed].sum() ** 2 < LEAST_ROUNDNESS * area[is_closed].sum() ** 3:
+            side[:] = 0.0
+        side[self.clear] = 0.0
+        return Faces(side, np.bincount(self.face, area, self.count))
+
+
 def mark(depsgraph: Any, eye: Any, journal: Journal, say: Say) -> int:
     """Marks every closed mesh as seen from `eye`, a point of the world. Returns how many objects have one.
 
     Meshes that let light through keep their inside: it is seen.
     """
-    matrices: dict[Any, list[Any]] = defaultdict(list)
+    geometries = _geometries(depsgraph)
+    return sum(_mark_object(ob, own, eye, journal, say) for ob, own in geometries.items())
+
+
+def _geometries(depsgraph: Any) -> dict[Any, list[Geometry]]:
+    """The meshes of each object: its own, and those of the instances that it makes without an object for them."""
+    meshes: dict[Any, dict[int, Geometry]] = defaultdict(dict)
+    others: dict[Any, list[Any]] = defaultdict(list)
     for instance in depsgraph.object_instances:
-        if instance.object.type in SOLID:
-            matrices[instance.object.original].append(instance.matrix_world.inverted_safe())
-    marked = 0
-    for ob, own in matrices.items():
-        eyes = np.array([tuple(matrix @ eye) for matrix in own], np.float64)
-        marked += _mark_object(ob, ob.evaluated_get(depsgraph), eyes, journal, say)
-    return marked
+        ob = instance.object
+        matrix = instance.matrix_world.inverted_safe()
+        if ob.type == "MESH":
+            own, key = meshes[ob.original], ob.data.as_pointer()
+            own[key] = own.get(key) or Geometry(ob, ob.data)
+            own[key].matrices.append(matrix)
+        elif ob.type in SOLID:
+            others[ob.original].append(matrix)
+    out = {ob: [one for one in own.values() if one.count] for ob, own in meshes.items()}
+    for ob, matrices in others.items():
+        if ob not in out:
+            out[ob] = _converted(ob.evaluated_get(depsgraph), matrices)
+    return out
 
 
-def _mark_object(ob: Any, evaluated: Any, eyes: np.ndarray, journal: Journal, say: Say) -> bool:
-    """Marks one object, which is seen from `eyes` in its own space; whether it has a closed piece."""
-    if OVERRIDE in ob and not ob[OVERRIDE]:
-        return False
+def _converted(evaluated: Any, matrices: list[Any]) -> list[Geometry]:
+    """The mesh of an object that is none, such as a metaball."""
     mesh = evaluated.to_mesh()
-    if mesh is None:
-        return False
     try:
-        faces = _faces(evaluated, mesh, eyes)
+        geometry = Geometry(evaluated, mesh) if mesh and len(mesh.polygons) else None
     finally:
         evaluated.to_mesh_clear()
+    if geometry is None:
+        return []
+    geometry.matrices = matrices
+    return [geometry]
+
+
+def _mark_object(ob: Any, geometries: list[Geometry], eye: Any, journal: Journal, say: Say) -> bool:
+    """Marks one object; whether it has a closed piece."""
+    if not geometries or (OVERRIDE in ob and not ob[OVERRIDE]):
+        return False
+    found = [geometry.faces(eye) for geometry in geometries]
     if OVERRIDE in ob:
-        journal.set_custom(ob, SIDE, -1.0 if (faces.side * faces.area).sum() < 0 else 1.0)
+        outward = sum((faces.side * faces.area).sum() for faces in found)
+        journal.set_custom(ob, SIDE, -1.0 if outward < 0 else 1.0)
         return True
-    if not faces.side.any():
+    if not any(faces.side.any() for faces in found):
         return False
-    if common := faces.common_side():
-        journal.set_custom(ob, SIDE, common)
+    sides = {faces.common_side() for faces in found}
+    if len(sides) == 1 and 0.0 not in sides:
+        journal.set_custom(ob, SIDE, sides.pop())
         return True
-    return _mark_faces(ob, faces, eyes, journal, say)
+    if ob.type == "MESH" and len(found) == 1:
+        _mark_faces(ob, found[0], geometries[0].matrices, eye, journal)
+        return True
+    say(f"note: parts of {ob.name} are closed and others open; all count as open (set {OVERRIDE} to overrule)")
+    return False
 
 
-def _mark_faces(ob: Any, faces: Faces, eyes: np.ndarray, journal: Journal, say: Say) -> bool:
-    """Marks the faces of an object some of whose pieces are closed; whether it could be done."""
-    if ob.type != "MESH":
-        say(f"note: parts of {ob.name} are closed and others open; all count as open (set {OVERRIDE} to overrule)")
-        return False
+def _mark_faces(ob: Any, faces: Faces, matrices: list[Any], eye: Any, journal: Journal) -> None:
+    """Marks the faces of an object some of whose pieces are closed."""
     if len(faces.side) != len(ob.data.polygons):
         # Modifiers give the attribute of the mesh that they change to the faces that come of it.
-        faces = _faces(ob, ob.data, eyes)
+        own = Geometry(ob, ob.data)
+        own.matrices = matrices
+        faces = own.faces(eye)
     if SIDE not in ob.data.attributes:
         _set_attribute(ob.data, faces.side, journal)
-    return True
 
 
 def _set_attribute(mesh: Any, side: np.ndarray, journal: Journal) -> None:
@@ -97,25 +149,6 @@ def _set_attribute(mesh: Any, side: np.ndarray, journal: Journal) -> None:
     attribute = mesh.attributes.new(SIDE, "FLOAT", "FACE")
     journal.on_restore(lambda: mesh.attributes.remove(mesh.attributes[SIDE]))
     attribute.data.foreach_set("value", side.astype(np.float32))
-
-
-def _faces(ob: Any, mesh: Any, eyes: np.ndarray) -> Faces:
-    """The faces of `mesh` with the materials of `ob`, as seen from `eyes`."""
-    points, triangles, face = _triangles(mesh)
-    count = len(mesh.polygons)
-    if len(triangles) == 0:
-        return Faces(np.zeros(count), np.zeros(count))
-    corners = points[triangles] - points.mean(axis=0)
-    vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(vectors, axis=1)
-    volume = (corners[:, 0] * vectors).sum(axis=1) / 3.0
-    side = np.zeros(count)
-    side[face] = _sides(points, triangles, eyes)
-    is_closed = side[face] != 0.0
-    if 36.0 * np.pi * volume[is_closed].sum() ** 2 < LEAST_ROUNDNESS * area[is_closed].sum() ** 3:
-        side[:] = 0.0
-    side[_clear_faces(ob, mesh)] = 0.0
-    return Faces(side, np.bincount(face, area, count))
 
 
 def _sides(points: np.ndarray, triangles: np.ndarray, eyes: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from .peels import Peeler, Peels
 from .settings import COVERAGE, POINT, Say, Settings
 from .shared import ExportError, stack
 from .shared import merge as merging
+from .volumes import Volumes
 
 # What the header of a stack calls a kind.
 KINDS = {POINT: "point", COVERAGE: "coverage"}
@@ -117,20 +118,22 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
         over = overscan.find(renderer, data, view, lens, say)
     materials.give_nodes(journal)
     materials.fill_empty_slots(journal)
+    for ball in bpy.data.metaballs:
+        journal.set(ball, "resolution", ball.render_resolution)
     renderer.layer.update()
     closed_objects.mark(renderer.layer.depsgraph, eye, journal, say)
 
     per_axis = settings.per_axis
     size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
     nodes = PeelNodes(size, view.pixels_per_slope(lens.focal_length_mm) * per_axis, journal)
-    wrapped = materials.wrap_all(nodes.group, journal, say)
-    has_volume = _say_materials(scene, wrapped, say)
+    volumes = Volumes(scene, journal)
+    _say_materials(materials.wrap_all(nodes.group, journal, say), volumes.names, say)
     cameras.aim(scene, data, view, over, size)
     denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress) if denoises else None
-    peeler = Peeler(renderer, nodes, denoiser, say)
+    peeler = Peeler(renderer, nodes, volumes, denoiser, say)
     peels = peeler.render(settings.peels, samples, settings.cryptomatte)
     if has_sky:
-        peels.layers.append(peeler.background(peels, samples, has_volume))
+        peels.layers.append(peeler.background(peels, samples))
     return Rendered(peels, view, lens, over)
 
 
@@ -156,17 +159,11 @@ def _hide_lamps(scene: Any, journal: Journal, say: Say) -> None:
             journal.set(ob, "visible_camera", False)
 
 
-def _say_materials(scene: Any, wrapped: materials.Wrapped, say: Say) -> bool:
-    """Says what the materials cannot have in a stack. Whether there are volumes."""
-    if wrapped.tinted:
-        names = ", ".join(sorted(wrapped.tinted))
+def _say_materials(tinted: list[str], volumes: list[str], say: Say) -> None:
+    """Says what the materials cannot have in a stack."""
+    if tinted:
+        names = ", ".join(sorted(tinted))
         say(f"note: coloured transparent material {names}: what is behind is seen in it, at its depth")
-    volumes = list(wrapped.volumes)
-    world = scene.world
-    output = world.node_tree.get_output_node("CYCLES") if world and world.node_tree else None
-    if output and output.inputs["Volume"].is_linked:
-        volumes.append(f"world {world.name}")
     if volumes:
         names = ", ".join(sorted(volumes))
-        say(f"warning: volume {names} has no depth: what is behind it keeps it, and it blurs with that")
-    return bool(volumes)
+        say(f"warning: volume of {names} has no depth: what is behind it keeps it, and it blurs with that")

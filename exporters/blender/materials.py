@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -20,17 +19,6 @@ DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
 TRANSPARENT = {"BSDF_TRANSPARENT", "HOLDOUT", "SCRIPT"}
 # Types of objects with a surface, whose data holds materials.
 SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
-
-
-@dataclass
-class Wrapped:
-    """What wrapping the materials found."""
-
-    count: int = 0
-    # Names of materials with volumes.
-    volumes: list[str] = field(default_factory=list)
-    # Names of materials with a coloured transparent shader.
-    tinted: list[str] = field(default_factory=list)
 
 
 def used() -> Iterator[Any]:
@@ -91,44 +79,47 @@ def _plain_material(journal: Journal, color: tuple[float, ...] = DEFAULT_COLOR) 
     return material
 
 
-def wrap_all(group: Any, journal: Journal, say: Say) -> Wrapped:
-    """Puts the node group before the output of every used material, and straightens coloured transparent shaders."""
-    wrapped, straightened = Wrapped(), set()
+def wrap_all(group: Any, journal: Journal, say: Say) -> list[str]:
+    """Puts the node group before the output of every used material, and straightens coloured transparent shaders.
+
+    Returns the names of the materials that have those.
+    """
+    tinted, straightened = [], set()
     for material in list(used()):
+        tree = material.node_tree
+        output = tree.get_output_node("CYCLES") if tree else None
+        if output is None:
+            continue
         try:
-            wrapped.count += _wrap(material, group, journal, wrapped)
-            if material.node_tree and _straighten(material.node_tree, journal, straightened):
-                wrapped.tinted.append(material.name)
+            if not is_transparent(tree):
+                # Opaque to light it was, and stays so: shadow rays need not ask the nodes.
+                journal.set(material, "use_transparent_shadow", False)
+            _wrap(tree, output, group, journal)
+            if _straighten(tree, journal, straightened):
+                tinted.append(material.name)
         except (AttributeError, RuntimeError) as error:
             say(f"warning: material {material.name} cannot be changed and is in front in every peel ({error})")
-    return wrapped
+    return tinted
 
 
-def _wrap(material: Any, group: Any, journal: Journal, wrapped: Wrapped) -> bool:
-    """Wraps one material; whether it has a surface."""
-    tree = material.node_tree
-    output = tree.get_output_node("CYCLES") if tree else None
-    if output is None:
-        return False
+def _wrap(tree: Any, output: Any, group: Any, journal: Journal) -> None:
+    """Puts the node group before the surface of `output`. A volume without a surface gets a clear one."""
     target = output.inputs["Surface"]
     source = target.links[0].from_socket if target.is_linked else None
-    if output.inputs["Volume"].is_linked:
-        wrapped.volumes.append(material.name)
-        if source is None:
-            return False
-    if not is_transparent(tree):
-        # Opaque to light it was, and stays so: shadow rays need not ask the nodes.
-        journal.set(material, "use_transparent_shadow", False)
-    nodes = [tree.nodes.new(k) for k in ("ShaderNodeGroup", "ShaderNodeBsdfTransparent", "ShaderNodeMixShader")]
-    show, clear, mix = nodes
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    nodes = [clear]
     journal.on_restore(lambda: _unlink(tree, nodes, source, target))
+    if source is None and output.inputs["Volume"].is_linked:
+        tree.links.new(clear.outputs[0], target)
+        return
+    show, mix = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeMixShader")
+    nodes += [show, mix]
     show.node_tree = group
     tree.links.new(show.outputs[0], mix.inputs[0])
     tree.links.new(clear.outputs[0], mix.inputs[1])
     if source:
         tree.links.new(source, mix.inputs[2])
     tree.links.new(mix.outputs[0], target)
-    return True
 
 
 def _unlink(tree: Any, nodes: list[Any], source: Any, target: Any) -> None:

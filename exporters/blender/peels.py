@@ -14,6 +14,7 @@ from .settings import Say
 from .shared import exr
 from .shared import lens as lenses
 from .shared import merge as merging
+from .volumes import Volumes
 
 # Farther than everything, as a float.
 BEYOND_ALL = 1e30
@@ -33,8 +34,11 @@ class Peels:
 class Peeler:
     """Renders peels: `renderer` through the materials that `nodes` are in."""
 
-    def __init__(self, renderer: Renderer, nodes: PeelNodes, denoiser: Denoiser | None, say: Say) -> None:
-        self.renderer, self.nodes, self.denoiser, self.say = renderer, nodes, denoiser, say
+    def __init__(
+        self, renderer: Renderer, nodes: PeelNodes, volumes: Volumes, denoiser: Denoiser | None, say: Say
+    ) -> None:
+        self.renderer, self.nodes, self.volumes = renderer, nodes, volumes
+        self.denoiser, self.say = denoiser, say
 
     def render(self, peels: int, samples: int, cryptomatte: bool) -> Peels:
         """At most `peels` peels of surfaces with so many light samples each."""
@@ -51,9 +55,11 @@ class Peeler:
         out.layers = [self._lit(depth, samples, peel) for peel, depth in enumerate(depths)]
         return out
 
-    def background(self, peels: Peels, samples: int, has_volume: bool) -> merging.Layer:
+    def background(self, peels: Peels, samples: int) -> merging.Layer:
         """The world, behind everything. It is empty where there are surfaces behind the last peel."""
         self.nodes.select(Show.BEHIND, BEYOND_ALL)
+        self.volumes.show(True)
+        has_volume = bool(self.volumes.names)
         job = Job("background", samples if has_volume else 1, light=has_volume, transparent=False)
         color = self.renderer.render(job).vector("Combined", "RGB")
         depths = [layer.depth for layer in peels.layers]
@@ -68,10 +74,12 @@ class Peeler:
     def _distances(self, depths: list[np.ndarray], cryptomatte: bool) -> Passes:
         """A render of the nearest surfaces behind the last of `depths`."""
         self.nodes.select(Show.BEHIND, depths[-1] if depths else 0.0)
+        self.volumes.show(False)
         return self.renderer.render(Job(f"distances of peel {len(depths)}", cryptomatte=cryptomatte))
 
     def _lit(self, depth: np.ndarray, samples: int, peel: int) -> merging.Layer:
         self.nodes.select(Show.AT, depth)
+        self.volumes.show(True)
         name = f"peel {peel}"
         passes = self.renderer.render(Job(name, samples, light=True, guides=self.denoiser is not None))
         alpha = np.clip(passes.channel("Combined.A"), 0.0, 1.0)
