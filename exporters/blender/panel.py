@@ -1,5 +1,156 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel thinlens below a camera's depth of field: export, apply the lens, live re-lens.
+"""The panel thinlens below a camera's depth of field: export, apply the lens, live re-lens, the post step.
 
-It only shows properties and buttons; what they do is in `operators.py` and `live.py`.
+It only shows properties and buttons; what they do is in `operators.py`, `live.py` and `post_step.py`.
 """
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import live, operators, post_step, preferences
+from .properties import FRAMES_RANGE
+from .settings import POINT
+
+# The panels of a camera's depth of field: Cycles has one of its own.
+CYCLES = "CYCLES"
+PARENTS = {CYCLES: "CYCLES_CAMERA_PT_dof", "OTHER": "DATA_PT_camera_dof"}
+
+
+class Shown:
+    """What the panels have in common; a mix-in."""
+
+    bl_label = "thinlens"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Whether a camera is shown, and this is the panel of the scene's renderer."""
+        is_cycles = context.engine == CYCLES
+        return context.camera is not None and is_cycles == cls.is_for_cycles
+
+    def draw(self, context: Any) -> None:
+        """Everything but the settings of the export."""
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        own = context.camera.thinlens
+        found, _ = preferences.state()
+        if found is None:
+            preferences.draw_state(layout.box())
+        job = operators.running()
+        if job is not None:
+            _draw_job(layout, job)
+        column = layout.column()
+        column.enabled = job is None
+        _draw_export(column, own)
+        column.separator()
+        _draw_lens(column, own)
+        _draw_live(layout)
+        layout.separator()
+        _draw_post_step(layout, context.scene)
+
+
+def _draw_job(layout: Any, job: Any) -> None:
+    row = layout.row(align=True)
+    row.progress(factor=job.share, text=job.text)
+    row.operator("thinlens.cancel", text="", icon="X")
+
+
+def _draw_export(column: Any, own: Any) -> None:
+    column.prop(own, "stack")
+    column.prop(own, "frames")
+    if own.frames == FRAMES_RANGE:
+        column.prop(own, "overwrite")
+    column.prop(own, "apply_after")
+    column.operator("thinlens.export", icon="RENDER_STILL")
+
+
+def _draw_lens(column: Any, own: Any) -> None:
+    column.prop(own, "result")
+    column.row().prop(own, "lens", expand=True)
+    column.prop(own, "quality")
+    column.operator("thinlens.apply", icon="CAMERA_DATA")
+
+
+def _draw_live(layout: Any) -> None:
+    session = live.session()
+    layout.operator("thinlens.live", icon="PLAY", depress=session is not None)
+    if session is not None:
+        _draw_text(layout, session.text, "ERROR" if session.is_error else "INFO")
+
+
+def _draw_post_step(layout: Any, scene: Any) -> None:
+    own = scene.thinlens
+    layout.prop(own, "use_post_step")
+    if not own.use_post_step:
+        return
+    layout.prop(own, "post_suffix")
+    failed = post_step.failures()
+    if failed:
+        frame, text = next(iter(failed.items()))
+        _draw_text(layout, f"{len(failed)} frames without a lens; frame {frame}:\n{text}", "ERROR")
+    elif post_step.written():
+        _draw_text(layout, f"{post_step.written()} frames have the lens", "CHECKMARK")
+
+
+def _draw_text(layout: Any, text: str, icon: str) -> None:
+    column = layout.column(align=True)
+    for number, line in enumerate(text.splitlines()):
+        column.label(text=line.strip(), icon="BLANK1" if number else icon)
+
+
+class ShownSettings:
+    """The settings of the export; a mix-in."""
+
+    bl_label = "Stack"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        """The settings that `cli.py` has as flags."""
+        layout, own = self.layout, context.camera.thinlens
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.enabled = operators.running() is None
+        layout.prop(own, "peels")
+        layout.prop(own, "kind")
+        row = layout.row()
+        row.enabled = own.kind != POINT
+        row.prop(own, "supersample")
+        for name in ("samples", "overscan", "denoise", "background", "cryptomatte"):
+            layout.prop(own, name)
+
+
+def _panels() -> list[Any]:
+    """The panel and its settings, for Cycles and for the other renderers.
+
+    A panel whose parent is missing, because Cycles is switched off, stands by itself.
+    """
+    out = []
+    for engine, parent in PARENTS.items():
+        name = f"THINLENS_PT_{engine.lower()}"
+        where = {"bl_parent_id": parent} if hasattr(bpy.types, parent) else {}
+        out.append(type(name, (Shown, bpy.types.Panel), {**where, "is_for_cycles": engine == CYCLES}))
+        out.append(type(f"{name}_stack", (ShownSettings, bpy.types.Panel), {"bl_parent_id": name}))
+    return out
+
+
+_registered: list[Any] = []
+
+
+def register() -> None:
+    """Adds the panels."""
+    for cls in _panels():
+        bpy.utils.register_class(cls)
+        _registered.append(cls)
+
+
+def unregister() -> None:
+    """Removes them."""
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())
