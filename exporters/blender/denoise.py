@@ -16,6 +16,8 @@ import numpy as np
 from .journal import Journal
 from .passes import Passes, Progress, render_to, write_float_exr
 
+# The image that a compositor makes for its viewer, whether it has one or not.
+VIEWER = "Viewer Node"
 # Inputs of the compositor's node.
 COLOR, ALBEDO, NORMAL = "Image", "Albedo", "Normal"
 
@@ -28,6 +30,8 @@ class Denoiser:
         self.size, self.progress = size, progress
         self.path = os.path.join(folder, "denoised.exr")
         self.scene = journal.made(bpy.data.scenes, bpy.data.scenes.new("thinlens denoise"))
+        if VIEWER not in bpy.data.images:
+            journal.on_restore(_remove_viewer)
         self._prepare_scene(threads.render, journal)
         images = bpy.data.images
         self.images = {
@@ -75,6 +79,11 @@ class Denoiser:
         pixels[..., :3] = np.nan_to_num(values[::-1], posinf=0.0, neginf=0.0)
         self.images[name].pixels.foreach_set(pixels.reshape(-1))
         self.images[name].update()
+
+
+def _remove_viewer() -> None:
+    if VIEWER in bpy.data.images:
+        bpy.data.images.remove(bpy.data.images[VIEWER])
 
 
 def _tree(scene: Any, journal: Journal) -> Any:

@@ -99,6 +99,8 @@ class _Open:
 
 def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Rendered:
     scene, journal, say, view, lens = file.scene, file.journal, file.talk.say, start.view, start.lens
+    # The last step of all: what depends on the rest is as it was, too.
+    journal.on_restore(file.layer.update)
     # What the user's scene asks for, before it is changed.
     samples = settings.samples_each(scene.cycles.samples)
     has_sky = scene.world is not None and not scene.render.film_transparent
