@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from .export import Talk, export
+from .export import Talk, check_engine, export
 from .settings import Settings
 from .shared import ExportError, frames
 
@@ -21,13 +21,20 @@ BAD_INPUT = 4
 
 def run(options: argparse.Namespace) -> int:
     """Exports the frames of `options`. Returns the exit code."""
+    code = frames.WRONG_USAGE
     try:
-        scene = _open(getattr(options, "file", None), options.scene)
-        wanted = frames.parse(options.frames) if options.frames else [scene.frame_current]
         settings = _settings(options).checked()
+        listed = frames.parse(options.frames) if options.frames else None
+        code = BAD_INPUT
+        _open(getattr(options, "file", None))
+        code = frames.WRONG_USAGE
+        scene = _scene(options.scene)
+        code = BAD_INPUT
+        check_engine(scene)
     except ExportError as error:
         print(error, file=sys.stderr)
-        return BAD_INPUT if getattr(error, "is_input", False) else frames.WRONG_USAGE
+        return code
+    wanted = listed or [scene.frame_current]
     talk = Talk(lambda text: _say(text, options), lambda text: options.verbose and print(text, file=sys.stderr))
 
     def one(frame: int, path: str) -> str:
@@ -49,20 +56,22 @@ def _say(text: str, options: argparse.Namespace) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _open(path: str | None, scene: str | None) -> Any:
-    """The scene called `scene`, of the file at `path` or of the open one."""
+def _open(path: str | None) -> None:
+    """Opens the file at `path`, if there is one to open."""
     if path is not None:
         try:
             bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
         except RuntimeError as error:
-            failure = ExportError("the scene cannot be opened", where=path, found=str(error).strip())
-            failure.is_input = True
-            raise failure from error
-    if scene is None:
+            raise ExportError("the scene cannot be opened", where=path, found=str(error).strip()) from error
+
+
+def _scene(name: str | None) -> Any:
+    """The scene `name` of the open file, or the one that it shows."""
+    if name is None:
         return bpy.context.scene
-    if scene not in bpy.data.scenes:
-        raise ExportError("there is no such scene", found=scene, wanted=", ".join(s.name for s in bpy.data.scenes))
-    return bpy.data.scenes[scene]
+    if name not in bpy.data.scenes:
+        raise ExportError("there is no such scene", found=name, wanted=", ".join(s.name for s in bpy.data.scenes))
+    return bpy.data.scenes[name]
 
 
 def _settings(options: argparse.Namespace) -> Settings:

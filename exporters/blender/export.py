@@ -70,13 +70,7 @@ def export(scene: Any, settings: Settings, path: str, talk: Talk) -> str:
 
 def render(scene: Any, settings: Settings, talk: Talk) -> Rendered:
     """Renders the peels of the scene's current frame. The open file is as before when it returns or raises."""
-    if scene.render.engine != "CYCLES":
-        raise ExportError(
-            "only Cycles renders peels",
-            where=f"scene {scene.name}",
-            found=scene.render.engine,
-            help="set the render engine to Cycles",
-        )
+    check_engine(scene)
     layer = view_layer.find(scene, settings.view_layer, talk.say)
     layer.update()
     camera = cameras.find(scene, settings.camera)
@@ -84,6 +78,17 @@ def render(scene: Any, settings: Settings, talk: Talk) -> Rendered:
     lens = cameras.lens_of(camera, view, talk.say)
     with tempfile.TemporaryDirectory(prefix="thinlens-") as folder, Journal() as journal:
         return _render(_Open(scene, layer, folder, journal, talk), settings, Rendered(Peels([]), view, lens, 0), camera)
+
+
+def check_engine(scene: Any) -> None:
+    """Raises `ExportError` unless Cycles renders `scene`."""
+    if scene.render.engine != "CYCLES":
+        raise ExportError(
+            "only Cycles renders peels",
+            where=f"scene {scene.name}",
+            found=scene.render.engine,
+            help="set the render engine to Cycles",
+        )
 
 
 @dataclass(frozen=True)

@@ -138,7 +138,7 @@ def _is_tinted(node: Any) -> bool:
     return color.is_linked or len(set(color.default_value[:3])) > 1
 
 
-def _straighten(tree: Any, journal: Journal, done: set[str]) -> bool:
+def _straighten(tree: Any, journal: Journal, done: set[int]) -> bool:
     """Makes coloured transparent shaders show the camera, in their own colour, what is behind them.
 
     A peel has one alpha, which cannot colour. A refraction of index 1 does not bend, and the camera sees through it as
@@ -150,9 +150,9 @@ def _straighten(tree: Any, journal: Journal, done: set[str]) -> bool:
             found |= _straighten(node.node_tree, journal, done)
         elif _is_tinted(node) and node.outputs[0].is_linked:
             found = True
-            if tree.name_full not in done:
+            if tree.as_pointer() not in done:
                 _replace_for_camera(tree, node, journal)
-    done.add(tree.name_full)
+    done.add(tree.as_pointer())
     return found
 
 
