@@ -138,8 +138,8 @@ class LensJob:
                 self._outcome = Outcome(False, error_text(self._lines, "thinlens", code), said)
                 return
             publish(self._output, self.run.result)
-            took = f"{self.run.result}, {time.monotonic() - self._start:.1f} s"
-            self._outcome = Outcome(True, took, said, self.run.result)
+            took = time.monotonic() - self._start
+            self._outcome = Outcome(True, f"{self.run.result}, {took:.1f} s", said, self.run.result, took)
         except Exception as error:  # Without an outcome, the job would never end.
             text = str(error) if isinstance(error, ExportError) else f"error: {type(error).__name__}: {error}"
             self._outcome = Outcome(False, text, said)

@@ -36,6 +36,8 @@ class Session:
         self.text = IDLE
         self.is_error = False
         self._folder = tempfile.mkdtemp(prefix="thinlens-live-")
+        # The file of the last picture at final quality, there or not.
+        self._result = ""
         self._relens = Relens(self._begin)
 
     @property
@@ -52,6 +54,8 @@ class Session:
     def stop(self) -> None:
         """Ends the job. The picture stays in Blender; the file of a draft goes."""
         self._relens.stop()
+        if self._result:
+            result_image.point_elsewhere(self._folder, self._result)
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _lens(self) -> tuple[LensRun, int] | None:
@@ -60,7 +64,7 @@ class Session:
             scene = bpy.data.scenes.get(self.scene)
             if scene is None:
                 raise ExportError("the scene is gone", found=self.scene, help="switch live re-lens on again")
-            run = present.lens_run(scene, present.cameras.find(scene, self.camera), lambda text: None)
+            run = present.lens_run(scene, present.cameras.find(scene, self.camera), lambda text: None, is_live=True)
             return run, os.stat(run.stack).st_mtime_ns
         except (ExportError, OSError) as error:
             self._say(str(error), is_error=True)
@@ -68,6 +72,7 @@ class Session:
 
     def _begin(self, lens: tuple[LensRun, int], level: Level) -> LensJob:
         run = lens[0]
+        self._result = run.result
         if level is Level.FINAL:
             return LensJob(run.at(FINAL))
         return LensJob(replace(run.at(DRAFT), result=os.path.join(self._folder, "draft.exr")))
@@ -77,7 +82,8 @@ class Session:
         if outcome.is_done:
             try:
                 result_image.show(outcome.path)
-                text = f"{'draft' if outcome.path.startswith(self._folder) else 'final'}: {outcome.text}"
+                is_draft = outcome.path.startswith(self._folder)
+                text = f"{'draft' if is_draft else 'final'}, {outcome.seconds:.1f} s"
             except ExportError as error:
                 outcome, text = Outcome(False, str(error)), str(error)
         self._say(text, is_error=not outcome.is_done)
@@ -119,7 +125,12 @@ def start(scene: str, camera: str) -> Session:
 def _on_timer() -> float | None:
     if _State.session is None:
         return None
-    _State.session.tick()
+    try:
+        _State.session.tick()
+    except BaseException:
+        # Blender prints it and drops the timer.
+        stop()
+        raise
     return TIMER_S
 
 
@@ -146,7 +157,7 @@ class THINLENS_OT_live(bpy.types.Operator):
             return {"FINISHED"}
         try:
             camera = present.camera_of(context, self.camera)
-            present.lens_run(context.scene, camera, lambda text: self.report({"WARNING"}, text))
+            present.lens_run(context.scene, camera, lambda text: self.report({"WARNING"}, text), is_live=True)
         except ExportError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -21,6 +21,7 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     # The picture that was made, if one was.
     path: str = ""
+    seconds: float = 0.0
 
 
 def error_text(lines: Sequence[str], program: str, code: int) -> str:

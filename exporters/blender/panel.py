@@ -6,6 +6,7 @@ It only shows properties and buttons; what they do is in `operators.py`, `live.p
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
@@ -17,6 +18,11 @@ from .settings import POINT
 # The panels of a camera's depth of field: Cycles has one of its own.
 CYCLES = "CYCLES"
 PARENTS = {CYCLES: "CYCLES_CAMERA_PT_dof", "OTHER": "DATA_PT_camera_dof"}
+
+# About the width of a letter at the interface's scale 1, and how many of them an icon and the margins take.
+LETTER_PX, ICON_LETTERS = 7.0, 8
+# Of a line of text, as a share of a button's height.
+LINE_HEIGHT = 0.8
 
 
 class Shown:
@@ -38,9 +44,11 @@ class Shown:
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         own = context.camera.thinlens
-        found, _ = preferences.state()
+        found, error = preferences.state()
         if found is None:
-            preferences.draw_state(layout.box())
+            box = layout.box()
+            _draw_text(box, context, error.removeprefix("error: "), "ERROR")
+            box.operator("thinlens.check")
         job = operators.running()
         if job is not None:
             _draw_job(layout, job)
@@ -49,9 +57,9 @@ class Shown:
         _draw_export(column, own)
         column.separator()
         _draw_lens(column, own)
-        _draw_live(layout)
+        _draw_live(layout, context)
         layout.separator()
-        _draw_post_step(layout, context.scene)
+        _draw_post_step(layout, context)
 
 
 def _draw_job(layout: Any, job: Any) -> None:
@@ -76,15 +84,15 @@ def _draw_lens(column: Any, own: Any) -> None:
     column.operator("thinlens.apply", icon="CAMERA_DATA")
 
 
-def _draw_live(layout: Any) -> None:
+def _draw_live(layout: Any, context: Any) -> None:
     session = live.session()
     layout.operator("thinlens.live", icon="PLAY", depress=session is not None)
     if session is not None:
-        _draw_text(layout, session.text, "ERROR" if session.is_error else "INFO")
+        _draw_text(layout, context, session.text, "ERROR" if session.is_error else "INFO")
 
 
-def _draw_post_step(layout: Any, scene: Any) -> None:
-    own = scene.thinlens
+def _draw_post_step(layout: Any, context: Any) -> None:
+    own = context.scene.thinlens
     layout.prop(own, "use_post_step")
     if not own.use_post_step:
         return
@@ -92,15 +100,19 @@ def _draw_post_step(layout: Any, scene: Any) -> None:
     failed = post_step.failures()
     if failed:
         frame, text = next(iter(failed.items()))
-        _draw_text(layout, f"{len(failed)} frames without a lens; frame {frame}:\n{text}", "ERROR")
+        _draw_text(layout, context, f"frames without a lens: {len(failed)}; frame {frame}:\n{text}", "ERROR")
     elif post_step.written():
-        _draw_text(layout, f"{post_step.written()} frames have the lens", "CHECKMARK")
+        _draw_text(layout, context, f"frames with the lens: {post_step.written()}", "CHECKMARK")
 
 
-def _draw_text(layout: Any, text: str, icon: str) -> None:
+def _draw_text(layout: Any, context: Any, text: str, icon: str) -> None:
+    """Draws lines of text, broken at the width of the panel."""
+    per_line = int(context.region.width / (LETTER_PX * context.preferences.system.ui_scale)) - ICON_LETTERS
+    lines = [part for line in text.splitlines() for part in textwrap.wrap(line.strip(), max(per_line, ICON_LETTERS))]
     column = layout.column(align=True)
-    for number, line in enumerate(text.splitlines()):
-        column.label(text=line.strip(), icon="BLANK1" if number else icon)
+    column.scale_y = LINE_HEIGHT
+    for number, line in enumerate(lines):
+        column.label(text=line, icon="BLANK1" if number else icon)
 
 
 class ShownSettings:

@@ -57,9 +57,10 @@ def _warn(text: str, say: Say) -> None:
         say(text)
 
 
-def lens_run(scene: Any, camera: Any, say: Say) -> LensRun:
+def lens_run(scene: Any, camera: Any, say: Say, *, is_live: bool = False) -> LensRun:
     """The run that applies the lens to the stack of the current frame, without its quality.
 
+    The lens is the one that the panel names; with `is_live`, the camera's.
     Raises `ExportError` if there is no stack or no program.
     """
     own = camera.data.thinlens
@@ -70,7 +71,8 @@ def lens_run(scene: Any, camera: Any, say: Say) -> LensRun:
     if os.path.realpath(stack) == os.path.realpath(result):
         raise ExportError("the result would replace the stack", where=result, help="choose another file for the result")
     is_known = lens_job.has_lens(stack)
-    flags = [] if own.lens == LENS_FILE else lens_flags(scene, camera, whole=not is_known, say=say)
+    is_stored = own.lens == LENS_FILE and not is_live
+    flags = [] if is_stored else lens_flags(scene, camera, whole=not is_known, say=say)
     return LensRun(preferences.program_path(), stack, result, tuple(flags))
 
 

@@ -34,6 +34,13 @@ def show(path: str) -> Any:
     return image
 
 
+def point_elsewhere(folder: str, path: str) -> None:
+    """Lets the image refer to `path`, if its file is in `folder`, which is going. Its pixels stay as they are."""
+    image = bpy.data.images.get(NAME)
+    if image is not None and image.filepath.startswith(folder):
+        image.filepath_raw = path
+
+
 def _put_into_editor(image: Any) -> None:
     """Shows `image` in the largest Image Editor, unless one shows it already."""
     manager = bpy.context.window_manager

@@ -267,6 +267,26 @@ class Live(Panel):
                 expected = self.frame(self.stack, *self.camera_flags(focus, f_number), quality="final")
                 np.testing.assert_array_equal(self.shown(), expected)
 
+    def test_it_follows_the_camera_also_where_the_stack_s_own_lens_is_applied(self) -> None:
+        self.own.lens = "FILE"
+        with self.switched_on() as session:
+            self.dof.focus_distance = 6.0
+            self.settle(session)
+        expected = self.frame(self.stack, *self.camera_flags(6.0), quality="final")
+        np.testing.assert_array_equal(self.shown(), expected)
+
+    def test_an_image_of_a_draft_does_not_refer_to_a_file_that_is_gone(self) -> None:
+        bpy.ops.thinlens.apply()
+        result = bpy.data.images["thinlens"].filepath
+        with self.switched_on() as session:
+            self.dof.focus_distance = 4.5
+            deadline = time.monotonic() + 60.0
+            while not session.text.startswith("draft") and time.monotonic() < deadline:
+                session.tick()
+            draft = self.shown()
+        self.assertEqual(bpy.data.images["thinlens"].filepath, result)
+        np.testing.assert_array_equal(self.shown(), draft)
+
     def test_an_error_is_shown_and_the_next_good_lens_clears_it(self) -> None:
         with self.switched_on() as session:
             self.own.stack = "//nowhere.exr"
