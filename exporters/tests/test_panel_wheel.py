@@ -35,7 +35,8 @@ SIZE = (96, 54)
 OVERSCAN = 4
 # Of the two frames of the animation.
 FOCUS = {1: 3.0, 2: 7.0}
-CYCLES_CLI = post_step.COMMAND_LINE
+CAN_COMPARE = bpy.app.version >= (4, 5, 0)
+COMMAND_LINE = post_step.COMMAND_LINE
 
 
 def build(folder: str) -> Any:
@@ -108,12 +109,12 @@ class Panel(unittest.TestCase):
         cls.enterClassContext(mock.patch.dict(os.environ, {"PATH": os.path.dirname(PROGRAM.path)}))
         # A test of the command line in this process must not switch off the post step.
         cls.enterClassContext(mock.patch.dict(sys.modules))
-        sys.modules.pop(CYCLES_CLI, None)
+        sys.modules.pop(COMMAND_LINE, None)
         registration.register()
         cls.scene = build(cls.folder)
-        before = fingerprint()
+        before = fingerprint() if CAN_COMPARE else {}
         cls.status = bpy.ops.thinlens.export()
-        cls.changed = changes(before, fingerprint())
+        cls.changed = changes(before, fingerprint()) if CAN_COMPARE else []
         cls.stack = os.path.join(cls.folder, "stacks", "stack.0001.exr")
 
     @classmethod
@@ -163,6 +164,7 @@ class Panel(unittest.TestCase):
 
 
 class Export(Panel):
+    @unittest.skipUnless(CAN_COMPARE, "Blender 4.2 crashes when all its properties are read")
     def test_the_export_leaves_the_open_file_as_it_was(self) -> None:
         self.assertEqual((self.status, self.changed), ({"FINISHED"}, []))
         self.assertEqual(bpy.data.filepath, os.path.join(self.folder, "shot.blend"))
