@@ -1,15 +1,12 @@
-"""The panel in Blender: export, lens, live re-lens and post step give what the program gives. Needs the bpy module."""
+"""The panel in Blender: the export and the lens give what the program gives. Needs the bpy module."""
 
 from __future__ import annotations
 
-import contextlib
 import os
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -33,8 +30,6 @@ except ExportError as error:
 
 SIZE = (96, 54)
 OVERSCAN = 4
-# Of the two frames of the animation.
-FOCUS = {1: 3.0, 2: 7.0}
 CAN_COMPARE = bpy.app.version >= (4, 5, 0)
 COMMAND_LINE = post_step.COMMAND_LINE
 
@@ -239,136 +234,6 @@ class Lens(Panel):
 
     def test_the_version_is_reported(self) -> None:
         self.assertEqual(bpy.ops.thinlens.check(), {"FINISHED"})
-
-
-class Live(Panel):
-    @contextlib.contextmanager
-    def switched_on(self) -> Iterator[live.Session]:
-        bpy.ops.thinlens.live()
-        try:
-            yield live.session()
-        finally:
-            live.stop()
-
-    def settle(self, session: live.Session) -> None:
-        """What the timer does, until the picture is final."""
-        deadline = time.monotonic() + 60.0
-        session.tick()
-        while not session.is_settled and time.monotonic() < deadline:
-            time.sleep(0.02)
-            session.tick()
-        self.assertTrue(session.is_settled, session.text)
-
-    def test_the_picture_follows_the_camera(self) -> None:
-        with self.switched_on() as session:
-            self.settle(session)
-            for focus, f_number in ((9.0, 0.2), (3.0, 0.4)):
-                self.dof.focus_distance, self.dof.aperture_fstop = focus, f_number
-                self.settle(session)
-                self.assertFalse(session.is_error, session.text)
-                expected = self.frame(self.stack, *self.camera_flags(focus, f_number), quality="final")
-                np.testing.assert_array_equal(self.shown(), expected)
-
-    def test_it_follows_the_camera_also_where_the_stack_s_own_lens_is_applied(self) -> None:
-        self.own.lens = "FILE"
-        with self.switched_on() as session:
-            self.dof.focus_distance = 6.0
-            self.settle(session)
-        expected = self.frame(self.stack, *self.camera_flags(6.0), quality="final")
-        np.testing.assert_array_equal(self.shown(), expected)
-
-    def test_an_image_of_a_draft_does_not_refer_to_a_file_that_is_gone(self) -> None:
-        bpy.ops.thinlens.apply()
-        result = bpy.data.images["thinlens"].filepath
-        with self.switched_on() as session:
-            self.dof.focus_distance = 4.5
-            deadline = time.monotonic() + 60.0
-            while not session.text.startswith("draft") and time.monotonic() < deadline:
-                session.tick()
-            draft = self.shown()
-        self.assertEqual(bpy.data.images["thinlens"].filepath, result)
-        np.testing.assert_array_equal(self.shown(), draft)
-
-    def test_an_error_is_shown_and_the_next_good_lens_clears_it(self) -> None:
-        with self.switched_on() as session:
-            self.own.stack = "//nowhere.exr"
-            session.tick()
-            self.assertTrue(session.is_error)
-            self.assertIn("nowhere.exr", session.text)
-            self.own.property_unset("stack")
-            self.settle(session)
-            self.assertFalse(session.is_error, session.text)
-
-    def test_the_switch_turns_off_and_leaves_no_timer_and_no_folder(self) -> None:
-        with self.switched_on() as session:
-            folder = session._folder
-            self.assertTrue(bpy.app.timers.is_registered(live._on_timer))
-            bpy.ops.thinlens.live()
-        self.assertIsNone(live.session())
-        self.assertFalse(bpy.app.timers.is_registered(live._on_timer))
-        self.assertFalse(os.path.exists(folder))
-
-
-class PostStep(Panel):
-    def setUp(self) -> None:
-        super().setUp()
-        render, layer = self.scene.render, bpy.context.view_layer
-        layer.use_pass_z = True
-        if hasattr(render.image_settings, "media_type"):
-            render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-        render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-        self.frames = tempfile.TemporaryDirectory(dir=self.folder)
-        self.addCleanup(self.frames.cleanup)
-        render.filepath = os.path.join(self.frames.name, "f.####")
-        self.scene.thinlens.use_post_step = True
-
-    def written(self) -> list[str]:
-        return sorted(os.listdir(self.frames.name))
-
-    def test_each_frame_gets_the_lens_of_its_own_moment(self) -> None:
-        for frame, focus in FOCUS.items():
-            self.dof.focus_distance = focus
-            self.dof.keyframe_insert("focus_distance", frame=frame)
-        self.addCleanup(self.camera.data.animation_data_clear)
-        bpy.ops.render.render(animation=True)
-        self.assertEqual(post_step.failures(), {})
-        self.assertEqual(self.written(), ["f.0001.exr", "f.0001.lens.exr", "f.0002.exr", "f.0002.lens.exr"])
-        for frame, focus in FOCUS.items():
-            source = os.path.join(self.frames.name, f"f.{frame:04d}.exr")
-            flags = [*self.camera_flags(focus), "--focal-length=50", "--sensor-width=36", "--carry=none"]
-            part = exr.read(source.replace(".exr", ".lens.exr"))[0]
-            planes = np.stack([part.channels[name] for name in "RGBA"], axis=-1).astype(np.float32)
-            np.testing.assert_array_equal(planes, self.frame(source, *flags))
-
-    def test_a_still_gets_its_lens_too(self) -> None:
-        bpy.ops.render.render(write_still=True)
-        self.assertEqual((post_step.failures(), post_step.written()), ({}, 1))
-        self.assertEqual(self.written(), ["f.####.exr", "f.####.lens.exr"])
-
-    def test_failures_stop_no_render_and_are_kept(self) -> None:
-        self.dof.use_dof = True
-        bpy.ops.render.render(animation=True)
-        self.assertEqual(self.written(), ["f.0001.exr", "f.0002.exr"])
-        self.assertEqual(sorted(post_step.failures()), [1, 2])
-        self.assertIn("switch Depth of Field off", post_step.failures()[2])
-
-    def test_a_frame_without_depth_is_a_failure_in_the_program_s_words(self) -> None:
-        bpy.context.view_layer.use_pass_z = False
-        bpy.ops.render.render(write_still=True)
-        self.assertIn("depth", post_step.failures()[1])
-
-    def test_other_formats_are_refused(self) -> None:
-        image = self.scene.render.image_settings
-        if hasattr(image, "media_type"):
-            image.media_type = "IMAGE"
-        image.file_format = "PNG"
-        bpy.ops.render.render(write_still=True)
-        self.assertIn("OpenEXR MultiLayer", post_step.failures()[1])
-
-    def test_it_is_off_by_default(self) -> None:
-        self.scene.thinlens.property_unset("use_post_step")
-        bpy.ops.render.render(write_still=True)
-        self.assertEqual(self.written(), ["f.####.exr"])
 
 
 class Registration(unittest.TestCase):
