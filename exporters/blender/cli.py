@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -70,7 +69,4 @@ def main(arguments: list[str], needs_scene: bool) -> int:
 if __name__ == "__main__":
     within_blender = "--" in sys.argv
     own_arguments = sys.argv[sys.argv.index("--") + 1 :] if within_blender else sys.argv[1:]
-    code = main(own_arguments, not within_blender)
-    sys.stdout.flush()
-    # Blender takes the exit code of a script only from here.
-    os._exit(code) if within_blender else sys.exit(code)
+    sys.exit(main(own_arguments, not within_blender))

@@ -65,6 +65,11 @@ class Denoiser:
 
     def _build(self, tree: Any) -> None:
         node = tree.nodes.new("CompositorNodeDenoise")
+        # Filtering albedo and normals first takes five times as long, and gains nothing for point samples.
+        if "Prefilter" in node.inputs:
+            node.inputs["Prefilter"].default_value = "Fast"
+        else:
+            node.prefilter = "FAST"
         for name, image in self.images.items():
             source = tree.nodes.new("CompositorNodeImage")
             source.image = image
