@@ -59,14 +59,15 @@ class Choices:
     cryptomatte: bool = True
     scene: str | None = None
     camera: str | None = None
+    view_layer: str | None = None
 
     def options(self) -> list[str]:
         """The flags of `cli.py`."""
         out = [f"--output={self.output}", f"--frames={frame_list(self.frames)}", "--verbose"]
         out += ["--overwrite"] if self.overwrite else []
-        for name in ("peels", "kind", "supersample", "samples", "overscan", "scene", "camera"):
+        for name in ("peels", "kind", "supersample", "samples", "overscan", "scene", "camera", "view_layer"):
             value = getattr(self, name)
-            out += [] if value is None else [f"--{name}={value}"]
+            out += [] if value is None else [f"--{name.replace('_', '-')}={value}"]
         for name in ("denoise", "background", "cryptomatte"):
             value = getattr(self, name)
             out += [] if value is None else [f"--{name}" if value else f"--no-{name}"]

@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from .child import Child
@@ -46,10 +47,16 @@ def flags(lens: Any, *, whole: bool) -> list[str]:
 def has_lens(path: str) -> bool:
     """Whether the header of the stack at `path` has a lens."""
     try:
-        with open(path, "rb") as file:
-            return FOCAL_LENGTH in file.read(HEADER_BYTES)
+        return _has_lens(path, os.stat(path).st_mtime_ns)
     except OSError:
         return False
+
+
+@lru_cache(maxsize=64)
+def _has_lens(path: str, modified_ns: int) -> bool:
+    """As `has_lens`, of a file as it was then: live re-lens asks ten times a second."""
+    with open(path, "rb") as file:
+        return FOCAL_LENGTH in file.read(HEADER_BYTES)
 
 
 def stack_of(pattern: str, frame: int) -> str:

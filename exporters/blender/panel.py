@@ -93,7 +93,7 @@ def _draw_live(layout: Any, context: Any) -> None:
 
 def _draw_post_step(layout: Any, context: Any) -> None:
     own = context.scene.thinlens
-    layout.prop(own, "use_post_step")
+    layout.column(heading="Lens").prop(own, "use_post_step")
     if not own.use_post_step:
         return
     layout.prop(own, "post_suffix")
@@ -118,7 +118,7 @@ def _draw_text(layout: Any, context: Any, text: str, icon: str) -> None:
 class ShownSettings:
     """The settings of the export; a mix-in."""
 
-    bl_label = "Stack"
+    bl_label = "Export Settings"
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "data"
@@ -136,6 +136,7 @@ class ShownSettings:
         row.prop(own, "supersample")
         for name in ("samples", "overscan", "denoise", "background", "cryptomatte"):
             layout.prop(own, name)
+        layout.prop_search(own, "view_layer", context.scene, "view_layers")
 
 
 def _panels() -> list[Any]:

@@ -101,6 +101,7 @@ def choices(scene: Any, camera: Any) -> Choices:
         cryptomatte=own.cryptomatte,
         scene=scene.name,
         camera=camera.name,
+        view_layer=own.view_layer or None,
     )
 
 

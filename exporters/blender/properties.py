@@ -91,6 +91,7 @@ class ThinlensCamera(bpy.types.PropertyGroup):
     denoise: bpy.props.EnumProperty(name="Denoise", description="Denoise each peel", items=_THREE_WAYS)
     background: bpy.props.EnumProperty(name="World", description="The world as the last peel", items=_THREE_WAYS)
     cryptomatte: bpy.props.BoolProperty(name="Cryptomatte", description="Write object mattes", default=True)
+    view_layer: bpy.props.StringProperty(name="View Layer", description="Empty: the first that is rendered")
     apply_after: bpy.props.BoolProperty(
         name="Apply Lens After",
         description="Apply the lens to the stack of the current frame when it is exported",
@@ -104,7 +105,7 @@ class ThinlensScene(bpy.types.PropertyGroup):
     """Of a scene: `scene.thinlens`."""
 
     use_post_step: bpy.props.BoolProperty(
-        name="Lens After Render",
+        name="After Render",
         description="Apply the lens to each OpenEXR frame with depth that a render writes, into a file beside it",
         default=False,
     )

@@ -19,7 +19,7 @@ except ImportError as error:
     raise unittest.SkipTest("the bpy module is not installed: the panel is not tested") from error
 
 sys.path[:0] = [str(Path(__file__).parent)]
-from blender import live, post_step, program, registration  # noqa: E402
+from blender import live, post_step, present, program, registration  # noqa: E402
 from blender.shared import ExportError, exr  # noqa: E402
 from blender_fingerprint import changes, fingerprint  # noqa: E402
 
@@ -168,6 +168,26 @@ class Export(Panel):
         part = exr.read(self.stack)[0]
         corner = [float(part.channels[f"Peel0.Combined.{name}"][0, 0]) for name in "RGB"]
         np.testing.assert_allclose(corner, [0.0, 0.0, 1.0], atol=1e-3)
+
+    def test_the_copy_finds_the_caches_of_simulations_and_they_outlive_it(self) -> None:
+        cache = Path(self.folder, "blendcache_shot", "cloth.bphys")
+        cache.parent.mkdir()
+        cache.touch()
+        with tempfile.TemporaryDirectory() as folder:
+            copy = present.save_copy(folder, print)
+            self.assertTrue(Path(copy).with_name("blendcache_shot").joinpath(cache.name).exists())
+        self.assertTrue(cache.exists())
+
+    def test_painted_images_that_are_not_saved_are_named(self) -> None:
+        image = next(own for own in bpy.data.images if own.filepath.endswith("blue.exr"))
+        said: list[str] = []
+        try:
+            image.pixels[0] = 0.5
+            with tempfile.TemporaryDirectory() as folder:
+                present.save_copy(folder, said.append)
+        finally:
+            image.reload()
+        self.assertEqual([image.name in text for text in said], [True])
 
     def test_no_copy_is_left(self) -> None:
         self.assertEqual([name for name in os.listdir(tempfile.gettempdir()) if "thinlens-export" in name], [])
