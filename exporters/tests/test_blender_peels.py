@@ -34,7 +34,7 @@ Settings = importlib.import_module(f"{cli.PACKAGE}.settings").Settings
 SIZE = (40, 20)
 PIXEL = 0.01
 WORLD = (0.2, 0.3, 0.4)
-QUICK = {"samples": 4, "overscan": 0, "threads": 2, "cryptomatte": False}
+QUICK = {"samples": 4, "overscan": 0, "threads": 2, "cryptomatte": False, "denoise": False}
 
 
 def scene_of(size: tuple[int, int] = SIZE) -> Any:
@@ -153,6 +153,14 @@ class Peels(unittest.TestCase):
         layers, _ = stack_of(scene, background=False)
         self.assert_fragments(at(layers, 20, 10), [(1, 1, 2), (4, 1, 4)])
         self.assertAlmostEqual(float(layers[0]["Combined.B"][10, 20]), 4.0, delta=0.02)
+
+    def test_denoising_leaves_emitted_light_as_it_is(self):
+        scene = scene_of()
+        card(2.0, (20, 10, 21, 11), glow((60.0, 0, 0)))
+        plain, _ = stack_of(scene)
+        denoised, _ = stack_of(scene, denoise=True)
+        self.assertEqual(float(plain[0]["Combined.R"][10, 20]), 60.0)
+        np.testing.assert_allclose(denoised[0]["Combined.R"], plain[0]["Combined.R"], atol=1e-3)
 
     def test_overscan_continues_the_frame(self):
         scene = scene_of()
