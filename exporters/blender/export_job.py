@@ -161,7 +161,9 @@ class ExportJob:
         self._clean()
         lines, targets = self.progress.lines, self.choices.targets()
         if code != 0:
-            return Outcome(False, error_text(lines, "Blender", code), warnings(lines))
+            failed = self.progress.failed if len(targets) > 1 else 0
+            count = f"error: {failed} of {len(targets)} frames failed\n" if failed else ""
+            return Outcome(False, count + error_text(lines, "Blender", code), warnings(lines))
         missing = [target for target in targets if not os.path.exists(target)]
         if missing:
             lost = error_text([*lines, f"error: {missing[0]} was not written"], "Blender", code)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 # So many last lines of a program that ended without an error of its own are shown.
 LAST_LINES = 6
+# So many different errors are shown.
+MOST_ERRORS = 3
 
 
 @dataclass(frozen=True)
@@ -25,17 +27,22 @@ class Outcome:
 
 
 def error_text(lines: Sequence[str], program: str, code: int) -> str:
-    """The errors that a program printed among its `lines`; its last lines if there are none.
+    """The errors that a program printed among its `lines`, each once; its last lines if there are none.
 
     An error is a line that begins with "error:", with the indented lines after it.
     """
-    out, is_error = [], False
+    errors: list[str] = []
+    is_error = False
     for line in lines:
+        if line.startswith("error:"):
+            errors.append(line)
+        elif is_error and line.startswith("  "):
+            errors[-1] += f"\n{line}"
         is_error = line.startswith("error:") or (is_error and line.startswith("  "))
-        if is_error:
-            out.append(line)
-    if out:
-        return "\n".join(out)
+    different = list(dict.fromkeys(errors))
+    if different:
+        more = len(different) - MOST_ERRORS
+        return "\n".join([*different[:MOST_ERRORS], *([f"and {more} other errors"] if more > 0 else [])])
     ended = f"error: {program} ended by signal {-code}" if code < 0 else f"error: {program} ended with code {code}"
     last = [line for line in lines if line.strip()][-LAST_LINES:]
     return "\n".join([ended, *(f"  {line}" for line in last)])

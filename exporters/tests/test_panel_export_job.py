@@ -147,10 +147,17 @@ class Running(unittest.TestCase):
 
     def test_errors_reach_the_user_in_the_program_s_words(self) -> None:
         said = "warning: volume fog has no depth\nframe 1: failed\nerror: only Cycles\n  found: X\nnot this"
-        outcome = lens_job.wait(self.start(f"import sys; print({said!r}, file=sys.stderr); sys.exit(1)"))
+        program = f"import sys; print({said!r}, file=sys.stderr); sys.exit(1)"
+        outcome = lens_job.wait(self.start(program, (1,)))
         self.assertFalse(outcome.is_done)
         self.assertEqual(outcome.text, "error: only Cycles\n  found: X")
         self.assertEqual(outcome.warnings, ("warning: volume fog has no depth",))
+
+    def test_frames_that_fail_alike_are_counted_and_their_error_is_said_once(self) -> None:
+        said = "\n".join(f"frame {frame}: failed\nerror: no light\n  in peel 1" for frame in range(1, 4))
+        program = f"import sys; print({said!r}, file=sys.stderr); sys.exit(1)"
+        outcome = lens_job.wait(self.start(program, (1, 2, 3, 4)))
+        self.assertEqual(outcome.text, "error: 3 of 4 frames failed\nerror: no light\n  in peel 1")
 
     def test_a_crash_is_reported_with_the_last_lines(self) -> None:
         outcome = lens_job.wait(self.start("raise ZeroDivisionError('no light')"))
