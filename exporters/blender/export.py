@@ -108,8 +108,8 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
     journal.on_restore(file.layer.update)
     # What the user's scene asks for, before it is changed.
     samples = settings.samples_each(scene.cycles.samples)
-    has_sky = scene.world is not None and not scene.render.film_transparent
-    has_sky = has_sky if settings.background is None else settings.background
+    # Without a world, the background is black, and as opaque.
+    has_sky = not scene.render.film_transparent if settings.background is None else settings.background
     denoises = scene.cycles.use_denoising if settings.denoise is None else settings.denoise
     eye = camera.matrix_world.translation.copy()
     _say_samples(settings, samples, say)
@@ -131,6 +131,9 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
     closed_objects.mark(renderer.layer.depsgraph, eye, journal, say)
 
     per_axis = settings.per_axis
+    if hasattr(scene.cycles, "dicing_rate"):
+        # Adaptive subdivision as fine as in the user's picture.
+        journal.set(scene.cycles, "dicing_rate", scene.cycles.dicing_rate * per_axis)
     size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
     nodes = PeelNodes(size, view.pixels_per_slope(lens.focal_length_mm) * per_axis, journal)
     volumes = Volumes(scene, journal)

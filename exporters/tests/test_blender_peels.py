@@ -238,6 +238,37 @@ class CommandLine(unittest.TestCase):
             bpy.ops.wm.save_as_mainfile(filepath=blend)
             self.assertEqual(self.run_quietly([*options, "--overwrite"])[0], 4)
 
+    def test_scene_camera_and_view_layer_are_chosen_by_name(self):
+        with tempfile.TemporaryDirectory() as folder:
+            blend, stack = os.path.join(folder, "shot.blend"), os.path.join(folder, "stack.exr")
+            scene = scene_of()
+            bpy.data.scenes.new("empty")
+            scene.name = "full"
+            card(2.0, (0, 0, 20, 20), glow((1.0, 0, 0)))
+            hidden = bpy.data.collections.new("hidden")
+            scene.collection.children.link(hidden)
+            hidden.objects.link(card(1.0, (0, 0, 40, 20), glow((7.0, 0, 0))))
+            scene.collection.objects.unlink(hidden.objects[0])
+            without = scene.view_layers.new("without")
+            without.layer_collection.children["hidden"].exclude = True
+            other = bpy.data.objects.new("other", scene.camera.data)
+            other.location.z = 1.0
+            scene.collection.objects.link(other)
+            bpy.context.window.scene = bpy.data.scenes["empty"]
+            bpy.ops.wm.save_as_mainfile(filepath=blend)
+            options = [blend, "-o", stack, "--samples", "1", "--overscan", "0", "--scene", "full", "--no-background"]
+            for more, depth in (
+                ([], 1.0),
+                (["--view-layer", "without"], 2.0),
+                (["--view-layer", "without", "--camera", "other"], 3.0),
+            ):
+                code, said = self.run_quietly([*options, *more])
+                self.assertEqual(code, 0, said)
+                (part,) = exr.read(stack)
+                self.assertAlmostEqual(float(part.channels["Peel0.Depth.Z"][10, 10]), depth, 3)
+            code, said = self.run_quietly([*options, "--scene", "absent"])
+            self.assertEqual((code, "empty, full" in said), (2, True), said)
+
     def run_quietly(self, arguments: list[str]) -> tuple[int, str]:
         said = io.StringIO()
         with contextlib.redirect_stderr(said):
