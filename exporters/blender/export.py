@@ -103,17 +103,14 @@ class _Open:
 
 
 def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Rendered:
-    scene, journal, say, view, lens = file.scene, file.journal, file.talk.say, start.view, start.lens
+    """Renders the peels that `start` lacks."""
+    scene, journal, say, view = file.scene, file.journal, file.talk.say, start.view
     # The last step of all: what depends on the rest is as it was, too.
     journal.on_restore(file.layer.update)
-    # What the user's scene asks for, before it is changed.
-    samples = settings.samples_each(scene.cycles.samples)
-    # Without a world, the background is black, and as opaque.
-    has_sky = not scene.render.film_transparent if settings.background is None else settings.background
-    denoises = scene.cycles.use_denoising if settings.denoise is None else settings.denoise
+    wishes = _Wishes.of(scene, settings)
     eye = camera.matrix_world.translation.copy()
-    _say_samples(settings, samples, say)
-
+    per_axis = settings.per_axis
+    wishes.say(settings, say)
     if settings.threads:
         journal.set(scene.render, "threads_mode", "FIXED")
         journal.set(scene.render, "threads", settings.threads)
@@ -122,43 +119,63 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
     _hide_lamps(scene, journal, say)
     over = settings.overscan
     if over is None:
-        over = overscan.find(renderer, data, view, lens, say)
+        over = overscan.find(renderer, data, view, start.lens, say)
+    size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
+    # Adaptive subdivision as fine as in the user's picture.
+    journal.set(scene.cycles, "dicing_rate", scene.cycles.dicing_rate * per_axis)
+    _mark_closed(renderer.layer, eye, journal, say)
+    nodes = PeelNodes(size, view.pixels_per_slope(start.lens.focal_length_mm) * per_axis, journal)
+    volumes = Volumes(scene, journal)
+    _say_materials(materials.wrap_all(nodes.group, journal, say), volumes.names, say)
+    cameras.aim(scene, data, view, over, size)
+    denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress) if wishes.denoises else None
+    peeler = Peeler(renderer, nodes, volumes, denoiser, say)
+    peels = peeler.render(settings.peels, wishes.samples, settings.cryptomatte)
+    if wishes.has_background:
+        peels.layers.append(peeler.background(peels, wishes.samples))
+    return Rendered(peels, view, start.lens, over)
+
+
+@dataclass(frozen=True)
+class _Wishes:
+    """What the user asks for, by the settings or by the scene before it is changed."""
+
+    # Light samples of each of a pixel's samples.
+    samples: int
+    has_background: bool
+    denoises: bool
+
+    @classmethod
+    def of(cls, scene: Any, settings: Settings) -> _Wishes:
+        # Without a world, the background is black, and as opaque.
+        background, denoise = settings.background, settings.denoise
+        return cls(
+            settings.samples_each(scene.cycles.samples),
+            not scene.render.film_transparent if background is None else background,
+            scene.cycles.use_denoising if denoise is None else denoise,
+        )
+
+    def say(self, settings: Settings, say: Say) -> None:
+        """Tells the user how many samples will be rendered."""
+        per_axis = settings.per_axis
+        total, grid = self.samples * per_axis**2, f"{per_axis}×{per_axis}"
+        say(f"{total} light samples a pixel: {grid} places with {self.samples} each, up to {settings.peels} peels")
+
+
+def _mark_closed(layer: Any, eye: Any, journal: Journal, say: Say) -> None:
+    """Gives every surface a material, and marks the closed ones."""
     materials.give_nodes(journal)
     materials.fill_empty_slots(journal)
     for ball in bpy.data.metaballs:
         journal.set(ball, "resolution", ball.render_resolution)
-    renderer.layer.update()
-    closed_objects.mark(renderer.layer.depsgraph, eye, journal, say)
-
-    per_axis = settings.per_axis
-    if hasattr(scene.cycles, "dicing_rate"):
-        # Adaptive subdivision as fine as in the user's picture.
-        journal.set(scene.cycles, "dicing_rate", scene.cycles.dicing_rate * per_axis)
-    size = tuple((length + 2 * over) * per_axis for length in (view.width, view.height))
-    nodes = PeelNodes(size, view.pixels_per_slope(lens.focal_length_mm) * per_axis, journal)
-    volumes = Volumes(scene, journal)
-    _say_materials(materials.wrap_all(nodes.group, journal, say), volumes.names, say)
-    cameras.aim(scene, data, view, over, size)
-    denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress) if denoises else None
-    peeler = Peeler(renderer, nodes, volumes, denoiser, say)
-    peels = peeler.render(settings.peels, samples, settings.cryptomatte)
-    if has_sky:
-        peels.layers.append(peeler.background(peels, samples))
-    return Rendered(peels, view, lens, over)
+    layer.update()
+    closed_objects.mark(layer.depsgraph, eye, journal, say)
 
 
 def version() -> str:
     """The version of this exporter."""
     manifest = Path(__file__).with_name("blender_manifest.toml")
     return tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
-
-
-def _say_samples(settings: Settings, samples: int, say: Say) -> None:
-    per_axis = settings.per_axis
-    total = samples * per_axis**2
-    say(
-        f"{total} light samples a pixel: {per_axis}×{per_axis} places with {samples} each, up to {settings.peels} peels"
-    )
 
 
 def _hide_lamps(scene: Any, journal: Journal, say: Say) -> None:
