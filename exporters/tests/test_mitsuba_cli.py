@@ -111,6 +111,19 @@ class CommandLine(unittest.TestCase):
         self.assertIn("not from", self.export("scene.xml", "--peels", "0", "-o", "a.exr", expected=2))
         self.assertEqual(list(self.folder.glob("*.exr")), [])
 
+    def test_the_same_command_makes_the_same_file(self):
+        lamps = SCENE.replace('type="rectangle"', 'type="sphere"').replace('value="50"', 'value="0.3"')
+        lamp = lamps[lamps.index("<shape") : lamps.index("</scene>")]
+        more = "".join(lamp.replace('x="-50"', f'x="{x}"').replace("2,0,0", f"{x + 2},1,0") for x in (-1, 0, 1))
+        floor = lamp[: lamp.index("<emitter")].replace('x="-50" z="-$depth"', 'y="-1" z="-3"') + "</shape>"
+        floor = floor.replace('"reflectance" value="0"', '"reflectance" value="0.5"')
+        (self.folder / "lamps.xml").write_text(SCENE[: SCENE.index("<shape")] + more + floor + "</scene>")
+        files = [f"{i}.exr" for i in range(3)]
+        for name in files:
+            self.export("lamps.xml", "-o", name)
+        first, *others = ((self.folder / name).read_bytes() for name in files)
+        self.assertEqual(others, [first, first])
+
     def test_scalar_and_llvm_variants_agree(self):
         self.export("scene.xml", "-o", "scalar.exr")
         try:

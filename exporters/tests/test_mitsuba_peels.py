@@ -140,6 +140,15 @@ class Peels(unittest.TestCase):
         # Two units of fog.
         np.testing.assert_allclose(found[0], math.exp(-1.0), atol=0.06)
 
+    def test_the_plug_in_renders_the_channels_that_it_names(self):
+        peels = mi.load_dict({"type": "thinlens_peels", "peels": 2, "supersample": 2, "inner": {"type": "path"}})
+        scene = scenes.load([scenes.lamp(2.0, RED), scenes.lamp(5.0, BLUE)], scenes.sensor(6, 4))
+        picture = np.array(mi.render(scene, integrator=peels, spp=4))
+        planes = dict(zip(peels.aov_names(), np.moveaxis(picture, -1, 0), strict=True))
+        self.assertEqual(picture.shape, (4, 6, 10))
+        np.testing.assert_allclose(planes["Peel0.Combined.R"], 2.0)
+        np.testing.assert_allclose(planes["Peel1.Depth.Z"], 5.0, rtol=1e-5)
+
     def test_integrators_without_single_rays_are_refused_by_name(self):
         with self.assertRaisesRegex(ExportError, "ParticleTracer"):
             self.fragments([scenes.lamp(2.0, RED)], "ptracer")

@@ -4,15 +4,17 @@ import json
 import os
 import subprocess
 import tempfile
+import tomllib
 import unittest
 from pathlib import Path
 
 import numpy as np
 
-from thinlens_stack import exr, stack
+from thinlens_stack import VERSION, exr, stack
 from thinlens_stack.lens import NOTHING_HIT, Lens
 from thinlens_stack.merge import Layer, interleave, merge, split
 
+MANIFEST = Path(__file__).resolve().parents[2] / "Cargo.toml"
 PROGRAM = os.environ.get("THINLENS")
 # CoC radii from -6 to 6 px in the scene below.
 LENS = Lens(focal_length_mm=100.0, sensor_width_mm=20.0, f_number=1.0, focus_distance=2.0, blades=6, rotation_deg=10.0)
@@ -36,6 +38,12 @@ def scene(samples: int) -> list[Layer]:
     sky = np.where(np.sin(0.2 * x) > 0.0, 0.3, 0.0)[..., None] + np.zeros(3)
     layers.append(Layer(sky, np.ones_like(x), np.full_like(x, NOTHING_HIT)))
     return [Layer(*(plane.astype(np.float32) for plane in (layer.color, layer.alpha, layer.depth))) for layer in layers]
+
+
+class Version(unittest.TestCase):
+    @unittest.skipUnless(MANIFEST.is_file(), "the exporters are not in the project's tree")
+    def test_the_exporters_have_the_version_of_the_program(self):
+        self.assertEqual(tomllib.loads(MANIFEST.read_text())["package"]["version"], VERSION)
 
 
 @unittest.skipUnless(PROGRAM, "THINLENS does not name the program")

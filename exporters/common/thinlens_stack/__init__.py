@@ -2,3 +2,6 @@
 
 Needs Python 3.11 and numpy. Nothing here knows a renderer.
 """
+
+# The version of thinlens that the exporters belong to; written into headers.
+VERSION = "0.2.0"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import exr
+from . import VERSION, exr
 from .lens import Lens
 from .merge import Layer
 
@@ -85,5 +85,6 @@ def write(
     """
     samples = kind.samples if kind.name == "supersampled" else 1
     data_window, display_window = frame.windows(samples)
-    header = {**lens.attributes(), **kind.attributes(), "thinlens.depth_convention": "planar", **attributes}
+    own = {"thinlens.depth_convention": "planar", "thinlens.version": VERSION}
+    header = {**lens.attributes(), **kind.attributes(), **own, **attributes}
     exr.write(path, picture, data_window, display_window, header)

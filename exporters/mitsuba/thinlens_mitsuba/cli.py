@@ -11,6 +11,8 @@ from thinlens_stack import frames
 from thinlens_stack.errors import ExportError
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb")
+# Versions 15 and 16 abort the process while they compile some scenes.
+LEAST_LLVM = 17
 KINDS = ("coverage", "point", "supersampled")
 EXAMPLES = """\
 examples:
@@ -168,14 +170,24 @@ def _set_variant(options: argparse.Namespace) -> None:
         try:
             mitsuba.set_variant(variant)
             if not variant.startswith("scalar"):
-                import drjit
-
-                drjit.eval(mitsuba.Float(0.0) + drjit.arange(mitsuba.Float, 2))
-                if options.threads:
-                    drjit.set_thread_count(options.threads)
+                _start_compiler(variant, options.threads)
             if problems:
                 print(f"warning: {problems[0]}; {variant} is used, which is slow", file=sys.stderr)
             return
         except (ImportError, RuntimeError) as error:
             problems.append(f"{variant} does not work: {str(error).splitlines()[0]}")
     raise ExportError("no variant of Mitsuba works", found="; ".join(problems))
+
+
+def _start_compiler(variant: str, threads: int | None) -> None:
+    """Tries the compiler of a vectorised variant. Raises `RuntimeError` if it does not work."""
+    import drjit
+    import mitsuba
+
+    drjit.eval(mitsuba.Float(0.0) + drjit.arange(mitsuba.Float, 2))
+    if variant.startswith("llvm"):
+        found = drjit.detail.llvm_version()
+        if found[0] < LEAST_LLVM:
+            raise RuntimeError(f"LLVM {found[0]} is too old, set DRJIT_LIBLLVM_PATH to LLVM {LEAST_LLVM} or later")
+    if threads:
+        drjit.set_thread_count(threads)

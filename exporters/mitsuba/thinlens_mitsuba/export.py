@@ -41,6 +41,7 @@ def export(options: argparse.Namespace, frame: int | None, target: str) -> str:
         paths=options.spp or sensor.sampler().sample_count(),
         is_merged=options.kind == "coverage",
         seed=options.seed,
+        has_shading=options.shading,
     )
     if peeler.has_media:
         _warn("fog is part of the colour of the first surface behind it; surfaces behind that one lack it")
@@ -67,7 +68,8 @@ def _load(options: argparse.Namespace, frame: int | None) -> mi.Scene:
         parameters[name] = numbered(value)
     path = numbered(options.scene)
     try:
-        scene = mi.load_file(path, **parameters)
+        # Merging shapes puts lamps in an order that changes from run to run, and the noise with it.
+        scene = mi.load_file(path, optimize=False, **parameters)
     except (RuntimeError, OSError) as error:
         raise ExportError("the scene cannot be loaded", where=path, found=str(error).strip()) from error
     if not isinstance(scene, mi.Scene):
@@ -92,7 +94,7 @@ def _overscan(peeler: Peeler, lens: Lens) -> int:
 
 def _attributes() -> dict[str, str]:
     """The header attributes that name the programs."""
-    return {"software": f"Mitsuba {mi.__version__}", "thinlens.exporter": "thinlens exporter for Mitsuba"}
+    return {"software": f"Mitsuba {mi.__version__}", "thinlens.exporter": "mitsuba"}
 
 
 def _warn(text: str) -> None:

@@ -5,7 +5,7 @@ Only the camera's rays are peeled: light, shadows and reflections see the whole 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mitsuba as mi
@@ -16,10 +16,11 @@ from thinlens_stack.lens import NOTHING_HIT
 from thinlens_stack.merge import Layer, interleave, merge, stacked
 from thinlens_stack.stack import Frame, channels
 
+from . import shading
 from .camera import Camera, Choice, places, regular, rotated
 from .lanes import evaluate, is_scalar
 from .shapes import Sides, has_media
-from .walk import Rules, Surfaces, walk
+from .walk import Rules, Surfaces, surface_at, walk
 
 # Pixels whose phases are in memory at a time.
 PIXELS_AT_A_TIME = 1 << 18
@@ -38,6 +39,8 @@ class Sampling:
     # Whether the samples are merged into coverage layers.
     is_merged: bool = True
     seed: int = 0
+    # Whether the layers have the channels of `shading`.
+    has_shading: bool = False
 
     def paths_per_sample(self) -> int:
         """Light paths of each fragment."""
@@ -74,7 +77,10 @@ class Peeler:
 
     def stack(self, frame: Frame, sampling: Sampling, choice: Choice) -> list[Layer]:
         """The layers of the frame with its margin, nearest first; the last of a pixel is the scene's environment."""
-        return stacked(list(self.bands(frame, sampling, choice)))
+        layers = stacked(list(self.bands(frame, sampling, choice)))
+        if sampling.has_shading:
+            shading.finish(layers)
+        return layers
 
     def bands(self, frame: Frame, sampling: Sampling, choice: Choice) -> Iterator[list[Layer]]:
         """The layers of one band of rows after another."""
@@ -128,6 +134,8 @@ class Peeler:
         for peel, layer in enumerate(layers):
             at = np.flatnonzero((walked.count == peel) & (alpha > 0.0))
             layer.color[at], layer.alpha[at] = color[at], alpha[at]
+        if sampling.has_shading:
+            self._add_shading(walked, layers, paths, seed)
         return [layer.reshaped(len(rows), frame.wide()[0]) for layer in layers]
 
     def _lights(self, walked: Walked, paths: int, seed: tuple[int, ...]) -> np.ndarray:
@@ -160,28 +168,66 @@ class Peeler:
         self, x: np.ndarray, y: np.ndarray, start: np.ndarray, paths: int, seed: tuple[int, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean light `[ray][3]` and share of hits `[ray]` along rays that start at the ray parameter `start`."""
-        if len(x) == 0:
-            return np.zeros((0, 3)), np.zeros(0)
-        sampler = self._sampler(paths)
-        count = sampler.sample_count()
         medium = self.camera.sensor.get_medium()
+        # A ray from behind everything is not cut off at the far clip plane.
+        is_endless = len(start) > 0 and float(start.max()) >= self.beyond
 
-        def light(x: mi.Float, y: mi.Float, start: mi.Float) -> tuple[mi.Float, ...]:
-            ray = self.camera.ray(x, y)
-            # A ray from behind everything is not cut off at the far clip plane.
-            end = mi.Float(np.inf) if self.beyond <= float(np.max(starts)) else ray.maxt - start
+        def light(ray: mi.RayDifferential3f, start: mi.Float, sampler: mi.Sampler) -> tuple[mi.Float, ...]:
+            end = mi.Float(np.inf) if is_endless else ray.maxt - start
             shortened = mi.Ray3f(ray.o + ray.d * start, ray.d, end, ray.time, ray.wavelengths)
             found = self.inner.sample(self.scene, sampler, mi.RayDifferential3f(shortened), medium, True)
             color = mi.Color3f(found[0])
             return color.x, color.y, color.z, mi.Float(found[1])
 
+        found = self._mean(light, (x, y, start), paths, seed)
+        return found[:, :3], found[:, 3]
+
+    def _mean(
+        self, follow: Callable[..., tuple[mi.Float, ...]], columns: Sequence[np.ndarray], paths: int, seed: tuple
+    ) -> np.ndarray:
+        """The mean of `follow(ray, start, sampler)` over random paths; `[ray][number]`.
+
+        `columns` are the place of each ray, in pixels of the frame, and the ray parameter at which it starts.
+        """
+        if len(columns[0]) == 0:
+            return np.zeros((0, 4))
+        sampler = self._sampler(paths)
+        count = sampler.sample_count()
+
+        def one(x: mi.Float, y: mi.Float, start: mi.Float) -> tuple[mi.Float, ...]:
+            return follow(self.camera.ray(x, y), start, sampler)
+
         def prepare(first: int, lanes: int) -> None:
             sampler.seed(_mixed((*seed, first)), lanes)
 
-        starts = np.repeat(start, count)
-        found = evaluate(light, (np.repeat(x, count), np.repeat(y, count), starts), prepare, count)
-        red, green, blue, hit = (values.reshape(-1, count).mean(axis=1) for values in found)
-        return np.stack([red, green, blue], axis=1), hit
+        found = evaluate(one, [np.repeat(column, count) for column in columns], prepare, count)
+        return np.stack([values.reshape(-1, count).mean(axis=1) for values in found], axis=1)
+
+    def _add_shading(self, walked: Walked, layers: list[Layer], paths: int, seed: tuple[int, ...]) -> None:
+        """Adds the channels of `shading`. Of the environment, all light is its own."""
+        for layer in layers:
+            layer.sums.update({name: layer.color[:, k].copy() for k, name in enumerate(shading.DIFFUSE)})
+            layer.means.update({name: np.zeros(len(walked.x), np.float32) for name in shading.MEANS})
+            layer.means[shading.ROUGHNESS] += 1.0
+        diffuse = shading.DiffuseLight(self.scene, self.inner)
+
+        def light(ray: mi.RayDifferential3f, start: mi.Float, sampler: mi.Sampler) -> tuple[mi.Float, ...]:
+            return tuple(diffuse.light(surface_at(self.scene, ray, start), ray, sampler))
+
+        def properties(x: mi.Float, y: mi.Float, start: mi.Float) -> tuple[mi.Float, ...]:
+            ray = self.camera.ray(x, y)
+            return shading.properties(self.scene, surface_at(self.scene, ray, start), ray, self.camera.axes)
+
+        for peel, layer in enumerate(layers[:-1]):
+            at = np.flatnonzero(walked.count > peel)
+            if len(at) == 0:
+                return
+            columns = (walked.x[at], walked.y[at], walked.before[peel, at])
+            found = self._mean(light, columns, paths, (*seed, peel, 2))
+            for k, name in enumerate(shading.DIFFUSE):
+                layer.sums[name][at] = found[:, k]
+            for name, values in zip(shading.MEANS, evaluate(properties, columns), strict=True):
+                layer.means[name][at] = values
 
     def _sampler(self, paths: int) -> mi.Sampler:
         """The sensor's sampler, for so many samples a fragment or a few more."""

@@ -1,0 +1,221 @@
+"""Further channels of each peel, for reflections that the lens moves: how a surface reflects, and what.
+
+| channel | what it is | merged as | | --- | --- | --- | | `Diffuse.R` `.G` `.B` | the colour without what the surface
+reflects specularly; premultiplied | colour | | `Normal.X` `.Y` `.Z` | shading normal; camera axes: right, up, towards
+the viewer | mean, of length 1 | | `ReflectedDistance.V` | along the mirrored ray from the surface, in scene units;
+1e10 if it meets nothing | harmonic mean | | `Specular.R` `.G` `.B` | reflectance at normal incidence | mean | |
+`Roughness.V` | root of the GGX α | mean |
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from thinlens_stack.lens import NOTHING_HIT
+from thinlens_stack.merge import Layer
+
+from .lanes import is_scalar
+
+DIFFUSE = tuple(f"Diffuse.{name}" for name in "RGB")
+NORMAL = tuple(f"Normal.{name}" for name in "XYZ")
+SPECULAR = tuple(f"Specular.{name}" for name in "RGB")
+# Until the layers are merged, this channel has the inverse of the distance.
+DISTANCE, ROUGHNESS = "ReflectedDistance.V", "Roughness.V"
+# Index of refraction of materials that do not tell theirs.
+USUAL_INDEX = 1.5
+# Squared densities below this are nothing.
+LEAST_DENSITY = 1e-30
+MEANS = (*NORMAL, DISTANCE, *SPECULAR, ROUGHNESS)
+
+
+def finish(layers: Sequence[Layer]) -> None:
+    """Gives merged layers normals of length 1, and distances in place of their inverse."""
+    for layer in layers:
+        normal = np.stack([layer.means[name] for name in NORMAL])
+        length = np.linalg.norm(normal, axis=0)
+        for name, plane in zip(NORMAL, normal / np.where(length > 0.0, length, 1.0), strict=True):
+            layer.means[name] = plane.astype(np.float32)
+        inverse = np.maximum(layer.means[DISTANCE], 1.0 / NOTHING_HIT)
+        layer.means[DISTANCE] = (1.0 / inverse).astype(np.float32)
+
+
+def properties(
+    scene: mi.Scene, surface: mi.SurfaceInteraction3f, ray: mi.RayDifferential3f, axes: np.ndarray
+) -> tuple[mi.Float, ...]:
+    """The channels `MEANS` of a surface that `ray` hits. `axes` are the camera's, in rows."""
+    facing = surface.sh_frame.n * -dr.sign(dr.dot(surface.sh_frame.n, ray.d))
+    normal = (dr.dot(mi.Vector3f(*map(float, axis)), facing) for axis in axes)
+    mirrored = ray.d - 2.0 * dr.dot(ray.d, facing) * facing
+    met = scene.ray_intersect(surface.spawn_ray(mirrored))
+    inverse = dr.select(met.is_valid(), 1.0 / dr.maximum(dr.norm(met.p - surface.p), 1e-6), 0.0)
+    bsdf = material(surface, ray)
+    return (*normal, inverse, *_reflectance(bsdf, surface), _roughness(bsdf, surface))
+
+
+def material(surface: mi.SurfaceInteraction3f, ray: mi.RayDifferential3f) -> mi.BSDF:
+    """The material at a hit, which must be valid in scalar variants."""
+    return surface.bsdf() if is_scalar() else surface.bsdf(ray)
+
+
+def _has(bsdf: mi.BSDF, name: str) -> mi.Bool:
+    return bsdf.has_attribute(name, True)
+
+
+def _number(bsdf: mi.BSDF, name: str, surface: mi.SurfaceInteraction3f, where: mi.Bool) -> mi.Float:
+    """A number of the material; 0 outside `where`."""
+    if is_scalar():
+        return bsdf.eval_attribute_1(name, surface, True) if where else 0.0
+    return dr.select(where, bsdf.eval_attribute_1(name, surface, where), 0.0)
+
+
+def _color(bsdf: mi.BSDF, name: str, surface: mi.SurfaceInteraction3f, where: mi.Bool) -> mi.Color3f:
+    """A colour of the material; black outside `where`."""
+    if is_scalar():
+        return mi.Color3f(bsdf.eval_attribute(name, surface, True)) if where else mi.Color3f(0.0)
+    return dr.select(where, mi.Color3f(bsdf.eval_attribute(name, surface, where)), 0.0)
+
+
+def _reflectance(bsdf: mi.BSDF, surface: mi.SurfaceInteraction3f) -> mi.Color3f:
+    """Specular reflectance at normal incidence: that of metals, of what has an index of refraction, of principled."""
+    is_metal, has_index = _has(bsdf, "k"), _has(bsdf, "eta")
+    eta, k = _color(bsdf, "eta", surface, is_metal), _color(bsdf, "k", surface, is_metal)
+    metal = (dr.square(eta - 1.0) + dr.square(k)) / (dr.square(eta + 1.0) + dr.square(k))
+    index = _number(bsdf, "eta", surface, has_index & (is_metal == mi.Bool(False)))
+    # Smooth plastic and glass do not tell theirs in vectorised variants.
+    index = dr.select(index > 0.0, index, USUAL_INDEX)
+    clear = mi.Color3f(dr.square((index - 1.0) / (index + 1.0)))
+    found = dr.select(is_metal, metal, dr.select(has_index, clear, mi.Color3f(0.0)))
+    is_principled = _has(bsdf, "metallic")
+    metallic = _number(bsdf, "metallic", surface, is_principled)
+    plain = 0.08 * _number(bsdf, "specular", surface, is_principled & _has(bsdf, "specular"))
+    principled = dr.lerp(mi.Color3f(plain), _color(bsdf, "base_color", surface, is_principled), metallic)
+    return dr.select(is_principled, principled, found)
+
+
+def _roughness(bsdf: mi.BSDF, surface: mi.SurfaceInteraction3f) -> mi.Float:
+    """Root of the material's GGX α: 0 for smooth ones and 1 for those that reflect nothing specularly."""
+    has_alpha, has_roughness = _has(bsdf, "alpha"), _has(bsdf, "roughness")
+    rough = dr.sqrt(_number(bsdf, "alpha", surface, has_alpha))
+    found = dr.select(has_alpha, rough, _number(bsdf, "roughness", surface, has_roughness))
+    return dr.select(has_alpha | has_roughness | _has(bsdf, "eta"), found, 1.0)
+
+
+class DiffuseLight:
+    """The light that a surface sends to the camera by itself and by diffuse reflection."""
+
+    def __init__(self, scene: mi.Scene, inner: mi.SamplingIntegrator) -> None:
+        """`inner` is the integrator of the peels; with a bounce less it gives the light that arrives at a surface."""
+        self.scene = scene
+        self.further = _one_bounce_less(inner)
+        self.sees_no_lamps = bool(inner.hide_emitters)
+
+    def light(self, surface: mi.SurfaceInteraction3f, ray: mi.RayDifferential3f, sampler: mi.Sampler) -> mi.Color3f:
+        """The light towards the origin of `ray` along one random path."""
+        lobe = Lobe(material(surface, ray), surface)
+        lamp, weight = self.scene.sample_emitter_direction(surface, sampler.next_2d(), True)
+        reflected, density = lobe.eval(surface.to_local(lamp.d))
+        share = mi.Float(1.0) if self.sees_no_lamps else dr.select(lamp.delta, 1.0, _share(lamp.pdf, density))
+        light = self._emitted(surface) + reflected * weight * share
+        towards, passed, density = lobe.sample(sampler)
+        return mi.Color3f(light + passed * self._arriving(surface, towards, density, sampler))
+
+    def _arriving(
+        self, surface: mi.SurfaceInteraction3f, towards: mi.Vector3f, density: mi.Float, sampler: mi.Sampler
+    ) -> mi.Color3f:
+        """The light from the local direction `towards`; that of lamps by its share against lamps that are chosen."""
+        onward = mi.RayDifferential3f(surface.spawn_ray(surface.to_world(towards)))
+        from_surfaces = mi.Color3f(0.0)
+        if self.further is not None:
+            from_surfaces = mi.Color3f(self.further.sample(self.scene, sampler, onward, None, True)[0])
+        if self.sees_no_lamps:
+            return from_surfaces
+        met = self.scene.ray_intersect(onward)
+        lamp = self._emitted(met)
+        is_lamp = dr.max(lamp) > 0.0
+        if is_scalar() and not is_lamp:
+            return from_surfaces
+        sample = mi.DirectionSample3f(self.scene, met, surface)
+        chosen = self.scene.pdf_emitter_direction(surface, sample, is_lamp)
+        of_lamp = lamp * dr.select(is_lamp, _share(density, chosen), 0.0)
+        return of_lamp + (from_surfaces if self.further is None else from_surfaces - lamp)
+
+    def _emitted(self, surface: mi.SurfaceInteraction3f) -> mi.Color3f:
+        """What a surface, or the environment where nothing was hit, shines by itself."""
+        emitter = surface.emitter(self.scene)
+        if is_scalar():
+            return mi.Color3f(0.0) if emitter is None else mi.Color3f(emitter.eval(surface, True))
+        return mi.Color3f(emitter.eval(surface, True))
+
+
+class Lobe:
+    """Diffuse reflection of the materials that were hit. Directions are local; values include the cosine.
+
+    Materials tell their diffuse part from the rest, except `principled`, whose diffuse part is evaluated here.
+    """
+
+    def __init__(self, bsdf: mi.BSDF, surface: mi.SurfaceInteraction3f) -> None:
+        """`surface` is where `bsdf` was hit."""
+        self.bsdf, self.surface = bsdf, surface
+        self.context = mi.BSDFContext()
+        self.context.type_mask = int(mi.BSDFFlags.Diffuse)
+        self.is_principled = _has(bsdf, "metallic")
+        through = _number(bsdf, "spec_trans", surface, self.is_principled & _has(bsdf, "spec_trans"))
+        share = (1.0 - _number(bsdf, "metallic", surface, self.is_principled)) * (1.0 - through)
+        self.base = _color(bsdf, "base_color", surface, self.is_principled) * share
+        self.roughness = _number(bsdf, "roughness", surface, self.is_principled)
+
+    def eval(self, towards: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
+        """Reflection towards a direction, and the density of `sample` there."""
+        value = self.bsdf.eval(self.context, self.surface, towards)
+        density = self.bsdf.pdf(self.context, self.surface, towards)
+        cosine = dr.maximum(towards.z, 0.0) / dr.pi
+        return (
+            mi.Color3f(dr.select(self.is_principled, self._principled(towards), value)),
+            dr.select(self.is_principled, cosine, density),
+        )
+
+    def sample(self, sampler: mi.Sampler) -> tuple[mi.Vector3f, mi.Color3f, mi.Float]:
+        """A random direction, the reflection towards it over its density, and the density; 0 where there is none."""
+        found, weight = self.bsdf.sample(self.context, self.surface, sampler.next_1d(), sampler.next_2d())
+        spread = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        cosine = dr.maximum(spread.z, 1e-6) / dr.pi
+        own = self._principled(spread) / cosine
+        return (
+            mi.Vector3f(dr.select(self.is_principled, spread, found.wo)),
+            mi.Color3f(dr.select(self.is_principled, own, weight)),
+            dr.select(self.is_principled, cosine, found.pdf),
+        )
+
+    def _principled(self, towards: mi.Vector3f) -> mi.Color3f:
+        """The diffuse part of `principled`: Burley 2012, section 5.3."""
+        view = self.surface.wi
+        half = dr.normalize(view + towards)
+        inward, outward = (dr.power(dr.clip(1.0 - dr.abs(way.z), 0.0, 1.0), 5) for way in (view, towards))
+        back = 2.0 * self.roughness * dr.square(dr.dot(half, towards))
+        spread = (1.0 - 0.5 * inward) * (1.0 - 0.5 * outward)
+        returned = back * (inward + outward + inward * outward * (back - 1.0))
+        is_above = (view.z > 0.0) & (towards.z > 0.0)
+        return self.base * dr.select(is_above, (spread + returned) * towards.z / dr.pi, 0.0)
+
+
+def _share(density: mi.Float, other: mi.Float) -> mi.Float:
+    """The weight of a sample of this density, where another way of sampling has the density `other`."""
+    return dr.square(density) / dr.maximum(dr.square(density) + dr.square(other), LEAST_DENSITY)
+
+
+def _one_bounce_less(inner: mi.SamplingIntegrator) -> mi.SamplingIntegrator | None:
+    """The integrator for the light that arrives at a surface; None where there is none but that of lamps."""
+    if inner.class_name() == "DirectIntegrator":
+        return None
+    depth = re.search(r"max_depth = (\d+)", str(inner))
+    if inner.class_name() != "PathIntegrator" or depth is None or int(depth[1]) > 1 << 20:
+        return inner
+    if int(depth[1]) <= 2:
+        return None
+    hides = bool(inner.hide_emitters)
+    return mi.load_dict({"type": "path", "max_depth": int(depth[1]) - 1, "hide_emitters": hides})

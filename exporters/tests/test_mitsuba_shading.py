@@ -1,0 +1,123 @@
+"""The channels of reflections against closed forms. Skipped where the package mitsuba is not installed.
+
+The variant is scalar_rgb, or that of the environment variable THINLENS_MITSUBA_VARIANT.
+"""
+
+import math
+import os
+import sys
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+try:
+    import mitsuba as mi
+except ImportError:
+    mi = None
+else:
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "mitsuba"))
+    mi.set_variant(os.environ.get("THINLENS_MITSUBA_VARIANT", "scalar_rgb"))
+    from thinlens_mitsuba.camera import Choice
+    from thinlens_mitsuba.peel_integrator import Peeler, Sampling
+
+    from . import mitsuba_scenes as scenes
+
+ALBEDO = (0.2, 0.4, 0.6)
+
+
+def tilted(bsdf: dict, angle_deg: float = 0.0) -> dict:
+    """A card at distance 4 through the axis, turned around the vertical: its left edge comes nearer."""
+    transform = mi.ScalarTransform4f().translate([0, 0, -4]).rotate([0, 1, 0], angle_deg).scale(100.0)
+    return {"type": "rectangle", "to_world": transform, "bsdf": bsdf}
+
+
+def principled(**parameters) -> dict:
+    """A material `principled` of colour `ALBEDO`."""
+    return {"type": "principled", "base_color": {"type": "rgb", "value": list(ALBEDO)}, "roughness": 0.3} | parameters
+
+
+@unittest.skipIf(mi is None, "the package mitsuba is not installed")
+class Shading(unittest.TestCase):
+    def channels(self, objects, paths=512, samples=1, field_deg=40.0, **integrator):
+        """The channels of the first layer in the middle of the picture, with its colour as "Combined"."""
+        scene = scenes.load(objects, scenes.sensor(1, 1, fov=field_deg), **integrator)
+        sampling = Sampling(peels=2, samples=samples, paths=paths, is_merged=samples > 1, has_shading=True)
+        peeler = Peeler(scene, scene.sensors()[0], scene.integrator())
+        layer = peeler.stack(peeler.camera.frame(0), sampling, Choice(f_number=2.0))[0]
+        found = {name: float(plane[0, 0]) for name, plane in (layer.sums | layer.means).items()}
+        groups = {name.partition(".")[0] for name in found}
+        vectors = {
+            group: np.array([value for name, value in found.items() if name.startswith(group + ".")])
+            for group in groups
+        }
+        return vectors | {"Combined": layer.color[0, 0]}
+
+    def test_a_diffuse_surface_has_only_diffuse_light_whatever_lights_it(self):
+        matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(ALBEDO)}}
+        bulb = {"type": "point", "position": [0.0, 1.0, -2.0], "intensity": 8.0}
+        lamp = scenes.lamp(-1.0, (2.0, 2.0, 2.0), 1.0) | {
+            "to_world": mi.ScalarTransform4f().translate([2, 0, -2]).rotate([0, 1, 0], -135)
+        }
+        for lights in ([scenes.sky(1.0)], [bulb], [lamp, scenes.sky(0.2)]):
+            for integrator in ({"max_depth": 2}, {"max_depth": 4}, {"integrator": "direct"}):
+                found = self.channels([tilted(matt, 20.0), *lights], **integrator)
+                np.testing.assert_allclose(found["Diffuse"], found["Combined"], rtol=0.1)
+
+    def test_mirrors_and_metals_have_none(self):
+        for bsdf in ({"type": "conductor", "material": "Ag"}, principled(metallic=1.0), {"type": "dielectric"}):
+            found = self.channels([tilted(bsdf), scenes.sky(1.0)])
+            np.testing.assert_array_equal(found["Diffuse"], 0.0)
+            self.assertGreater(found["Combined"].min(), 0.1)
+
+    def test_a_coat_leaves_the_diffuse_light_of_principled_as_it_is(self):
+        bare = self.channels([tilted(principled(specular=0.0), 30.0), scenes.sky(1.0)], paths=1024)
+        coated = self.channels([tilted(principled(specular=0.5), 30.0), scenes.sky(1.0)], paths=1024)
+        np.testing.assert_allclose(bare["Diffuse"], bare["Combined"], rtol=0.05)
+        np.testing.assert_allclose(coated["Diffuse"], bare["Combined"], rtol=0.05)
+        self.assertGreater((coated["Combined"] - coated["Diffuse"]).min(), 0.01)
+
+    def test_a_lamp_shines_by_itself(self):
+        found = self.channels([scenes.lamp(4.0, (3.0, 2.0, 1.0))])
+        np.testing.assert_allclose(found["Diffuse"], (3.0, 2.0, 1.0), rtol=1e-6)
+
+    def test_normals_are_in_the_axes_of_the_camera_and_face_it(self):
+        for angle in (0.0, 25.0, 205.0):
+            found = self.channels([tilted({"type": "twosided", "bsdf": {"type": "diffuse"}}, angle)], paths=1)
+            turned = math.radians(angle % 180.0)
+            np.testing.assert_allclose(found["Normal"], (math.sin(turned), 0.0, math.cos(turned)), atol=1e-6)
+
+    def test_the_reflected_distance_runs_along_the_mirrored_ray(self):
+        mirror = {"type": "conductor", "material": "none"}
+        # A mirror at 45° sends the ray to the right, to a wall 3 away.
+        wall = scenes.card(0.0, scenes.black()) | {
+            "to_world": mi.ScalarTransform4f().translate([3, 0, -4]).rotate([0, 1, 0], -90).scale(50.0)
+        }
+        found = self.channels([tilted(mirror, 45.0), wall], paths=1)
+        np.testing.assert_allclose(found["ReflectedDistance"], 3.0, rtol=1e-4)
+        found = self.channels([tilted(mirror, 45.0), scenes.sky(1.0)], paths=1)
+        np.testing.assert_array_equal(found["ReflectedDistance"], np.float32(1e10))
+
+    def test_merged_normals_have_length_one_and_distances_stay_distances(self):
+        mirror = {"type": "sphere", "center": [0, 0, -4], "radius": 1.0, "bsdf": {"type": "conductor"}}
+        behind = scenes.card(-2.0, scenes.black())
+        found = self.channels([mirror, behind], paths=1, samples=3, field_deg=4.0)
+        self.assertAlmostEqual(float(np.linalg.norm(found["Normal"])), 1.0, places=6)
+        # Straight back from the sphere's front, at 3, to the card at -2; to the sides it is a little farther.
+        self.assertTrue(5.0 <= float(found["ReflectedDistance"][0]) < 5.3, found["ReflectedDistance"])
+
+    def test_reflectance_and_roughness_are_those_of_the_material(self):
+        for bsdf, reflectance, roughness in (
+            ({"type": "diffuse"}, 0.0, 1.0),
+            ({"type": "roughplastic", "alpha": 0.16, "int_ior": 1.5, "ext_ior": 1.0}, 0.04, 0.4),
+            (
+                {"type": "twosided", "bsdf": {"type": "roughconductor", "alpha": 0.25, "eta": 0.5, "k": 2.0}},
+                17 / 25,
+                0.5,
+            ),
+            (principled(metallic=1.0), ALBEDO, 0.3),
+            (principled(specular=0.5), 0.04, 0.3),
+        ):
+            found = self.channels([tilted(bsdf)], paths=1)
+            np.testing.assert_allclose(found["Specular"], np.broadcast_to(reflectance, 3), atol=1e-4)
+            np.testing.assert_allclose(found["Roughness"], roughness, atol=1e-6)
