@@ -19,6 +19,16 @@ def cube(welded: bool = True) -> tuple[np.ndarray, np.ndarray]:
     return corners[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
 
 
+def divided(corners: np.ndarray, times: int) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles `[m][3][3]`, each divided into four so many times, with vertices of their own."""
+    for _ in range(times):
+        a, b, c = np.moveaxis(corners, 1, 0)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+    return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+
+
 def outside(vertices: np.ndarray, triangles: np.ndarray, viewpoint: np.ndarray) -> int:
     """The outside of all triangles of a mesh, which is one for all."""
     (side,) = set(outsides(vertices, triangles, viewpoint).tolist()) or {0}
@@ -47,6 +57,20 @@ class Outsides(unittest.TestCase):
         self.assertEqual(outside(vertices, turned, OUTSIDE), 0, "one triangle is turned")
         self.assertEqual(outside(vertices[:0], triangles[:0], OUTSIDE), 0, "nothing")
         self.assertEqual(outside(np.zeros((3, 3)), np.array([[0, 1, 2]]), OUTSIDE), 0, "a point")
+
+    def test_a_fine_box_without_a_lid_is_open_though_few_of_its_edges_are(self):
+        vertices, triangles = cube(welded=False)
+        vertices, triangles = divided(vertices[triangles], 3)
+        self.assertEqual(outside(vertices, triangles, OUTSIDE), 1)
+        is_lid = (vertices[triangles][:, :, 2] > 0.999).all(axis=1)
+        self.assertEqual(outside(vertices, triangles[~is_lid], OUTSIDE), 0)
+
+    def test_a_box_with_turned_triangles_on_opposite_sides_is_inconsistent(self):
+        vertices, triangles = cube()
+        # The first triangles of the two quads at x = -1 and x = 1: their area vectors cancel.
+        triangles = triangles.copy()
+        triangles[[0, 2]] = triangles[[0, 2], ::-1]
+        self.assertEqual(outside(vertices, triangles, OUTSIDE), 0)
 
     def test_the_pieces_of_a_mesh_are_judged_one_by_one(self):
         vertices, triangles = cube()

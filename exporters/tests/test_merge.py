@@ -93,6 +93,11 @@ class TooMany(unittest.TestCase):
             [depth for *_, depth in found], [depth_at(coc) for coc in (-9.0, 0.0, 5.0)], rtol=1e-5
         )
 
+    def test_of_surfaces_that_are_visible_alike_the_farthest_is_dropped(self):
+        cocs = [-9.0, -4.0, 0.0, 5.0]
+        found = merged([[(0.0, 1e-18, depth_at(coc))] for coc in cocs])
+        np.testing.assert_allclose([depth for *_, depth in found], [depth_at(coc) for coc in cocs[:3]], rtol=1e-5)
+
     def test_background_is_not_dropped(self):
         cocs = [-9.0, -4.0, 0.0]
         found = merged([[(1.0, 1.0, depth_at(coc))] for coc in cocs] + [[(0.5, 1.0, SKY)]])
@@ -108,6 +113,10 @@ class Background(unittest.TestCase):
             self.assertEqual([alpha for _, alpha, _ in found], [0.75, 1.0], "whoever records it")
             self.assertEqual(found[1][0], 0.5)
             self.assertGreaterEqual(found[1][2], 1e9)
+
+    def test_it_is_kept_where_every_sample_hides_it(self):
+        found = merged([[(1.0, 1.0, depth_at(-9.0)), (0.5, 1.0, SKY)]] * 4)
+        self.assertEqual([(color, alpha) for color, alpha, _ in found], [(1.0, 1.0), (0.5, 1.0)])
 
     def test_it_is_as_opaque_as_it_is_seen(self):
         np.testing.assert_allclose(merged([[(0.1, 0.25, SKY)]] * 4)[0][:2], (0.1, 0.25))

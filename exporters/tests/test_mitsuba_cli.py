@@ -112,17 +112,18 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(list(self.folder.glob("*.exr")), [])
 
     def test_the_same_command_makes_the_same_file(self):
-        lamps = SCENE.replace('type="rectangle"', 'type="sphere"').replace('value="50"', 'value="0.3"')
+        lamps = SCENE.replace('value="50"', 'value="0.3"')
         lamp = lamps[lamps.index("<shape") : lamps.index("</scene>")]
         more = "".join(lamp.replace('x="-50"', f'x="{x}"').replace("2,0,0", f"{x + 2},1,0") for x in (-1, 0, 1))
-        floor = lamp[: lamp.index("<emitter")].replace('x="-50" z="-$depth"', 'y="-1" z="-3"') + "</shape>"
+        floor = lamp[: lamp.index("<emitter")].replace('x="-50" z="-$depth"', 'y="-0.3"') + "</shape>"
+        floor = floor.replace('<scale value="0.3"/>', '<scale value="3"/><rotate x="1" angle="-90"/>')
         floor = floor.replace('"reflectance" value="0"', '"reflectance" value="0.5"')
         (self.folder / "lamps.xml").write_text(SCENE[: SCENE.index("<shape")] + more + floor + "</scene>")
-        files = [f"{i}.exr" for i in range(3)]
+        files = [f"{i}.exr" for i in range(4)]
         for name in files:
-            self.export("lamps.xml", "-o", name)
+            self.export("lamps.xml", "--overscan", "0", "-o", name)
         first, *others = ((self.folder / name).read_bytes() for name in files)
-        self.assertEqual(others, [first, first])
+        self.assertEqual(others, [first, first, first])
 
     def test_scalar_and_llvm_variants_agree(self):
         self.export("scene.xml", "-o", "scalar.exr")
