@@ -93,6 +93,8 @@ def wrap_all(group: Any, journal: Journal, say: Say) -> list[str]:
         try:
             if not is_transparent(tree):
                 # Opaque to light it was, and stays so: shadow rays need not ask the nodes.
+                # In Blender 4.2, that changes another property as well.
+                journal.remember(material, "shadow_method")
                 journal.set(material, "use_transparent_shadow", False)
             _wrap(tree, output, group, journal)
             if _straighten(tree, journal, straightened):

@@ -14,6 +14,8 @@ NOT_THE_SCENE = {"window_managers", "screens", "workspaces"}
 # Built from the rest when it is asked for.
 DERIVED = {"original", "loop_triangles", "loop_triangle_polygons", "corner_normals", "preview"}
 DERIVED |= {"uv_layer_clone", "uv_layer_stencil"}
+# Brushes and the like: Blender 4.2 crashes when it is asked for some of them.
+DERIVED |= {"tool_settings"}
 # Longer collections are compared by their length.
 LONGEST = 300
 
