@@ -12,6 +12,10 @@ from .shared import ExportError
 POINT, COVERAGE, SUPER = "point", "coverage", "super"
 MOST_PEELS = 16
 MOST_SUPERSAMPLE = 4
+MOST_SAMPLES = 1 << 24
+MOST_OVERSCAN = 8192
+# As in Blender.
+MOST_THREADS = 1024
 
 # Takes a line of text for the user.
 Say = Callable[[str], None]
@@ -40,7 +44,8 @@ class Settings:
 
     def checked(self) -> Settings:
         """These settings. Raises `ExportError` for values out of range."""
-        ranges = {"peels": (1, MOST_PEELS), "supersample": (1, MOST_SUPERSAMPLE), "samples": (1, 1 << 24)}
+        ranges = {"peels": (1, MOST_PEELS), "supersample": (1, MOST_SUPERSAMPLE), "samples": (1, MOST_SAMPLES)}
+        ranges |= {"overscan": (0, MOST_OVERSCAN), "threads": (1, MOST_THREADS)}
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
