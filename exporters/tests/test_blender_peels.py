@@ -144,6 +144,15 @@ class Peels(unittest.TestCase):
         np.testing.assert_allclose([depth for _, _, depth in found], [2.9, 3.1, 5.0], rtol=5e-3)
         np.testing.assert_allclose([alpha for _, alpha, _ in found], [0.5, 0.5, 1.0], atol=0.05)
 
+    def test_a_custom_property_overrules_what_is_closed(self):
+        scene = scene_of()
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.1, location=(0, 0, -3))
+        bpy.context.object.data.materials.append(glow((1.0, 0, 0)))
+        for is_closed, depths in ((0, [2.9, 3.1]), (1, [2.9])):
+            bpy.context.object["thinlens_closed"] = is_closed
+            layers, _ = stack_of(scene, background=False)
+            np.testing.assert_allclose([depth for _, _, depth in at(layers, 20, 10)], depths, rtol=5e-3)
+
     def test_what_is_behind_a_coloured_transparent_surface_is_seen_in_its_colour(self):
         scene = scene_of()
         tinted, (clear,) = material("tinted", "ShaderNodeBsdfTransparent")
