@@ -1,6 +1,5 @@
 """The command line of the Mitsuba exporter. Skipped where the package mitsuba is not installed."""
 
-import importlib.util
 import math
 import subprocess
 import sys
@@ -12,7 +11,9 @@ import numpy as np
 
 from thinlens_stack import exr
 
-SCRIPT = Path(__file__).resolve().parent.parent / "mitsuba" / "export.py"
+from . import mitsuba_package
+
+SCRIPT = mitsuba_package.FOLDER / "export.py"
 # A red lamp over half of the frame, 2 in front of a thinlens sensor, and sky. $depth is the lamp's distance.
 SCENE = """
 <scene version="3.0.0">
@@ -37,7 +38,7 @@ SCENE = """
 """
 
 
-@unittest.skipIf(importlib.util.find_spec("mitsuba") is None, "the package mitsuba is not installed")
+@unittest.skipUnless(mitsuba_package.is_installed(), "the package mitsuba is not installed")
 class CommandLine(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()

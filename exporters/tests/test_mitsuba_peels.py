@@ -1,23 +1,15 @@
-"""Peels of Mitsuba scenes that are known in closed form. Skipped where the package mitsuba is not installed.
-
-The variant is scalar_rgb, or that of the environment variable THINLENS_MITSUBA_VARIANT.
-"""
+"""Peels of Mitsuba scenes that are known in closed form. Skipped where the package mitsuba is not installed."""
 
 import math
-import os
-import sys
 import unittest
-from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
-try:
-    import mitsuba as mi
-except ImportError:
-    mi = None
-else:
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "mitsuba"))
-    mi.set_variant(os.environ.get("THINLENS_MITSUBA_VARIANT", "scalar_rgb"))
+from . import mitsuba_package
+
+mi = mitsuba_package.load()
+if mi is not None:
     from thinlens_mitsuba.camera import Camera, Choice, regular, rotated
     from thinlens_mitsuba.peel_integrator import Peeler, Sampling, wrappable
     from thinlens_stack.errors import ExportError
@@ -178,6 +170,21 @@ class Places(unittest.TestCase):
             for axis in (0, 1):
                 levels = sorted(rotated(samples, phase)[axis] * samples**2 for phase in phases)
                 np.testing.assert_allclose(levels, np.arange(samples**2) + 0.5, atol=1e-9)
+
+    def test_large_pictures_are_exported_in_parts(self):
+        objects = [scenes.lamp(3.0, RED, 0.6, 0.4), scenes.lamp(6.0, BLUE, 1.0, -0.5, 0.3), scenes.sky(0.25)]
+        scene = scenes.load(objects, scenes.sensor(11, 7))
+        whole = peels(scene, overscan=1, samples=2, is_merged=True)
+        with (
+            mock.patch("thinlens_mitsuba.peel_integrator.PIXELS_AT_A_TIME", 30),
+            mock.patch("thinlens_mitsuba.lanes.LANES_AT_A_TIME", 8),
+            mock.patch("thinlens_stack.merge.PIXELS_AT_A_TIME", 13),
+        ):
+            parts = peels(scene, overscan=1, samples=2, is_merged=True)
+        for one, other in zip(whole, parts, strict=True):
+            np.testing.assert_allclose(one.color, other.color, atol=1e-6)
+            np.testing.assert_array_equal(one.alpha, other.alpha)
+            np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
 
     def test_the_picture_is_the_renderers_own(self):
         objects = [scenes.lamp(3.0, RED, 0.6, 0.4), scenes.lamp(6.0, BLUE, 1.0, -0.5, 0.3), scenes.sky(0.25)]

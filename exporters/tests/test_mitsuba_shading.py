@@ -1,23 +1,14 @@
-"""The channels of reflections against closed forms. Skipped where the package mitsuba is not installed.
-
-The variant is scalar_rgb, or that of the environment variable THINLENS_MITSUBA_VARIANT.
-"""
+"""The channels of reflections against closed forms. Skipped where the package mitsuba is not installed."""
 
 import math
-import os
-import sys
 import unittest
-from pathlib import Path
 
 import numpy as np
 
-try:
-    import mitsuba as mi
-except ImportError:
-    mi = None
-else:
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "mitsuba"))
-    mi.set_variant(os.environ.get("THINLENS_MITSUBA_VARIANT", "scalar_rgb"))
+from . import mitsuba_package
+
+mi = mitsuba_package.load()
+if mi is not None:
     from thinlens_mitsuba.camera import Choice
     from thinlens_mitsuba.peel_integrator import Peeler, Sampling
 
