@@ -1,6 +1,7 @@
 """The command line of the Mitsuba exporter. Skipped where the package mitsuba is not installed."""
 
 import math
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -85,6 +86,15 @@ class CommandLine(unittest.TestCase):
         np.testing.assert_array_equal(sky[:, :10], 0.5)
         np.testing.assert_allclose(part.channels["Peel0.Depth.Z"][:, :10], 2.0, rtol=1e-5)
         np.testing.assert_array_equal(part.channels["Peel1.Depth.Z"], np.float32(1e10))
+
+    def test_it_runs_from_a_folder_that_holds_the_shared_package_too(self):
+        folder = self.folder / "exporter"
+        shutil.copytree(SCRIPT.parent, folder)
+        shutil.copytree(SCRIPT.parent.parent / "common" / "thinlens_stack", folder / "thinlens_stack")
+        command = [sys.executable, str(folder / "export.py"), "scene.xml", "--variant", "scalar_rgb", "-o", "stack.exr"]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=self.folder, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("Peel1.Depth.Z", self.read("stack.exr").channels)
 
     def test_the_other_kinds_have_their_samples(self):
         self.export("scene.xml", "--kind", "supersampled", "--supersample", "3", "--overscan", "1", "-o", "s.exr")

@@ -1,7 +1,9 @@
 """Peels of Mitsuba scenes that are known in closed form. Skipped where the package mitsuba is not installed."""
 
 import math
+import tempfile
 import unittest
+from pathlib import Path
 from unittest import mock
 
 import numpy as np
@@ -66,6 +68,15 @@ class Peels(unittest.TestCase):
         }
         found = self.fragments([cube, ball, group, copy, scenes.card(11.0, scenes.black(), turned=True)])
         np.testing.assert_allclose([depth for *_, depth in found], [3.0, 7.0, 11.0, 13.0], rtol=1e-5)
+
+    def test_each_hair_is_a_peel(self):
+        hairs = "\n\n".join(f"-2 0 {z} 0.05\n-1 0 {z} 0.05\n1 0 {z} 0.05\n2 0 {z} 0.05" for z in (-2, -3))
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "hairs.txt"
+            file.write_text(hairs)
+            curves = {"type": "bsplinecurve", "filename": str(file), "bsdf": {"type": "diffuse"}}
+            found = self.fragments([curves, scenes.lamp(5.0, RED)])
+        np.testing.assert_allclose([depth for *_, depth in found], [1.95, 2.95, 5.0], rtol=1e-4)
 
     def test_a_room_around_the_camera_is_seen_from_inside(self):
         room = {"type": "cube", "to_world": mi.ScalarTransform4f().scale(9.0), "bsdf": scenes.black()}
