@@ -65,10 +65,29 @@ class Runs(unittest.TestCase):
         self.assertEqual(self.exported, [1, 3, 4, 1])
 
     def test_a_frame_that_fails_is_said_and_does_not_stop_the_others(self):
-        self.assertEqual(self.run_frames([1, 2, 3], self.pattern), frames.FAILED)
+        self.assertEqual(self.run_frames([1, 2, 3], self.pattern), frames.SOME_FAILED)
         self.assertEqual(self.exported, [1, 2, 3])
         self.assertIn("no camera", self.said.getvalue())
         self.assertIn("1 of 3 frames failed", self.said.getvalue())
+
+    def test_the_exit_code_tells_whether_all_frames_failed_or_some(self):
+        self.assertEqual(self.run_frames([2], self.pattern), 1)
+        self.assertEqual(self.run_frames([1, 2], self.pattern), 3)
+        self.assertEqual(self.run_frames([1, 2], self.pattern), 3, "frame 1 is there already")
+        self.export = self.fail_always
+        self.assertEqual(self.run_frames([1, 2], self.pattern, overwrite=True), 1)
+
+    def fail_always(self, frame, path):
+        raise ExportError("no camera")
+
+    def test_the_line_of_a_frame_names_its_file_once(self):
+        for numbers, line in (
+            ([1], r"\S+a\.01\.exr, \d+\.\d s, one pixel"),
+            ([2], r"\S+a\.02\.exr: failed"),
+            ([3, 4], r"frame 3: \S+a\.03\.exr, \d+\.\d s, one pixel"),
+        ):
+            self.run_frames(numbers, self.pattern)
+            self.assertRegex(self.said.getvalue().splitlines()[0], f"^{line}$")
 
     def test_several_frames_do_not_go_into_one_file(self):
         self.assertEqual(self.run_frames([1, 3], "a.exr"), frames.WRONG_USAGE)

@@ -14,6 +14,7 @@ from .errors import ExportError
 DONE = 0
 FAILED = 1
 WRONG_USAGE = 2
+SOME_FAILED = 3
 
 _RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?:x(\d+))?)?")
 
@@ -56,7 +57,7 @@ def run(frames: Sequence[int], pattern: str, export: Callable[[int, str], str], 
     """Exports each frame by `export(frame, path)`, which returns what to say of it. One line a frame on standard error.
 
     Frames whose file is complete are skipped, unless `overwrite`. A frame that fails does not stop the others.
-    Returns the exit code.
+    Returns the exit code: `SOME_FAILED` if others are there.
     """
     if len(frames) > 1 and not is_pattern(pattern):
         print(
@@ -71,18 +72,21 @@ def run(frames: Sequence[int], pattern: str, export: Callable[[int, str], str], 
     failed = 0
     for frame in frames:
         target = path(pattern, frame)
-        label = f"frame {frame}" if len(frames) > 1 else target
+        before = f"frame {frame}: " if len(frames) > 1 else ""
         if not overwrite and len(frames) > 1 and exr.is_complete(target):
-            print(f"{label}: {target} is there already", file=sys.stderr, flush=True)
+            print(f"{before}{target} is there already", file=sys.stderr, flush=True)
             continue
         start = time.monotonic()
         try:
             said = export(frame, target)
         except ExportError as error:
             failed += 1
-            print(f"{label}: failed\n{error}", file=sys.stderr, flush=True)
+            print(f"{before or f'{target}: '}failed\n{error}", file=sys.stderr, flush=True)
             continue
-        print(f"{label}: {target}, {time.monotonic() - start:.1f} s{said and ', ' + said}", file=sys.stderr, flush=True)
+        took = f"{time.monotonic() - start:.1f} s"
+        print(f"{before}{target}, {took}{said and ', ' + said}", file=sys.stderr, flush=True)
     if failed and len(frames) > 1:
         print(f"{failed} of {len(frames)} frames failed", file=sys.stderr)
-    return FAILED if failed else DONE
+    if failed:
+        return SOME_FAILED if failed < len(frames) else FAILED
+    return DONE
