@@ -91,4 +91,7 @@ pub mod render;
 #[doc(hidden)]
 pub mod compare;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod exporters;
+#[cfg(feature = "cli")]
 pub mod cli;

@@ -10,6 +10,7 @@ mod console;
 mod demo;
 mod devices;
 mod drivers;
+mod export;
 mod failure;
 mod flags;
 mod inspect;
@@ -70,6 +71,7 @@ enum Command {
     Presets(presets::PresetsArgs),
     Devices(devices::DevicesArgs),
     Demo(demo::DemoArgs),
+    Export(export::ExportArgs),
     Completions(completions::CompletionsArgs),
     Man(man::ManArgs),
 }
@@ -139,6 +141,7 @@ impl Command {
             Self::Presets(args) => presets::run(&args),
             Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
+            Self::Export(args) => export::run(&args, console),
             Self::Completions(args) => completions::run(&args, command(methods)),
             Self::Man(args) => man::run(&args, command(methods)),
         }

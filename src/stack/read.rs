@@ -64,7 +64,8 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
-    let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) = read_main_layer(path)?;
+    let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) =
+        read_main_layer(path)?;
     let image = Image { planes: [red, green, blue, alpha] };
     Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }

@@ -20,6 +20,7 @@ fn help_lists_every_subcommand() {
         "presets",
         "devices",
         "demo",
+        "export",
         "completions",
         "man",
     ] {

@@ -5,6 +5,7 @@
 
 mod compare;
 mod devices;
+mod export;
 mod inspect;
 mod lens;
 mod listings;
