@@ -133,7 +133,7 @@ mod tests {
             let paths: Vec<&str> = exporter.files().map(|(path, _)| path).collect();
             assert_eq!(paths.iter().collect::<BTreeSet<_>>().len(), paths.len(), "{paths:?}");
             assert!(paths.contains(&"thinlens_stack/exr.py"), "{paths:?}");
-            assert!(paths.iter().all(|path| !path.starts_with(exporter.name)), "{paths:?}");
+            assert!(paths.iter().all(|path| !path.starts_with(&format!("{}/", exporter.name))), "{paths:?}");
         }
     }
 }

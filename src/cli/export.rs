@@ -15,8 +15,11 @@ use zip::write::SimpleFileOptions;
 const EXAMPLES: &str = "\
 Examples:
   thinlens export blender -o exporters
-  blender -b shot.blend -P exporters/blender/cli.py -- --frames 1-100 -o stacks/shot.####.exr
   thinlens export mitsuba -o exporters
+  thinlens render stack.exr -o out.exr
+
+Between them, the renderer makes the stack:
+  blender -b shot.blend -P exporters/blender/cli.py -- -o stack.exr
   python exporters/mitsuba/export.py scene.xml -o stack.exr";
 
 /// The archive that Blender installs as an extension.
