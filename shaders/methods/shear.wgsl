@@ -34,6 +34,8 @@ struct Params {
     // The bins that count as in focus, at least in part, are focused_start .. focused_end.
     focused_start: u32,
     focused_end: u32,
+    // The bins that count as near, at least in part, are those before near_end.
+    near_end: u32,
     // Number of views of the picture, and of this batch.
     views: u32,
     batch_views: u32,
@@ -45,6 +47,8 @@ struct Params {
     channels: u32,
     // Whether these views are blended over the picture that others made, by the share of averages in each pixel.
     blends: u32,
+    // The plane of the picture that has the share of these views' rays that near surfaces stop.
+    near_share_plane: u32,
     // Offset of the barrel in the frame's corners, in aperture radii; 0 without a barrel.
     cats_eye: f32,
     axis_x_px: f32,
@@ -83,12 +87,14 @@ struct Params {
 @group(0) @binding(13) var colors: texture_2d_array<f32>;
 // [turn][view].
 @group(0) @binding(14) var<storage, read> views: array<View>;
-// Planes: red, green, blue, rays in focus, rays that end in the background, lost rays, rays hidden by the barrel.
+// Planes: red, green, blue, rays in focus, rays that end in the background, lost rays, rays hidden by the barrel. With near light, also its
+// red, green and blue, the rays that near surfaces stop, and the same times their CoC radius.
 @group(0) @binding(15) var<storage, read_write> sums: array<f32>;
-// Planes: red, green, blue, alpha, share of rays in focus.
+// Planes: red, green, blue, alpha, share of rays in focus. With near light, also its CoC radius, red, green and blue, and the share of rays
+// that near surfaces stop, or three of them: for red, for green and alpha, and for blue.
 @group(0) @binding(16) var<storage, read_write> picture: array<f32>;
-// [bin], two to a vector: how far the bin counts as in focus, as the bits of a number, and the nearest bin that may hold an earlier
-// hit of the same translucent surface.
+// [bin], two to a vector: how far the bin counts as in focus, as the bits of a number, or for a bin that counts as near its negative CoC
+// radius in pixels; and the nearest bin that may hold an earlier hit of the same translucent surface.
 @group(0) @binding(17) var<uniform> bin_table: array<vec4u, HALF_MAX_BINS>;
 // The rows that the band reads: share of the background in the pixel, CoC radius of the pixel's last fragment in pixels, and share of
 // averages in the pixel, and share of the background behind a fragment that a ray passes beside in the pixel.
@@ -116,6 +122,9 @@ struct View {
 override MANY_LAYERS = true;
 override BARREL = true;
 override BACKGROUND = true;
+
+// Whether near light is kept apart: what rays gather from near surfaces. CPU version: src/methods/shear/near.rs.
+override NEAR = true;
 
 // Whether this is the first batch, and the last one, of a set of views.
 override FIRST_BATCH = true;
@@ -179,9 +188,31 @@ fn of_bin(bin: u32) -> vec2u {
     return select(two.xy, two.zw, (bin & 1u) != 0u);
 }
 
-// How far `bin` counts as in focus.
-fn focus_of(bin: u32) -> f32 {
+// How far `bin` counts as in focus, or the negative CoC radius of a bin that counts as near.
+fn value_of(bin: u32) -> f32 {
     return bitcast<f32>(of_bin(bin).x);
+}
+
+// Colour of near surfaces, in the fourth component how far they stop rays, and that times their CoC radius.
+struct NearLight {
+    light: vec4f,
+    radius: f32,
+}
+
+const NOTHING_NEAR = NearLight(vec4f(0.0), 0.0);
+
+// What a ray that gathers `light`, a colour and a coverage, in a bin of `value` gathers from near surfaces.
+fn near_light(value: f32, light: vec4f) -> NearLight {
+    if !NEAR || value >= 0.0 {
+        return NOTHING_NEAR;
+    }
+    let t = clamp((-value - NEAR_FROM_PX) / (NEAR_FULL_FROM_PX - NEAR_FROM_PX), 0.0, 1.0);
+    let share = t * t * (3.0 - 2.0 * t);
+    return NearLight(share * light, share * -value * light.a);
+}
+
+fn near_sum(a: NearLight, b: NearLight) -> NearLight {
+    return NearLight(a.light + b.light, a.radius + b.radius);
 }
 
 // The order of the nearest fragment of `group` at `source`, among the four layers from `4 · slice` on, whose order is at least
@@ -253,6 +284,28 @@ fn end_of(view: View, pixel: vec2u, left: f32) -> vec2f {
     return vec2f(transparent, left - transparent);
 }
 
+// What a ray gathers: colour, and in the fourth component the coverage in focus; and what of it is near.
+struct Light {
+    all: vec4f,
+    near: NearLight,
+}
+
+const NO_LIGHT = Light(vec4f(0.0), NOTHING_NEAR);
+
+// The light of a fragment of `color` and `coverage` in a bin of `value`.
+fn light_of(value: f32, color: vec3f, coverage: f32) -> Light {
+    return Light(vec4f(color, coverage * max(value, 0.0)), near_light(value, vec4f(color, coverage)));
+}
+
+// `light`, `share` of it.
+fn scaled(light: Light, share: f32) -> Light {
+    return Light(share * light.all, NearLight(share * light.near.light, share * light.near.radius));
+}
+
+fn light_sum(a: Light, b: Light) -> Light {
+    return Light(a.all + b.all, near_sum(a.near, b.near));
+}
+
 // Sums over the rays of a pixel.
 struct RaySums {
     // Colour, and in the fourth component the rays that hit something in focus.
@@ -261,18 +314,20 @@ struct RaySums {
     transparent: f32,
     lost: f32,
     hidden: f32,
+    near: NearLight,
 }
 
-const NO_RAYS = RaySums(vec4f(0.0), 0.0, 0.0, 0.0);
+const NO_RAYS = RaySums(vec4f(0.0), 0.0, 0.0, 0.0, NOTHING_NEAR);
 
 // `sums` with a ray of `view` from `pixel` that the barrel lets `passing` pass, that gathered `light`, and that has `left` of its light.
-fn with_ray(sums: RaySums, view: View, pixel: vec2u, passing: f32, light: vec4f, left: f32) -> RaySums {
+fn with_ray(sums: RaySums, view: View, pixel: vec2u, passing: f32, light: Light, left: f32) -> RaySums {
     let ends = end_of(view, pixel, left);
     return RaySums(
-        sums.light + light,
+        sums.light + light.all,
         sums.transparent + ends.x,
         sums.lost + ends.y,
         sums.hidden + 1.0 - passing,
+        near_sum(sums.near, light.near),
     );
 }
 
@@ -307,36 +362,38 @@ fn views_of(tile: vec2u, turn: u32) -> TileViews {
     return TileViews(first, first + covered_views[index], first + params.batch_views);
 }
 
-// A view in which an occluder covers a tile: the shift, and how far the occluder counts as in focus.
+// A view in which an occluder covers a tile: the shift, and the value of the occluder's bin.
 struct CoveredView {
     view: View,
     shift: vec2i,
-    focus: f32,
+    value: f32,
 }
 
 fn covered_view(index: u32, turn: u32) -> CoveredView {
     let entry = ordered_views[index];
     let view = views[view_index(turn, entry.y & ((1u << FOCUS_SHIFT) - 1u))];
-    return CoveredView(view, unpacked_shift(entry.x), focus_of(entry.y >> FOCUS_SHIFT));
+    return CoveredView(view, unpacked_shift(entry.x), value_of(entry.y >> FOCUS_SHIFT));
 }
 
 // `sums` with the ray from `pixel` of a view in which an occluder covers the tile: its hit is known without keys.
 fn with_covered_ray(sums: RaySums, covered: CoveredView, pixel: vec2u) -> RaySums {
     let passing = passing_to(covered.view, pixel);
     let color = textureLoad(colors, source_of(pixel, covered.shift), 0u, 0).rgb;
+    let light = scaled(light_of(covered.value, color, 1.0), passing);
     return RaySums(
-        sums.light + passing * vec4f(color, covered.focus),
+        sums.light + light.all,
         sums.transparent,
         sums.lost,
         sums.hidden + 1.0 - passing,
+        near_sum(sums.near, light.near),
     );
 }
 
-// The fragment that a ray hits: the sample, the order, and how far it counts as in focus; NONE for a ray that has not hit any.
+// The fragment that a ray hits: the sample, the order, and the value of its bin; NONE for a ray that has not hit any.
 struct Hit {
     source: vec2u,
     order: u32,
-    focus: f32,
+    value: f32,
 }
 
 const NO_HIT = Hit(vec2u(0u), NONE, 0.0);
@@ -351,17 +408,17 @@ fn next_hit(hit: Hit, group: Group, pixel: vec2u) -> Hit {
     if order == NONE {
         return hit;
     }
-    return Hit(source, order, focus_of(middle_of(order >> BIN_SHIFT, group)));
+    return Hit(source, order, value_of(middle_of(order >> BIN_SHIFT, group)));
 }
 
 // `sums` with a ray of `view` from `pixel` that ends at `hit`.
 fn with_opaque_ray(sums: RaySums, view: View, pixel: vec2u, hit: Hit) -> RaySums {
     let passing = passing_to(view, pixel);
     if hit.order == NONE {
-        return with_ray(sums, view, pixel, passing, vec4f(0.0), passing);
+        return with_ray(sums, view, pixel, passing, NO_LIGHT, passing);
     }
     let color = textureLoad(colors, hit.source, layer_of(hit.order), 0).rgb;
-    return with_ray(sums, view, pixel, passing, passing * vec4f(color, hit.focus), 0.0);
+    return with_ray(sums, view, pixel, passing, scaled(light_of(hit.value, color, 1.0), passing), 0.0);
 }
 
 @compute @workgroup_size(16, 16)
@@ -439,17 +496,17 @@ fn hit_before(group: Group, order: u32, key: u32, number: u32) -> bool {
     return before;
 }
 
-// Light that a ray gathers: colour, and in the fourth component the coverage in focus; the transmittance after it, 0 for an occluded ray;
+// Light that a ray gathers; the transmittance after it, 0 for an occluded ray;
 // and the transmittance that the ray had when it came to count as occluded.
 struct Composite {
-    light: vec4f,
+    light: Light,
     transmittance: f32,
     spent: f32,
 }
 
 // Composites the fragments of `group` at `pixel` along the thread's ray `number`, of transmittance `before`, front to back.
 fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite {
-    var light = vec4f(0.0);
+    var light = NO_LIGHT;
     var transmittance = before;
     let source = source_of(pixel, unpacked_shift(group.shift));
     var start = 0u;
@@ -466,7 +523,8 @@ fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite 
         }
         let color = textureLoad(colors, source, layer, 0);
         let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
-        light += transmittance * vec4f(color.rgb, alpha * focus_of(middle_of(order >> BIN_SHIFT, group)));
+        let value = value_of(middle_of(order >> BIN_SHIFT, group));
+        light = light_sum(light, scaled(light_of(value, color.rgb, alpha), transmittance));
         transmittance *= 1.0 - alpha;
         if transmittance < MIN_TRANSMITTANCE {
             return Composite(light, 0.0, transmittance);
@@ -491,14 +549,14 @@ fn paint_translucent(@builtin(global_invocation_id) global: vec3u) {
         let list = list_of(tile, turn, view_number);
         let ray_number = i - of_tile.covered_end + 1u;
         let passing = passing_to(view, pixel);
-        var light = vec4f(0.0);
+        var light = NO_LIGHT;
         var transmittance = passing;
         var spent = 0.0;
         var entry = 0u;
         while transmittance > 0.0 {
             let next = groups[list + entry];
             let passed = composite(unpacked(next), pixel, ray_number, transmittance);
-            light += passed.light;
+            light = light_sum(light, passed.light);
             transmittance = passed.transmittance;
             spent = passed.spent;
             entry++;
@@ -541,6 +599,22 @@ fn write_pixel(at: vec2u, sum: RaySums) {
         let index = 4u * plane + pixel;
         picture[index] = blended(picture[index], sum.light.a / max(views, MIN_HIT_VIEWS), share);
     }
+    if NEAR {
+        let near = select(vec4f(0.0), sum.near.light / weight, covered > MIN_HIT_VIEWS);
+        let radius = select(0.0, sum.near.radius / weight, covered > MIN_HIT_VIEWS);
+        if (params.channels & 8u) != 0u {
+            let index = 5u * plane + pixel;
+            picture[index] = blended(picture[index], radius, share);
+        }
+        for (var channel = 0u; channel < 3u; channel++) {
+            if (params.channels & (1u << channel)) != 0u {
+                let index = (6u + channel) * plane + pixel;
+                picture[index] = blended(picture[index], near[channel], share);
+            }
+        }
+        let index = params.near_share_plane * plane + pixel;
+        picture[index] = blended(picture[index], near.a, share);
+    }
 }
 
 // Adds the sums of a batch to those of the batches before it; the last batch writes the picture.
@@ -556,6 +630,11 @@ fn add_batch(at: vec2u, batch_sum: RaySums) {
         sum.transparent += sums[4u * plane + pixel];
         sum.lost += sums[5u * plane + pixel];
         sum.hidden += sums[6u * plane + pixel];
+        if NEAR {
+            let first = 7u * plane + pixel;
+            let light = vec4f(sums[first], sums[first + plane], sums[first + 2u * plane], sums[first + 3u * plane]);
+            sum.near = near_sum(sum.near, NearLight(light, sums[first + 4u * plane]));
+        }
     }
     if LAST_BATCH {
         write_pixel(at, sum);
@@ -567,5 +646,12 @@ fn add_batch(at: vec2u, batch_sum: RaySums) {
         sums[4u * plane + pixel] = sum.transparent;
         sums[5u * plane + pixel] = sum.lost;
         sums[6u * plane + pixel] = sum.hidden;
+        if NEAR {
+            let first = 7u * plane + pixel;
+            for (var i = 0u; i < 4u; i++) {
+                sums[first + i * plane] = sum.near.light[i];
+            }
+            sums[first + 4u * plane] = sum.near.radius;
+        }
     }
 }

@@ -202,14 +202,15 @@ fn word_of(window: u32, bin: u32) -> u32 {
     return (bin >> 5u) * size.x * size.y + window;
 }
 
-// Whether the first layer, which is `occluder`, occludes every ray in `group`, and counts as in focus alike everywhere.
+// Whether the first layer, which is `occluder`, occludes every ray in `group`, and counts as in focus, and as near, alike everywhere.
 fn is_covered(group: Group, occluder: Occluder) -> bool {
     if occluder.first < group.first || occluder.last >= group.end {
         return false;
     }
     let first = middle_of(occluder.first, group);
     let last = middle_of(occluder.last, group);
-    return first == last || last < params.focused_start || first >= params.focused_end;
+    let is_near = NEAR && first < params.near_end;
+    return first == last || (!is_near && (last < params.focused_start || first >= params.focused_end));
 }
 
 fn squares_size() -> vec2u {

@@ -5,7 +5,7 @@
 //! [`FOCUS_PX`] on grow to a plateau, and beyond [`WIDE_FROM_PX`] are a share of the radius. Bins are anchored at `c = 0`, and blocks of bins
 //! as well, so that neither moves when the CoC range changes from frame to frame.
 
-use super::resolve;
+use super::{near, resolve};
 use crate::scene::surface::SAME_HIT_PX;
 use std::ops::Range;
 
@@ -148,6 +148,10 @@ pub(super) struct Block {
     pub(super) bins: [u16; 2],
     /// How far its fragments count as in focus, see [`resolve::focus`].
     pub(super) focus: f32,
+    /// How far its fragments count as near, see [`near::share`].
+    pub(super) near: f32,
+    /// Their CoC radius, without its sign, in picture pixels.
+    pub(super) radius_px: f32,
 }
 
 /// The bins of a range of CoC radii, numbered from the nearest.
@@ -214,6 +218,11 @@ impl Bins {
         &self.centers_px
     }
 
+    /// Whether some of them count as near, at least in part: see [`near::share`].
+    pub(super) fn have_near(&self) -> bool {
+        self.centers_px.first().is_some_and(|&coc_px| near::share(coc_px) > 0.0)
+    }
+
     /// The blocks of all levels: those of level 0, which are the bins, then those of level 1 and so on.
     pub(super) fn blocks(&self) -> &[Block] {
         &self.blocks
@@ -259,8 +268,9 @@ fn blocks(centers_px: &[f32]) -> Vec<Block> {
     let of_level = |level: usize| {
         (0..count).step_by(1 << level).map(move |first| {
             let (middle, last) = (first + (1 << level) / 2, first + (1 << level) - 1);
-            let focus = resolve::focus(centers_px[middle.min(count - 1)]);
-            Block { bins: [first as u16, last.min(count - 1) as u16], focus }
+            let coc_px = centers_px[middle.min(count - 1)];
+            let (focus, near) = (resolve::focus(coc_px), near::share(coc_px));
+            Block { bins: [first as u16, last.min(count - 1) as u16], focus, near, radius_px: coc_px.abs() }
         })
     };
     (0..LEVELS).flat_map(of_level).collect()

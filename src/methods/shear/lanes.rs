@@ -14,6 +14,13 @@ pub(super) type Mask = u16;
 #[repr(align(64))]
 pub(super) struct Chunk(pub(super) [f32; LANES]);
 
+impl Chunk {
+    /// Adds `other`, pixel by pixel.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
+    }
+}
+
 /// Bit `i` in lane `i`.
 pub(super) static LANE_BITS: [u32; LANES] =
     [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768];

@@ -15,6 +15,7 @@
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
+//! | near light | [`near`] | closes these gaps at the edges of strongly blurred near surfaces |
 //! | draw | [`highlights`], [`occluders`], [`bokeh`], [`softening`] | adds the discs |
 //! | resolve | [`resolve`] | anti-aliasing in focus |
 //!
@@ -34,6 +35,7 @@ mod highlights;
 mod keys;
 mod lanes;
 mod lights;
+mod near;
 mod occluders;
 mod paint;
 mod parameters;

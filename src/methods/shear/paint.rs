@@ -64,8 +64,8 @@ pub(super) struct RowSums {
 }
 
 impl RowSums {
-    /// A row of `width` pixels with no views.
-    pub(super) fn new(width: usize) -> Self {
+    /// A row of `width` pixels with no views; `near` says whether near surfaces are kept apart.
+    pub(super) fn new(width: usize, near: bool) -> Self {
         let chunks = width.div_ceil(LANES);
         let mut skipped = vec![0; chunks];
         let overhang = width % LANES;
@@ -80,8 +80,8 @@ impl RowSums {
             skipped,
             columns: 0..width as i32,
             hidden: vec![0.0; chunks * LANES],
-            sums: Sums::blank(chunks),
-            flushed: Sums::blank(chunks),
+            sums: Sums::blank(chunks, near),
+            flushed: Sums::blank(chunks, near),
             occluded: vec![0; chunks],
             attenuated: vec![0; chunks],
             transmittance: vec![Chunk::default(); chunks],
@@ -91,7 +91,7 @@ impl RowSums {
 
     /// A row of `width` pixels with no views, of which only `columns`, in ascending order, are painted.
     pub(super) fn only(width: usize, columns: &[usize]) -> Self {
-        let mut row = Self::new(width);
+        let mut row = Self::new(width, false);
         row.skipped.fill(Mask::MAX);
         columns.iter().for_each(|&x| row.skipped[x / LANES] &= !(1 << (x % LANES)));
         row.columns = match columns {
@@ -355,28 +355,27 @@ impl<S: Simd> Painter<'_, S> {
     /// Adds the opaque `source` to the rays of the lanes in `free`, which are not attenuated, and occludes them.
     #[inline(always)]
     fn add_opaque(&mut self, chunk: usize, (source, column): (&Source<'_>, SourceColumn), free: Mask) {
-        let (simd, zero) = (self.simd, self.simd.splat_f32s(0.0));
-        for (k, sum) in self.row.sums.color[chunk].iter_mut().enumerate() {
-            let values = Values::of(&source.layer.color[k], source.row, column, chunk);
-            for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-                let value = values.vector(simd, i);
-                // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
-                let value = if free == Mask::MAX {
-                    value
-                } else {
-                    simd.select_f32s(lanes(simd, free, i), value, zero)
-                };
-                *sum = simd.add_f32s(*sum, value);
-            }
+        let near = self.nearness(source.block);
+        if near < 1.0 {
+            let sums = &mut self.row.sums.color[chunk];
+            add_colors(self.simd, sums, (source, column, chunk), (free, 1.0 - near));
+        }
+        if near > 0.0 {
+            let sums = &mut self.row.sums.near[chunk];
+            add_colors(self.simd, &mut sums.color, (source, column, chunk), (free, near));
+            add_constant(self.simd, &mut sums.share, free, near);
+            add_constant(self.simd, &mut sums.radius_px, free, near * source.block.radius_px);
         }
         if source.block.focus > 0.0 {
-            let focus = simd.splat_f32s(source.block.focus);
-            for (i, sum) in S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0.iter_mut().enumerate()
-            {
-                *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), focus, zero));
-            }
+            add_constant(self.simd, &mut self.row.sums.focused[chunk], free, source.block.focus);
         }
         self.row.occluded[chunk] |= free;
+    }
+
+    /// How far the fragments of `block` are kept apart as near.
+    #[inline(always)]
+    fn nearness(&self, block: &Block) -> f32 {
+        if self.row.sums.near.is_empty() { 0.0 } else { block.near }
     }
 
     /// Composites `source` behind what the rays of the lanes in `free` have passed, except for those that hit its surface before: adds it
@@ -397,28 +396,38 @@ impl<S: Simd> Painter<'_, S> {
                 return;
             }
         }
-        let simd = self.simd;
-        let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let (simd, near) = (self.simd, self.nearness(block));
+        let one = simd.splat_f32s(1.0);
         let attenuated = self.row.attenuated[chunk];
-        let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
-        let alphas = (!span.opaque).then(|| Values::of(&layer.alpha, row, column, chunk));
         let transmittance = &mut self.row.transmittance[chunk].0;
-        for (i, transmittance) in S::as_mut_simd_f32s(transmittance).0.iter_mut().enumerate() {
-            let inside = lanes(simd, free, i);
-            let before = simd.select_f32s(lanes(simd, attenuated, i), *transmittance, one);
-            for (values, sum) in colors.iter().zip(&mut self.row.sums.color[chunk]) {
-                let value = simd.select_f32s(inside, simd.mul_f32s(before, values.vector(simd, i)), zero);
-                let sum = &mut S::as_mut_simd_f32s(&mut sum.0).0[i];
-                *sum = simd.add_f32s(*sum, value);
-            }
-            let alpha = alphas.as_ref().map_or(one, |values| values.vector(simd, i));
-            if block.focus > 0.0 {
-                let focused = simd.mul_f32s(alpha, simd.splat_f32s(block.focus));
-                let sum = &mut S::as_mut_simd_f32s(&mut self.row.sums.focused[chunk].0).0[i];
-                *sum = simd.add_f32s(*sum, simd.select_f32s(inside, simd.mul_f32s(before, focused), zero));
-            }
-            let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha));
-            *transmittance = simd.select_f32s(inside, after, before);
+        let mut passing = Chunk::default();
+        let vectors = S::as_mut_simd_f32s(&mut passing.0).0.iter_mut();
+        for (i, (passing, before)) in vectors.zip(S::as_simd_f32s(&*transmittance).0).enumerate() {
+            *passing = simd.select_f32s(lanes(simd, attenuated, i), *before, one);
+        }
+        let sums = &mut self.row.sums;
+        let weights = |share| Weights { passing: &passing, free, share };
+        let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
+        let alpha =
+            if span.opaque { Values::Same(1.0) } else { Values::of(&layer.alpha, row, column, chunk) };
+        if near < 1.0 {
+            add_weighted(simd, &mut sums.color[chunk], colors, weights(1.0 - near));
+        }
+        if near > 0.0 {
+            let sums = &mut sums.near[chunk];
+            add_weighted(simd, &mut sums.color, colors, weights(near));
+            add_weighted(simd, std::array::from_mut(&mut sums.share), [alpha], weights(near));
+            let radius = weights(near * block.radius_px);
+            add_weighted(simd, std::array::from_mut(&mut sums.radius_px), [alpha], radius);
+        }
+        if block.focus > 0.0 {
+            let focused = std::array::from_mut(&mut sums.focused[chunk]);
+            add_weighted(simd, focused, [alpha], weights(block.focus));
+        }
+        let vectors = S::as_mut_simd_f32s(transmittance).0.iter_mut();
+        for (i, (transmittance, &before)) in vectors.zip(S::as_simd_f32s(&passing.0).0).enumerate() {
+            let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha.vector(simd, i)));
+            *transmittance = simd.select_f32s(lanes(simd, free, i), after, before);
         }
         self.row.attenuated[chunk] |= free;
         let spent = transmittance
@@ -426,6 +435,68 @@ impl<S: Simd> Painter<'_, S> {
             .enumerate()
             .fold(0, |mask, (lane, &left)| mask | Mask::from(left < MIN_TRANSMITTANCE) << lane);
         self.row.occlude(chunk, spent & free);
+    }
+}
+
+/// Adds the share `share` of the colours of `source` to `sums` in the lanes in `free`.
+#[inline(always)]
+fn add_colors<S: Simd>(
+    simd: S,
+    sums: &mut [Chunk; 3],
+    (source, column, chunk): (&Source<'_>, SourceColumn, usize),
+    (free, share): (Mask, f32),
+) {
+    let zero = simd.splat_f32s(0.0);
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let values = Values::of(&source.layer.color[k], source.row, column, chunk);
+        for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
+            let value = values.vector(simd, i);
+            let value = if share < 1.0 { simd.mul_f32s(value, simd.splat_f32s(share)) } else { value };
+            // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
+            let value =
+                if free == Mask::MAX { value } else { simd.select_f32s(lanes(simd, free, i), value, zero) };
+            *sum = simd.add_f32s(*sum, value);
+        }
+    }
+}
+
+/// What values count for that rays meet.
+#[derive(Clone, Copy)]
+struct Weights<'a> {
+    /// Transmittance of the rays.
+    passing: &'a Chunk,
+    /// The lanes of the rays.
+    free: Mask,
+    /// Share of the values.
+    share: f32,
+}
+
+/// Adds `values` to `sums`, by their `weights`.
+#[inline(always)]
+fn add_weighted<S: Simd, const N: usize>(
+    simd: S,
+    sums: &mut [Chunk; N],
+    values: [Values<'_>; N],
+    weights: Weights<'_>,
+) {
+    let (zero, share) = (simd.splat_f32s(0.0), simd.splat_f32s(weights.share));
+    for (sum, values) in sums.iter_mut().zip(values) {
+        let passing = S::as_simd_f32s(&weights.passing.0).0;
+        for (i, (sum, &passing)) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().zip(passing).enumerate() {
+            let value = simd.mul_f32s(passing, values.vector(simd, i));
+            let value = if weights.share == 1.0 { value } else { simd.mul_f32s(value, share) };
+            // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
+            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, weights.free, i), value, zero));
+        }
+    }
+}
+
+/// Adds `value` to `sum` in the lanes in `free`.
+#[inline(always)]
+fn add_constant<S: Simd>(simd: S, sum: &mut Chunk, free: Mask, value: f32) {
+    let (value, zero) = (simd.splat_f32s(value), simd.splat_f32s(0.0));
+    for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
+        *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), value, zero));
     }
 }
 
@@ -483,7 +554,7 @@ mod tests {
         let front = Layer {
             color: color(|x, y| (x * 3 + y) as f32 * 0.1),
             alpha: front_alpha,
-            coc_px: plane(|x, _| -6.0 - (x / 9) as f32),
+            coc_px: plane(|x, _| -11.0 - (x / 9) as f32),
         };
         let back = Layer {
             color: color(|x, y| (x + y * y) as f32 * 0.3),
@@ -496,7 +567,7 @@ mod tests {
     /// Calls `paint` with a canvas of [`layers`] and 64 views of it.
     fn with_canvas<T>(paint: impl Fn(&Canvas<'_>, &[Shear]) -> T) -> T {
         let layers = layers();
-        let bins = Bins::new([-12.0, 2.0], 0.5);
+        let bins = Bins::new([-16.0, 2.0], 0.5);
         let spans = spans::find(&layers, &bins, Extent::HalfWay);
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
@@ -514,9 +585,9 @@ mod tests {
         )
     }
 
-    fn rows(canvas: &Canvas<'_>, batches: &[&[Shear]], arch: Arch) -> Vec<[f32; 5]> {
+    fn rows(canvas: &Canvas<'_>, batches: &[&[Shear]], arch: Arch) -> Vec<[f32; 10]> {
         let row = |y| {
-            let mut sums = RowSums::new(WIDTH);
+            let mut sums = RowSums::new(WIDTH, true);
             let bins = canvas.bins_in_reach(y);
             batches.iter().for_each(|shears| sums.add(canvas, (y, &bins), shears, arch));
             let value = |x: usize| sums.means(x / LANES, canvas.lost_rays).map(|mean| mean.0[x % LANES]);

@@ -6,8 +6,9 @@ use crate::methods::contract::LostRays;
 /// A pixel is empty if no more than this number of its rays, weighted by coverage, hit anything.
 pub(super) const MIN_HIT_VIEWS: f32 = 1e-3;
 
-/// Red, green, blue and alpha of the pixels of a chunk, and the share of their rays that hit something in focus.
-pub(super) type Means = [Chunk; 5];
+/// Red, green, blue and alpha of the pixels of a chunk; the share of their rays that hit something in focus; and what they gather from near
+/// surfaces ([`super::near::NearLight`]): the share of rays that these stop, their CoC radius times that share, red, green and blue.
+pub(super) type Means = [Chunk; 10];
 
 /// The index of alpha in [`Means`].
 pub(super) const ALPHA: usize = 3;
@@ -15,10 +16,41 @@ pub(super) const ALPHA: usize = 3;
 /// The index of the share of rays that hit something in focus, which is that of alpha's views.
 pub(super) const FOCUSED: usize = 4;
 
+/// The index of the share of rays that near surfaces stop in [`Means`].
+pub(super) const NEAR_SHARE: usize = 5;
+
+/// The index of the CoC radius of near surfaces in [`Means`], which is that of alpha's views.
+pub(super) const NEAR_RADIUS: usize = 6;
+
+/// The index of the red of near surfaces in [`Means`].
+pub(super) const NEAR_COLOR: usize = 7;
+
+/// What rays gather from near surfaces.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct NearSums {
+    /// Number of rays that they stop, weighted by coverage.
+    pub(super) share: Chunk,
+    /// The same, times their CoC radius in pixels.
+    pub(super) radius_px: Chunk,
+    pub(super) color: [Chunk; 3],
+}
+
+impl NearSums {
+    /// Adds the sums of `other`.
+    fn add(&mut self, other: &Self) {
+        self.share.add(&other.share);
+        self.radius_px.add(&other.radius_px);
+        self.color.iter_mut().zip(&other.color).for_each(|(sum, other)| sum.add(other));
+    }
+}
+
 /// Sums over views, one chunk for each 16 pixels.
 #[derive(Debug, Clone)]
 pub(super) struct Sums {
+    /// Colour of what is not near.
     pub(super) color: Vec<[Chunk; 3]>,
+    /// What is near; empty if it is not kept apart.
+    pub(super) near: Vec<NearSums>,
     /// Number of rays that hit something in focus, weighted by coverage.
     pub(super) focused: Vec<Chunk>,
     /// Number of rays that end in the background, weighted by transmittance.
@@ -28,23 +60,26 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// No views, for `chunks` chunks.
-    pub(super) fn blank(chunks: usize) -> Self {
+    /// No views, for `chunks` chunks; `near` says whether near surfaces are kept apart.
+    pub(super) fn blank(chunks: usize, near: bool) -> Self {
         let blank = vec![Chunk::default(); chunks];
         let color = vec![[Chunk::default(); 3]; chunks];
-        Self { color, focused: blank.clone(), transparent: blank.clone(), lost: blank }
+        let near = vec![NearSums::default(); if near { chunks } else { 0 }];
+        Self { color, near, focused: blank.clone(), transparent: blank.clone(), lost: blank }
     }
 
     /// Removes all views.
     pub(super) fn clear(&mut self) {
         self.chunks_mut().for_each(|chunk| *chunk = Chunk::default());
+        self.near.fill(NearSums::default());
     }
 
     /// Adds the sums of `other`.
     pub(super) fn add(&mut self, other: &Self) {
         for (sum, other) in self.chunks_mut().zip(other.chunks()) {
-            sum.0.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
+            sum.add(other);
         }
+        self.near.iter_mut().zip(&other.near).for_each(|(sum, other)| sum.add(other));
     }
 
     fn chunks(&self) -> impl Iterator<Item = &Chunk> {
@@ -83,12 +118,25 @@ impl Sums {
             let value = |lane: usize| sum[lane] / weight[lane];
             Chunk(std::array::from_fn(|lane| if covered[lane] > MIN_HIT_VIEWS { value(lane) } else { 0.0 }))
         };
+        let mut near = NearSums::default();
+        for sums in [self, others].into_iter().filter(|sums| !sums.near.is_empty()) {
+            near.add(&sums.near[chunk]);
+        }
+        let color = |mut rest: Chunk, channel: usize| {
+            rest.add(&near.color[channel]);
+            mean(&rest.0)
+        };
         [
-            mean(&total(|sums, chunk| &sums.color[chunk][0]).0),
-            mean(&total(|sums, chunk| &sums.color[chunk][1]).0),
-            mean(&total(|sums, chunk| &sums.color[chunk][2]).0),
+            color(total(|sums, chunk| &sums.color[chunk][0]), 0),
+            color(total(|sums, chunk| &sums.color[chunk][1]), 1),
+            color(total(|sums, chunk| &sums.color[chunk][2]), 2),
             mean(&covered),
             Chunk(std::array::from_fn(|lane| focused.0[lane] / views[lane].max(MIN_HIT_VIEWS))),
+            mean(&near.share.0),
+            mean(&near.radius_px.0),
+            mean(&near.color[0].0),
+            mean(&near.color[1].0),
+            mean(&near.color[2].0),
         ]
     }
 }

@@ -1,7 +1,7 @@
 //! One band of rows: the stack is uploaded and indexed, then its views are painted in batches.
 
 use super::frame::Frame;
-use super::kernels::{BLOCK, LAYERS_PER_TEXEL, PLANES, Params, SHADER, SQUARE, SUMS, TILE, View};
+use super::kernels::{BLOCK, LAYERS_PER_TEXEL, Params, SHADER, SQUARE, TILE, View};
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Kernel, MAX_ROUNDS, Mirrored, Resource, Texels, Texture, tiles};
 use crate::lens;
@@ -11,6 +11,7 @@ use crate::methods::shear::canvas::{Shear, Step};
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
 use crate::methods::shear::row_views::Turns;
+use crate::methods::shear::sampler::near_share_plane;
 use crate::scene::{Background, Layer};
 use glam::IVec2;
 use std::ops::Range;
@@ -78,7 +79,7 @@ impl<'a> BandBuffers<'a> {
             square_window_bins: gpu.zeros::<u32>("bins of windows of squares", words)?,
             window_occluders: gpu.zeros::<u32>("occluders of windows", blocks)?,
             sums: None,
-            picture: gpu.zeros::<f32>("the picture", PLANES * width * rows.len())?,
+            picture: gpu.zeros::<f32>("the picture", frame.planes() * width * rows.len())?,
         };
         band.fill_keys(source)?;
         band.index()?;
@@ -179,6 +180,7 @@ impl<'a> BandBuffers<'a> {
     fn paint_set(&mut self, turns: &Turns, set: usize, progress: &dyn Fn(usize)) -> Result<(), Error> {
         let channels = turns[0][set].1;
         self.params.channels = channels.iter().fold(0, |bits, channel| bits | 1 << channel);
+        self.params.near_share_plane = near_share_plane(channels) as u32;
         let turns: Vec<&[Shear]> = turns.iter().map(|sets| sets[set].0.as_slice()).collect();
         let mut painted = 0;
         while painted < self.frame.views {
@@ -221,7 +223,8 @@ impl<'a> BandBuffers<'a> {
         let (gpu, views) = (self.frame.gpu, batch.len());
         let [is_first, is_last] = [batch.start == 0, batch.end == self.frame.views];
         if !is_last && self.sums.is_none() {
-            self.sums = Some(gpu.zeros::<f32>("sums", SUMS * self.frame.picture.size.0 * self.rows)?);
+            self.sums =
+                Some(gpu.zeros::<f32>("sums", self.frame.sums() * self.frame.picture.size.0 * self.rows)?);
         }
         let turns: Vec<&[Shear]> = turns.iter().map(|shears| &shears[batch.clone()]).collect();
         let params = &gpu.uniform(&Params { batch_views: views as u32, ..self.params })?;
@@ -297,6 +300,7 @@ impl<'a> BandBuffers<'a> {
             ("MANY_LAYERS", f64::from(self.params.layers > LAYERS_PER_TEXEL as u32)),
             ("BARREL", f64::from(self.params.cats_eye > 0.0)),
             ("BACKGROUND", f64::from(self.frame.picture.background.is_some())),
+            ("NEAR", f64::from(self.frame.near_radius_per_coc.is_some())),
             ("FIRST_BATCH", f64::from(is_first)),
             ("LAST_BATCH", f64::from(is_last)),
         ];

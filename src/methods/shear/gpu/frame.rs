@@ -1,6 +1,6 @@
 //! A scene to be rendered on a GPU: the tables that the CPU computes once, and the limits that follow from the GPU's memory.
 
-use super::kernels::{LIST_ENTRIES, PLANES, Params, SUMS, TEXEL_BYTES};
+use super::kernels::{LIST_ENTRIES, NEAR_SUMS, PLANES, Params, SUMS, TEXEL_BYTES};
 use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::methods::contract::{LostRays, Plan};
@@ -8,17 +8,17 @@ use crate::methods::shared::has_translucent;
 use crate::methods::shear::bins::{Bins, MAX_BINS};
 use crate::methods::shear::keys::{Extent, Key, Keys};
 use crate::methods::shear::row_views::RowViews;
-use crate::methods::shear::sampler::{self, barrel_softness, bins};
-use crate::methods::shear::{prefilter, resolve};
+use crate::methods::shear::sampler::{self, PLANES_WITH_NEAR, barrel_softness, bins, near_radius_per_coc};
+use crate::methods::shear::{near, prefilter, resolve};
 use crate::scene::{Background, EffectKind, Layer, Scene};
 use std::ops::Range;
 
 /// Bytes of a fragment: its colour and its key.
 const FRAGMENT_BYTES: usize = TEXEL_BYTES + size_of::<Key>();
 
-/// Bytes of a pixel: sums, the picture and its readback, what the pixel shows beside its fragments, the lists of its tile, and two layers
-/// in upload.
-const PIXEL_BYTES: usize = size_of::<f32>() * (2 * PLANES + SUMS) + TEXEL_BYTES + 64 + 40;
+/// Bytes of a pixel beside its sums, the picture and its readback: what the pixel shows beside its fragments, the lists of its tile, and two
+/// layers in upload.
+const PIXEL_BYTES: usize = TEXEL_BYTES + 64 + 40;
 
 /// A scene to be rendered on a GPU.
 pub(super) struct Frame<'a> {
@@ -36,6 +36,8 @@ pub(super) struct Frame<'a> {
     pub(super) row_views: RowViews,
     /// Radius of the prefilter's box per pixel of CoC radius, if the plan has a prefilter.
     pub(super) radius_per_coc: Option<f32>,
+    /// The same of the filter of near light, if there is any ([`near_radius_per_coc`]).
+    pub(super) near_radius_per_coc: Option<f32>,
     /// The shader's parameters for one band that is the whole picture.
     pub(super) params: Params,
 }
@@ -61,7 +63,20 @@ impl<'a> Frame<'a> {
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
         let keys = Keys::new(layers, &bins, Extent::HalfWay, 0..picture.size.1);
         let params = params(&picture, layers.len(), &bins, views);
-        Ok(Self { gpu, picture, layers, translucent, views, bins, keys, row_views, radius_per_coc, params })
+        let near_radius_per_coc = near_radius_per_coc(plan, &bins, views);
+        Ok(Self {
+            gpu,
+            picture,
+            layers,
+            translucent,
+            views,
+            bins,
+            keys,
+            row_views,
+            radius_per_coc,
+            near_radius_per_coc,
+            params,
+        })
     }
 
     /// Largest distance in rows between a pixel and what it depends on.
@@ -75,23 +90,39 @@ impl<'a> Frame<'a> {
         reach_px.ceil() as usize + 1
     }
 
+    /// Number of planes of the unfinished picture: those of [`sampler::painted`].
+    pub(super) fn planes(&self) -> usize {
+        match self.near_radius_per_coc {
+            None => PLANES,
+            Some(_) if self.picture.plan.optics.has_axial_color() => PLANES_WITH_NEAR + 2,
+            Some(_) => PLANES_WITH_NEAR,
+        }
+    }
+
+    /// Number of planes of sums.
+    pub(super) fn sums(&self) -> usize {
+        if self.near_radius_per_coc.is_some() { SUMS + NEAR_SUMS } else { SUMS }
+    }
+
     /// The largest number of rows that fits into the GPU's memory and limits.
     pub(super) fn max_rows(&self) -> usize {
         let (width, layers) = (self.picture.size.0, self.layers.len());
-        let largest = width * TEXEL_BYTES.max(SUMS * size_of::<f32>());
-        let all = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES);
+        let largest = width * TEXEL_BYTES.max(self.planes().max(self.sums()) * size_of::<f32>());
+        let planes = size_of::<f32>() * (2 * self.planes() + self.sums());
+        let all = width * (FRAGMENT_BYTES * layers + PIXEL_BYTES + planes);
         let rows = |bytes: u64, row_bytes: usize| bytes as usize / row_bytes;
         rows(self.gpu.max_binding_bytes(), largest)
             .min(rows(self.gpu.max_working_bytes(), all))
             .min(self.gpu.max_texels())
     }
 
-    /// For each bin how far it counts as in focus, as bits, and the nearest bin that may hold an earlier hit of the same translucent
+    /// For each bin how far it counts as in focus, or its negative CoC radius where it counts as near, as bits, and the nearest bin that may hold an earlier hit of the same translucent
     /// surface.
     pub(super) fn bin_table(&self) -> Vec<[u32; 2]> {
         let centers_px = self.bins.centers_px().iter().enumerate();
         let bins = centers_px.map(|(bin, &coc_px)| {
-            [resolve::focus(coc_px).to_bits(), u32::from(self.bins.same_hit_from(bin))]
+            let value = if near::share(coc_px) > 0.0 { coc_px } else { resolve::focus(coc_px) };
+            [value.to_bits(), u32::from(self.bins.same_hit_from(bin))]
         });
         let mut table: Vec<[u32; 2]> = bins.collect();
         table.resize(MAX_BINS, [0; 2]);
@@ -134,12 +165,14 @@ fn params(picture: &sampler::Frame<'_>, layers: usize, bins: &Bins, views: usize
         entries: LIST_ENTRIES as u32,
         focused_start: focused.start as u32,
         focused_end: focused.end as u32,
+        near_end: bins.centers_px().partition_point(|&coc_px| near::share(coc_px) > 0.0) as u32,
         views: views as u32,
         batch_views: 0,
         turns: 0,
         lost_are_black: u32::from(picture.plan.lost_rays == LostRays::Black),
         channels: 0,
         blends: 0,
+        near_share_plane: 0,
         cats_eye: optics.cats_eye,
         axis_x_px: field.axis_px.x,
         axis_y_px: field.axis_px.y,

@@ -4,6 +4,7 @@ use crate::gpu::{Constant, Mirrored, Shader, mirrored};
 use crate::methods::shear::bins::LEVELS;
 use crate::methods::shear::bins::MAX_BINS;
 use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
+use crate::methods::shear::near::{FROM_PX, FULL_FROM_PX};
 use crate::methods::shear::paint::MIN_TRANSMITTANCE;
 use crate::methods::shear::sums::MIN_HIT_VIEWS;
 use crate::scene::MAX_TRANSLUCENT_LAYERS;
@@ -14,6 +15,8 @@ pub(super) static SHADER: Shader = Shader {
     constants: &[
         ("MIN_TRANSMITTANCE", Constant::Float(MIN_TRANSMITTANCE)),
         ("MIN_HIT_VIEWS", Constant::Float(MIN_HIT_VIEWS)),
+        ("NEAR_FROM_PX", Constant::Float(FROM_PX)),
+        ("NEAR_FULL_FROM_PX", Constant::Float(FULL_FROM_PX)),
         ("BIN_SHIFT", Constant::Uint(BIN_SHIFT)),
         ("EXTRA_SHIFT", Constant::Uint(EXTRA_SHIFT)),
         ("EXTRA_MASK", Constant::Uint(EXTRA_MASK)),
@@ -61,6 +64,9 @@ pub(super) const PLANES: usize = 5;
 /// barrel hides.
 pub(super) const SUMS: usize = 7;
 
+/// Further planes of sums with near light: its red, green and blue, rays that near surfaces stop, and their CoC radius.
+pub(super) const NEAR_SUMS: usize = 5;
+
 mirrored! {
     /// The parameters of all kernels, documented in the shader.
     pub(super) struct Params {
@@ -76,12 +82,14 @@ mirrored! {
         entries: u32,
         focused_start: u32,
         focused_end: u32,
+        near_end: u32,
         views: u32,
         batch_views: u32,
         turns: u32,
         lost_are_black: u32,
         channels: u32,
         blends: u32,
+        near_share_plane: u32,
         cats_eye: f32,
         axis_x_px: f32,
         axis_y_px: f32,

@@ -7,14 +7,14 @@
 //! Rows take turns with several sets of views, and lists are kept for each set. Where colours are averages in some places only, the
 //! picture is painted with both kinds of views and blended by pixel.
 //!
-//! Memory: 20 bytes per fragment and 190 per pixel. Translucent scenes have 32 layers at most.
+//! Memory: 20 bytes per fragment and 190 per pixel, 250 with near light. Translucent scenes have 32 layers at most.
 
 mod band;
 mod frame;
 mod kernels;
 
 use super::highlights::{self, Highlight};
-use super::prepare;
+use super::{prepare, sampler};
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
 use crate::image::{Image, Plane};
@@ -22,7 +22,7 @@ use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::scene::{EffectKind, Layer, Scene};
 use band::BandBuffers;
 use frame::Frame;
-use kernels::{PLANES, SHADER};
+use kernels::SHADER;
 use std::borrow::Cow;
 
 /// `shear` on a GPU.
@@ -66,20 +66,20 @@ fn add_light(image: &mut Image, light: &Image) {
     }
 }
 
-/// Paints all bands. Returns the picture and, for each pixel, the share of rays that hit something in focus.
+/// Paints all bands. Returns the picture with smooth near light and, for each pixel, the share of rays that hit something in focus.
 fn paint(frame: &Frame<'_>, progress: &Progress<'_>) -> Result<(Image, Plane), Error> {
     let (width, height) = frame.picture.size;
-    let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
+    let mut planes: Vec<Plane> = (0..frame.planes()).map(|_| Plane::zeros(width, height)).collect();
     let bands = bands(height, frame.reach(), frame.max_rows())?;
     for (i, band) in bands.iter().enumerate() {
         let share = |done: f32| progress((i as f32 + done) / bands.len() as f32);
         let picture = BandBuffers::new(frame, band)?.picture(&share)?;
         let values = band.rows.start * width..band.rows.end * width;
-        let mut parts = planes.each_mut().map(|plane| &mut plane.values_mut()[values.clone()]);
+        let mut parts: Vec<&mut [f32]> =
+            planes.iter_mut().map(|plane| &mut plane.values_mut()[values.clone()]).collect();
         frame.gpu.read_into(&picture, &mut parts)?;
     }
-    let [red, green, blue, alpha, focused_share] = planes;
-    Ok((Image { planes: [red, green, blue, alpha] }, focused_share))
+    Ok(sampler::painted(planes, frame.near_radius_per_coc))
 }
 
 /// The discs of `highlights` on a transparent picture; `None` without highlights.
