@@ -36,6 +36,11 @@ struct Params {
     focused_end: u32,
     // The bins that count as near, at least in part, are those before near_end.
     near_end: u32,
+    // The first bins before focus whose blocks on the CPU have 2, 4, 8 and 16 bins at most.
+    near_pairs_from: u32,
+    near_fours_from: u32,
+    near_eights_from: u32,
+    near_sixteens_from: u32,
     // Number of views of the picture, and of this batch.
     views: u32,
     batch_views: u32,
@@ -306,6 +311,26 @@ fn light_sum(a: Light, b: Light) -> Light {
     return Light(a.all + b.all, near_sum(a.near, b.near));
 }
 
+// The bin whose value counts for a fragment that is met in `bin` of `group`, before focus: that in the middle of the CPU's block, which is
+// no wider than two pixels.
+fn near_middle_of(bin: u32, group: Group) -> u32 {
+    let pairs = u32(bin >= params.near_pairs_from) + u32(bin >= params.near_fours_from);
+    let level = pairs + u32(bin >= params.near_eights_from) + u32(bin >= params.near_sixteens_from);
+    let rest = min(rests_of(vec4u(bin), group).x, (1u << level) - 1u);
+    return (bin & ~rest) + ((rest + 1u) >> 1u);
+}
+
+// The value of the bin in which a ray meets the fragment of `order` in `group` at `source`.
+fn value_at(order: u32, group: Group, source: vec2u) -> f32 {
+    let first = order >> BIN_SHIFT;
+    if !NEAR || first >= params.near_end {
+        return value_of(middle_of(first, group));
+    }
+    let layer = layer_of(order);
+    let key = keys_at(source, layer >> 2u)[layer & 3u];
+    return value_of(near_middle_of(max(key >> BIN_SHIFT, group.first), group));
+}
+
 // Sums over the rays of a pixel.
 struct RaySums {
     // Colour, and in the fourth component the rays that hit something in focus.
@@ -408,7 +433,7 @@ fn next_hit(hit: Hit, group: Group, pixel: vec2u) -> Hit {
     if order == NONE {
         return hit;
     }
-    return Hit(source, order, value_of(middle_of(order >> BIN_SHIFT, group)));
+    return Hit(source, order, value_at(order, group, source));
 }
 
 // `sums` with a ray of `view` from `pixel` that ends at `hit`.
@@ -523,7 +548,7 @@ fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite 
         }
         let color = textureLoad(colors, source, layer, 0);
         let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
-        let value = value_of(middle_of(order >> BIN_SHIFT, group));
+        let value = value_at(order, group, source);
         light = light_sum(light, scaled(light_of(value, color.rgb, alpha), transmittance));
         transmittance *= 1.0 - alpha;
         if transmittance < MIN_TRANSMITTANCE {

@@ -297,7 +297,9 @@ fn find_groups(@builtin(global_invocation_id) at: vec3u) {
     if count <= params.entries {
         var last = packed(group);
         if covered && count == 1u {
-            last.y = middle_of(occluder.first, group) | COVERED;
+            let is_near = NEAR && occluder.first < params.near_end;
+            let middle = select(middle_of(occluder.first, group), near_middle_of(occluder.first, group), is_near);
+            last.y = middle | COVERED;
         }
         groups[list + count - 1u] = last | vec2u(0u, LAST);
     }

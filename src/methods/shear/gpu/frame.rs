@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::methods::contract::{LostRays, Plan};
 use crate::methods::shared::has_translucent;
-use crate::methods::shear::bins::{Bins, MAX_BINS};
+use crate::methods::shear::bins::{Bins, LEVELS, MAX_BINS};
 use crate::methods::shear::keys::{Extent, Key, Keys};
 use crate::methods::shear::row_views::RowViews;
 use crate::methods::shear::sampler::{self, PLANES_WITH_NEAR, barrel_softness, bins, near_radius_per_coc};
@@ -166,6 +166,10 @@ fn params(picture: &sampler::Frame<'_>, layers: usize, bins: &Bins, views: usize
         focused_start: focused.start as u32,
         focused_end: focused.end as u32,
         near_end: bins.centers_px().partition_point(|&coc_px| near::share(coc_px) > 0.0) as u32,
+        near_pairs_from: near_level_from(bins, 1) as u32,
+        near_fours_from: near_level_from(bins, 2) as u32,
+        near_eights_from: near_level_from(bins, 3) as u32,
+        near_sixteens_from: near_level_from(bins, 4) as u32,
         views: views as u32,
         batch_views: 0,
         turns: 0,
@@ -186,4 +190,10 @@ fn focused_bins(bins: &Bins) -> Range<usize> {
     let is_focused = |&coc_px: &f32| resolve::focus(coc_px) > 0.0;
     let first = bins.centers_px().iter().position(is_focused).unwrap_or(0);
     first..bins.centers_px().iter().rposition(is_focused).map_or(first, |last| last + 1)
+}
+
+/// The first bin from which on, up to focus, there are blocks of level `level`: bins become narrower towards focus.
+fn near_level_from(bins: &Bins, level: usize) -> usize {
+    let mut largest_blocks = (0..bins.count()).step_by(1 << (LEVELS - 1));
+    largest_blocks.find(|&first| bins.highest_level(first) >= level).unwrap_or(bins.count())
 }
