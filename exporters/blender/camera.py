@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The camera: its frame, its lens, and the pinhole camera that stands in for it while peels are rendered."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """A program that runs beside Blender: its lines as they come, its end, and stopping it. No Blender here."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Peels of a Blender scene from a shell.
 
 blender -b shot.blend -P cli.py -- --frames 1-100 -o stacks/shot.####.exr

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Marks the closed meshes of a scene, so that peels leave out their inside."""
 
 from __future__ import annotations

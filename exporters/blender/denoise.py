@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Denoising of peels with Open Image Denoise, by the compositor of a scene made for it.
 
 Light that a surface emits has no noise, and a denoiser would spread and weaken lamps of a few pixels: it is taken

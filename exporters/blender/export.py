@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The export of one frame: renders, with the scene changed and restored, then merging and writing."""
 
 from __future__ import annotations

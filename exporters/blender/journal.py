@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The journal of an export: every change to the open file, so that each is undone in reverse order."""
 
 from __future__ import annotations

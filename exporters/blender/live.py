@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Live re-lens: while it is on, the picture follows the camera's focus, f-stop, blades, rotation and ratio.
 
 A timer looks at the camera ten times a second. So every way to change the lens is seen: a field, a key frame, the focus

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Materials while peels are rendered: each is mixed with a transparent shader by the node group of `peel_nodes`."""
 
 from __future__ import annotations

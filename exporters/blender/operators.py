@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The buttons: export, apply the lens, cancel. In a window they run beside the user's work; without one they wait."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The panel thinlens below a camera's depth of field: export, apply the lens, live re-lens, the post step.
 
 It only shows properties and buttons; what they do is in `operators.py`, `live.py` and `post_step.py`.

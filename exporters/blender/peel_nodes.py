@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The node group that decides which surfaces the camera sees in a peel.
 
 It compares a surface's distance with that of the peel before it, or of the peel itself, which an image holds for each

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The peels of one frame: for each, a render of its distances, then one of its light."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The post step: each frame that a render writes gets the lens, in a file beside it. A failure stops no render."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The open file as the panel's jobs need it: which camera, its lens, its files, and a copy of everything."""
 
 from __future__ import annotations

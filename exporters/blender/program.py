@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The program thinlens: where it is, and whether it runs. No Blender here."""
 
 from __future__ import annotations

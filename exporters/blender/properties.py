@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """What the panel stores in the file: on each camera how it is exported, on each scene the post step."""
 
 from __future__ import annotations

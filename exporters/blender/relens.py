@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """When to render a stack again as its lens changes: one job at a time, the last change wins. No Blender here."""
 
 from __future__ import annotations

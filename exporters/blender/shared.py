@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The package that the exporters share, under one name wherever it is.
 
 Written out by `thinlens export blender`, it lies in this folder; in the project's tree, in `../common`.

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """The view layer that is rendered for peels: one that stands in for the user's.
 
 The user's own is not changed: the compositor's nodes would get the outputs of its passes.

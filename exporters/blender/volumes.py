@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Volumes, which scatter rays before they find a surface: they are taken out while distances are rendered."""
 
 from __future__ import annotations
