@@ -11,16 +11,29 @@ from . import live, operators, panel, post_step, preferences, properties
 _PARTS = (preferences, properties, operators, live, post_step, panel)
 
 
+class _State:
+    """Whether everything is there."""
+
+    is_registered: bool = False
+
+
 def register() -> None:
     """Adds everything."""
     for part in _PARTS:
         part.register()
+    _State.is_registered = True
     # A script with the bpy module may end without `unregister`: Blender 4.5 hangs then.
     atexit.register(unregister)
 
 
 def unregister() -> None:
-    """Removes everything, in reverse order, and ends jobs that run."""
+    """Removes everything, in reverse order, and ends jobs that run; nothing where it is removed already.
+
+    When a script ends by `sys.exit`, Python calls this first, then Blender does.
+    """
+    if not _State.is_registered:
+        return
+    _State.is_registered = False
     atexit.unregister(unregister)
     for part in reversed(_PARTS):
         part.unregister()
