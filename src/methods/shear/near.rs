@@ -395,7 +395,7 @@ mod tests {
         values.fold(0.0, |most: f32, (before, after)| most.max((after - before).abs()))
     }
 
-    /// Shares of rays as of few views: whole numbers of 64ths about a mean.
+    /// Shares of rays as of few views: whole numbers out of 64 about a mean.
     fn noisy(x: usize, y: usize) -> f32 {
         (32.0 + ((x * 7 + y * 13) % 5) as f32 - 2.0) / 64.0
     }
