@@ -75,7 +75,7 @@ def _scene(name: str | None) -> Any:
 
 
 def _settings(options: argparse.Namespace) -> Settings:
-    names = ("peels", "kind", "supersample", "samples", "overscan", "denoise", "background", "cryptomatte")
+    names = ("peels", "kind", "supersample", "samples", "overscan", "denoise", "background", "cryptomatte", "shading")
     names += ("camera", "view_layer", "threads")
     return Settings(**{name: getattr(options, name) for name in names})
 

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from . import camera as cameras
-from . import closed_objects, cryptomatte, materials, overscan, view_layer
+from . import closed_objects, cryptomatte, materials, overscan, shading, view_layer
 from .camera import View
 from .denoise import Denoiser
 from .journal import Journal
@@ -58,6 +58,7 @@ def export(scene: Any, settings: Settings, path: str, talk: Talk) -> str:
         layers = merging.merge(merging.split(layers, per_axis), rendered.lens.for_merging(), rendered.view.width)
         crypto = cryptomatte.merged(crypto, per_axis)
         kind = stack.Kind("coverage")
+    shading.finish(layers)
     attributes = {
         **rendered.peels.attributes,
         "pixelAspectRatio": float(rendered.view.pixel_aspect),
@@ -126,10 +127,14 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
     _mark_closed(renderer.layer, eye, journal, say)
     nodes = PeelNodes(size, view.pixels_per_slope(start.lens.focal_length_mm) * per_axis, journal)
     volumes = Volumes(scene, journal)
-    _say_materials(materials.wrap_all(nodes.group, journal, say), volumes.names, say)
+    wrapped = materials.wrap_all(nodes.group, journal, say)
+    _say_materials(wrapped.tinted, volumes.names, say)
     cameras.aim(scene, data, view, over, size)
-    denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress) if wishes.denoises else None
-    peeler = Peeler(renderer, nodes, volumes, denoiser, say)
+    peeler = Peeler(renderer, nodes, volumes, say)
+    if wishes.denoises:
+        peeler.denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress)
+    if settings.shading:
+        peeler.shading = shading.Shading(scene, renderer.layer, wrapped.surfaces, camera, journal)
     peels = peeler.render(settings.peels, wishes.samples, settings.cryptomatte)
     if wishes.has_background:
         peels.layers.append(peeler.background(peels, wishes.samples))

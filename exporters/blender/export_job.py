@@ -15,7 +15,7 @@ from .outcome import Outcome, error_text, warnings
 from .shared import frames
 
 # The lines of `cli.py --verbose` that name a render, and the line of a frame that is done.
-_STEP = re.compile(r"(?:distances of |denoising of )?peel \d+|background|overscan")
+_STEP = re.compile(r"(?:distances of |denoising of |reflections of )?peel \d+|background|overscan")
 _DONE = re.compile(r".+, \d+\.\d s(?:, .*)?|frame -?\d+: .* is there already")
 _FAILED = re.compile(r".+: failed")
 

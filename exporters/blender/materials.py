@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -19,6 +20,16 @@ DEFAULT_COLOR = (0.8, 0.8, 0.8, 1.0)
 TRANSPARENT = {"BSDF_TRANSPARENT", "HOLDOUT", "SCRIPT"}
 # Types of objects with a surface, whose data holds materials.
 SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
+
+
+@dataclass
+class Wrapped:
+    """What wrapping the materials found."""
+
+    # Names of materials with coloured transparent shaders.
+    tinted: list[str] = field(default_factory=list)
+    # Node trees, and the input that the surface is linked to.
+    surfaces: list[tuple[Any, Any]] = field(default_factory=list)
 
 
 def used() -> Iterator[Any]:
@@ -79,12 +90,9 @@ def _plain_material(journal: Journal, color: tuple[float, ...] = DEFAULT_COLOR) 
     return material
 
 
-def wrap_all(group: Any, journal: Journal, say: Say) -> list[str]:
-    """Puts the node group before the output of every used material, and straightens coloured transparent shaders.
-
-    Returns the names of the materials that have those.
-    """
-    tinted, straightened = [], set()
+def wrap_all(group: Any, journal: Journal, say: Say) -> Wrapped:
+    """Puts the node group before the output of every used material, and straightens coloured transparent shaders."""
+    out, straightened = Wrapped(), set()
     for material in list(used()):
         tree = material.node_tree
         output = tree.get_output_node("CYCLES") if tree else None
@@ -96,16 +104,19 @@ def wrap_all(group: Any, journal: Journal, say: Say) -> list[str]:
                 # In Blender 4.2, that changes another property as well.
                 journal.remember(material, "shadow_method")
                 journal.set(material, "use_transparent_shadow", False)
-            _wrap(tree, output, group, journal)
+            out.surfaces += [(tree, target) for target in _wrap(tree, output, group, journal)]
             if _straighten(tree, journal, straightened):
-                tinted.append(material.name)
+                out.tinted.append(material.name)
         except (AttributeError, RuntimeError) as error:
             say(f"warning: material {material.name} cannot be changed and is in front in every peel ({error})")
-    return tinted
+    return out
 
 
-def _wrap(tree: Any, output: Any, group: Any, journal: Journal) -> None:
-    """Puts the node group before the surface of `output`. A volume without a surface gets a clear one."""
+def _wrap(tree: Any, output: Any, group: Any, journal: Journal) -> list[Any]:
+    """Puts the node group before the surface of `output`, and returns the input that the surface is now linked to.
+
+    A volume without a surface gets a clear one, and has no such input.
+    """
     target = output.inputs["Surface"]
     source = target.links[0].from_socket if target.is_linked else None
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
@@ -113,7 +124,7 @@ def _wrap(tree: Any, output: Any, group: Any, journal: Journal) -> None:
     journal.on_restore(lambda: _unlink(tree, nodes, source, target))
     if source is None and output.inputs["Volume"].is_linked:
         tree.links.new(clear.outputs[0], target)
-        return
+        return []
     show, mix = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeMixShader")
     nodes += [show, mix]
     show.node_tree = group
@@ -122,6 +133,7 @@ def _wrap(tree: Any, output: Any, group: Any, journal: Journal) -> None:
     if source:
         tree.links.new(source, mix.inputs[2])
     tree.links.new(mix.outputs[0], target)
+    return [mix.inputs[2]]
 
 
 def _unlink(tree: Any, nodes: list[Any], source: Any, target: Any) -> None:

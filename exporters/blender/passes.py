@@ -18,6 +18,11 @@ from .view_layer import stand_in
 
 # Camera rays pass so many hidden or transparent surfaces.
 TRANSPARENT_BOUNCES = 1024
+# Of a view layer.
+SHADING_PASSES = ("use_pass_normal", "use_pass_glossy_direct", "use_pass_glossy_indirect", "use_pass_glossy_color")
+
+# The passes of specular reflection in Blender 4 and Blender 5.
+GLOSSY = (("GlossDir", "Glossy Direct"), ("GlossInd", "Glossy Indirect"), ("GlossCol", "Glossy Color"))
 
 # Is told the name of each render before it starts.
 Progress = Callable[[str], None]
@@ -36,6 +41,10 @@ class Job:
     transparent: bool = True
     # Whether what denoising needs is rendered too.
     guides: bool = False
+    # Whether normals and what is reflected specularly are rendered too.
+    shading: bool = False
+    # Without light, how often rays are reflected.
+    bounces: int = 0
     cryptomatte: bool = False
 
 
@@ -64,6 +73,15 @@ class Passes:
         # Blender 4 and Blender 5.
         return np.stack([self.channel(f"Emit.{end}", f"Emission.{end}") for end in "RGB"], axis=-1)
 
+    def glossy(self) -> np.ndarray:
+        """The light that surfaces reflect specularly, `[height][width][3]`."""
+        direct, indirect, color = (
+            # Blender 4 and Blender 5.
+            np.stack([self.channel(f"{short}.{end}", f"{long}.{end}") for end in "RGB"], axis=-1)
+            for short, long in GLOSSY
+        )
+        return (direct + indirect) * color
+
     def vector(self, name: str, ends: str) -> np.ndarray:
         """The pass `name` with channels `ends`, `[height][width][len(ends)]`."""
         return np.stack([self.channel(f"{name}.{end}") for end in ends], axis=-1)
@@ -90,11 +108,13 @@ class Renderer:
         """The passes of one render. Raises `ExportError` if it fails or is stopped."""
         cycles, layer = self.scene.cycles, self.layer
         cycles.samples = job.samples
-        cycles.max_bounces = self.bounces if job.light else 0
+        cycles.max_bounces = self.bounces if job.light else job.bounces
         self.scene.render.film_transparent = job.transparent
         layer.use_pass_emit = layer.cycles.denoising_store_passes = job.guides
         for kind in self.cryptomattes:
             setattr(layer, _cryptomatte(kind), job.cryptomatte)
+        for name in SHADING_PASSES:
+            setattr(layer, name, job.shading)
         self.progress(job.name)
         return Passes(*render_to(self.scene, self.path, job.name), layer.name)
 

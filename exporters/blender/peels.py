@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import shading as shadings
 from .denoise import Denoiser
 from .passes import Job, Passes, Renderer
 from .peel_nodes import PeelNodes, Show
 from .settings import Say
+from .shading import Shading
 from .shared import exr
 from .shared import lens as lenses
 from .shared import merge as merging
@@ -34,11 +36,12 @@ class Peels:
 class Peeler:
     """Renders peels: `renderer` through the materials that `nodes` are in."""
 
-    def __init__(
-        self, renderer: Renderer, nodes: PeelNodes, volumes: Volumes, denoiser: Denoiser | None, say: Say
-    ) -> None:
-        self.renderer, self.nodes, self.volumes = renderer, nodes, volumes
-        self.denoiser, self.say = denoiser, say
+    def __init__(self, renderer: Renderer, nodes: PeelNodes, volumes: Volumes, say: Say) -> None:
+        self.renderer, self.nodes, self.volumes, self.say = renderer, nodes, volumes, say
+        # What denoises the peels, if they are denoised.
+        self.denoiser: Denoiser | None = None
+        # What measures reflections, if the peels have channels for them.
+        self.shading: Shading | None = None
 
     def render(self, peels: int, samples: int, cryptomatte: bool) -> Peels:
         """At most `peels` peels of surfaces with so many light samples each."""
@@ -69,7 +72,8 @@ class Peeler:
             ends = ~missed
             if missed.mean() >= MISSED_SHARE:
                 self.say(f"note: {100 * missed.mean():.1f} % of the samples have surfaces behind peel {len(depths)}")
-        return _layer(color, ends.astype(np.float32), np.full(ends.shape, lenses.NOTHING_HIT, np.float32))
+        more = shadings.of_background(color) if self.shading else ({}, {})
+        return _layer(color, ends.astype(np.float32), np.full(ends.shape, lenses.NOTHING_HIT, np.float32), *more)
 
     def _distances(self, depths: list[np.ndarray], cryptomatte: bool) -> Passes:
         """A render of the nearest surfaces behind the last of `depths`."""
@@ -81,12 +85,23 @@ class Peeler:
         self.nodes.select(Show.AT, depth)
         self.volumes.show(True)
         name = f"peel {peel}"
-        passes = self.renderer.render(Job(name, samples, light=True, guides=self.denoiser is not None))
+        guides, shading = self.denoiser is not None, self.shading is not None
+        passes = self.renderer.render(Job(name, samples, light=True, guides=guides, shading=shading))
         alpha = np.clip(passes.channel("Combined.A"), 0.0, 1.0)
-        color = passes.vector("Combined", "RGB")
-        if self.denoiser:
-            color = self.denoiser.denoise(passes, f"denoising of {name}")
-        return _layer(color, np.where(depth < lenses.BACKGROUND, alpha, 0.0), depth)
+        color = self._denoised(passes.vector("Combined", "RGB"), passes, name)
+        more = self._shaded(passes, name) if self.shading else ({}, {})
+        return _layer(color, np.where(depth < lenses.BACKGROUND, alpha, 0.0), depth, *more)
+
+    def _shaded(self, passes: Passes, name: str) -> tuple[dict, dict]:
+        """The channels for reflections of the peel that is shown."""
+        diffuse = self._denoised(shadings.diffuse(passes), passes, name)
+        self.volumes.show(False)
+        inverse = self.shading.inverse_distances(self.renderer, name)
+        return shadings.channels(diffuse, self.shading.normals(passes), inverse)
+
+    def _denoised(self, color: np.ndarray, passes: Passes, name: str) -> np.ndarray:
+        """`color`, denoised where the peels are."""
+        return self.denoiser.denoise(color, passes, f"denoising of {name}") if self.denoiser else color
 
     def _keep_cryptomatte(self, passes: Passes, out: Peels) -> None:
         out.cryptomatte = {name: plane for name, plane in passes.channels.items() if "Crypto" in name}
@@ -98,11 +113,13 @@ class Peeler:
         self.say(f"peels cover {shown} of the picture, {samples} light samples each")
 
 
-def _layer(color: np.ndarray, alpha: np.ndarray, depth: np.ndarray) -> merging.Layer:
+def _layer(color: np.ndarray, alpha: np.ndarray, depth: np.ndarray, sums: dict, means: dict) -> merging.Layer:
     """A layer that is empty where `alpha` is 0."""
     is_empty = alpha <= 0.0
+    more = ({name: np.where(is_empty, 0.0, plane) for name, plane in planes.items()} for planes in (sums, means))
     return merging.Layer(
         np.where(is_empty[..., None], 0.0, color).astype(np.float32),
         alpha.astype(np.float32),
         np.where(is_empty, lenses.NOTHING_HIT, depth).astype(np.float32),
+        *more,
     )

@@ -38,6 +38,8 @@ class Settings:
     # Whether the world is the last peel.
     background: bool | None = None
     cryptomatte: bool = True
+    # Whether there are channels for reflections.
+    shading: bool = False
     camera: str | None = None
     view_layer: str | None = None
     threads: int | None = None

@@ -29,7 +29,7 @@ passes = importlib.import_module(f"{cli.PACKAGE}.passes")
 denoise = importlib.import_module(f"{cli.PACKAGE}.denoise")
 Settings = importlib.import_module(f"{cli.PACKAGE}.settings").Settings
 
-QUICK = {"peels": 2, "samples": 1, "supersample": 1, "kind": "point", "threads": 2}
+QUICK = {"peels": 2, "samples": 1, "supersample": 1, "kind": "point", "threads": 2, "shading": True}
 
 
 class Injected(Exception):
