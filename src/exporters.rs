@@ -71,6 +71,7 @@ pub const EXPORTERS: [Exporter; 2] = [
             "blender/relens.py",
             "blender/result_image.py",
             "blender/settings.py",
+            "blender/shading.py",
             "blender/shared.py",
             "blender/view_layer.py",
             "blender/volumes.py",

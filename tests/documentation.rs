@@ -95,9 +95,7 @@ fn make_files(folder: &Path) {
         .unwrap();
     // An exporter's stack has the lens.
     fs::create_dir(folder.join("stacks")).unwrap();
-    for name in ["shot.exr", "stacks/shot.0001.exr"] {
-        copy(&Path::new(ROOT).join("samples/stall/stack.exr"), &folder.join(name));
-    }
+    copy(&Path::new(ROOT).join("samples/stall/stack.exr"), &folder.join("stacks/shot.0001.exr"));
     for (peel, depth) in [1, 2, 3].into_iter().enumerate() {
         let part = Part::flat((32, 18), &format!("R=0.5 G=0.5 B=0.5 A=1 Z={depth}"));
         fs::write(folder.join(format!("peel{peel}.exr")), exr_bytes(vec![part])).unwrap();

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
 """Further channels of each peel, for reflections that the lens moves.
 
 `Diffuse.R` `.G` `.B`, premultiplied: the colour without what the surface reflects specularly. `Normal.X` `.Y` `.Z`: the
