@@ -101,11 +101,20 @@ def lens_of(camera: Any, view: View, say: Say) -> Any:
         say(f"warning: pixels are {view.pixel_aspect:g} times as wide as high; thinlens blurs as if they were square")
     if not dof.use_dof:
         say(f"note: depth of field is off in camera {camera.name}; its lens is written all the same")
+    distance = focus_distance(camera)
+    if distance <= 0.0 and dof.use_dof:
+        raise ExportError(
+            "the camera is focused on itself",
+            where=f"camera {camera.name}",
+            found=f"focus distance {distance:g}",
+            wanted="a distance above 0",
+            help="set the focus distance, or choose another focus object",
+        )
     return lens.Lens(
         focal_length_mm=data.lens,
         sensor_width_mm=view.sensor_width_mm,
         f_number=dof.aperture_fstop if dof.aperture_fstop > 0 else math.inf,
-        focus_distance=focus_distance(camera),
+        focus_distance=distance if distance > 0.0 else None,
         blades=BLADES.get(dof.aperture_blades, dof.aperture_blades),
         rotation_deg=math.degrees(dof.aperture_rotation),
         squeeze=squeeze,

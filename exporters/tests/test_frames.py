@@ -24,6 +24,13 @@ class Lists(unittest.TestCase):
             with self.assertRaisesRegex(ExportError, "list of frames"):
                 frames.parse(text)
 
+    def test_a_list_of_more_frames_than_anybody_means_is_refused_at_once(self):
+        self.assertEqual(len(frames.parse("1-1000000")), frames.MOST_FRAMES)
+        for text in ("1-1000001", "1-999999999999", "1-600000,700001-1200000"):
+            with self.assertRaisesRegex(ExportError, "too many frames"):
+                frames.parse(text)
+        self.assertEqual(frames.parse("1-999999999x999999998"), [1, 999999999])
+
 
 class Names(unittest.TestCase):
     def test_the_last_run_of_hashes_in_the_name_is_the_number(self):
@@ -69,6 +76,12 @@ class Runs(unittest.TestCase):
         self.assertEqual(self.exported, [1, 2, 3])
         self.assertIn("no camera", self.said.getvalue())
         self.assertIn("1 of 3 frames failed", self.said.getvalue())
+
+    def test_a_file_that_is_no_openexr_is_refused_before_anything_is_rendered(self):
+        for name in ("a.png", "a", "stack.exr.tmp", "a.##.jpg"):
+            self.assertEqual(self.run_frames([1], str(Path(self.pattern).with_name(name))), frames.WRONG_USAGE)
+        self.assertEqual(self.exported, [])
+        self.assertIn("ends in .exr", self.said.getvalue())
 
     def test_the_exit_code_tells_whether_all_frames_failed_or_some(self):
         self.assertEqual(self.run_frames([2], self.pattern), 1)

@@ -16,6 +16,9 @@ FAILED = 1
 WRONG_USAGE = 2
 SOME_FAILED = 3
 
+# More frames than a list can be meant to have.
+MOST_FRAMES = 1_000_000
+
 _RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?:x(\d+))?)?")
 
 
@@ -33,6 +36,8 @@ def parse(text: str) -> list[int]:
             raise ExportError(
                 "this is not a list of frames", found=f'"{text}"', wanted='numbers and ranges, such as "1-100,120"'
             )
+        if (last - first) // (step or 1) + len(frames) >= MOST_FRAMES:
+            raise ExportError("the list has too many frames", found=f'"{text}"', wanted=f"at most {MOST_FRAMES}")
         frames.update(range(first, last + 1, step or 1))
     return sorted(frames)
 
@@ -53,21 +58,28 @@ def is_pattern(pattern: str) -> bool:
     return path(pattern, 0) != path(pattern, 1)
 
 
+def _check(pattern: str, count: int) -> None:
+    """Raises `ExportError` unless so many frames can be written by `pattern`."""
+    if not pattern.lower().endswith(".exr"):
+        raise ExportError("stacks are OpenEXR files", found=pattern, wanted="a name that ends in .exr")
+    if count > 1 and not is_pattern(pattern):
+        raise ExportError(
+            f"{count} frames cannot go into one file",
+            found=pattern,
+            wanted="a place for the frame number, such as shot.####.exr",
+        )
+
+
 def run(frames: Sequence[int], pattern: str, export: Callable[[int, str], str], *, overwrite: bool = False) -> int:
     """Exports each frame by `export(frame, path)`, which returns what to say of it. One line a frame on standard error.
 
     Frames whose file is complete are skipped, unless `overwrite`. A frame that fails does not stop the others.
     Returns the exit code: `SOME_FAILED` if others are there.
     """
-    if len(frames) > 1 and not is_pattern(pattern):
-        print(
-            ExportError(
-                f"{len(frames)} frames cannot go into one file",
-                found=pattern,
-                wanted="a place for the frame number, such as shot.####.exr",
-            ),
-            file=sys.stderr,
-        )
+    try:
+        _check(pattern, len(frames))
+    except ExportError as error:
+        print(error, file=sys.stderr)
         return WRONG_USAGE
     failed = 0
     for frame in frames:
