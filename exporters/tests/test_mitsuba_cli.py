@@ -1,6 +1,7 @@
 """The command line of the Mitsuba exporter. Skipped where the package mitsuba is not installed."""
 
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -120,6 +121,8 @@ class CommandLine(unittest.TestCase):
         self.assertIn("one sample", self.export(*wrong, expected=2))
         self.assertIn("list of frames", self.export("scene.xml", "--frames", "x", "-o", "a.#.exr", expected=2))
         self.assertIn("not from", self.export("scene.xml", "--peels", "0", "-o", "a.exr", expected=2))
+        (self.folder / "empty.xml").write_text(re.sub("<shape.*</shape>", "", SCENE, flags=re.DOTALL))
+        self.assertIn("no shapes", self.export("empty.xml", "-o", "a.exr", expected=1))
         self.assertEqual(list(self.folder.glob("*.exr")), [])
 
     def test_the_same_command_makes_the_same_file(self):

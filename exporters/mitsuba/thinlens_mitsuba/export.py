@@ -25,6 +25,8 @@ def export(options: argparse.Namespace, frame: int | None, target: str) -> str:
     """Exports a scene into the file `target`; returns what to say of it. Raises `ExportError` if it cannot."""
     cpu = time.process_time()
     scene = _load(options, frame)
+    if not scene.shapes():
+        raise ExportError("the scene has no shapes: nothing has a depth", where=options.scene)
     sensors = scene.sensors()
     if options.sensor >= len(sensors):
         raise ExportError("there is no such sensor", found=f"{len(sensors)} sensors", wanted=f"sensor {options.sensor}")
