@@ -30,6 +30,7 @@ const SHARED: Files = files![
     "common/thinlens_stack/frames.py",
     "common/thinlens_stack/lens.py",
     "common/thinlens_stack/merge.py",
+    "common/thinlens_stack/shading.py",
     "common/thinlens_stack/stack.py",
 ];
 

@@ -236,8 +236,7 @@ pub trait PixelFilter: fmt::Debug + Send + Sync {
 /// A lens-sampling method with a scene.
 pub trait Sampler {
     /// Values at `pixels`, each `y · width + x`, of the picture of [`LensSampling::sampled`] with `views` lens samples, to within
-    /// rounding, but for what the method smooths over whole neighbourhoods: their error is then above that of the picture. Intermediate
-    /// results are cached for the next call with the same `views`.
+    /// rounding. Intermediate results are cached for the next call with the same `views`.
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]>;
 
     /// Renders the picture with `views` lens samples, with its lights.

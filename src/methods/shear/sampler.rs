@@ -94,6 +94,8 @@ struct Prepared {
     row_views: RowViews,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
+    /// What [`Prepared::paint`] has painted, if single pixels were asked for that need their surroundings.
+    whole: Option<(Image, Plane)>,
 }
 
 impl Prepared {
@@ -129,7 +131,7 @@ impl Prepared {
             prefilter::smooth(&mut layers, views, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
         }
         let row_views = RowViews::new(plan, &frame.antialiasing, &bins, views);
-        Self { views, bins, spans, row_views, layers }
+        Self { views, bins, spans, row_views, layers, whole: None }
     }
 
     fn canvas<'a>(&'a self, frame: &'a Frame<'_>) -> Canvas<'a> {
@@ -171,6 +173,28 @@ impl Prepared {
                 }
             }
         })
+    }
+
+    /// The values of `pixels`, `y · width + x` each, of [`Prepared::paint`].
+    ///
+    /// Smooth near light needs a pixel's surroundings, and those of a few hundred pixels are much of the picture: there all of it is painted,
+    /// and kept.
+    fn values_of(&mut self, frame: &Frame<'_>, pixels: impl Iterator<Item = usize>) -> Painted {
+        if near_radius_per_coc(frame.plan, &self.bins, self.views).is_none() {
+            let reach = Reach::from_spans(&self.spans, &self.bins, frame.size);
+            return self.paint_pixels(&self.canvas(frame), (&reach, frame.size.0), pixels);
+        }
+        let (image, focused_share) = match self.whole.take() {
+            Some(whole) => whole,
+            None => self.paint(frame, &|_| {}),
+        };
+        let value = |pixel: usize| {
+            let [r, g, b, a] = image.planes.each_ref().map(|plane| plane.values()[pixel]);
+            (pixel, [r, g, b, a, focused_share.values()[pixel]])
+        };
+        let values = pixels.map(value).collect();
+        self.whole = Some((image, focused_share));
+        values
     }
 
     /// Paints all views of `pixels` only, `y · width + x` each. The values are those of [`Prepared::paint`] before near light is smoothed.
@@ -319,27 +343,20 @@ type Painted = HashMap<usize, [f32; 5]>;
 impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
         let frame = &self.frame;
-        let (prepared, saved) = match std::mem::replace(&mut self.layers, PaintLayers::Unprepared(Vec::new()))
-        {
-            PaintLayers::Unprepared(layers) => {
-                let saved = SavedColors::from_layers(&layers);
-                (Box::new(Prepared::new(layers, frame, views)), saved)
-            }
-            PaintLayers::Prepared(prepared, saved) => {
-                (Box::new(prepared.for_views(&saved, frame, views)), saved)
-            }
-        };
-        let width = frame.size.0;
-        let reach = Reach::from_spans(&prepared.spans, &prepared.bins, frame.size);
-        let canvas = prepared.canvas(frame);
-        let own = prepared.paint_pixels(&canvas, (&reach, width), pixels.iter().copied());
+        let (mut prepared, saved) =
+            match std::mem::replace(&mut self.layers, PaintLayers::Unprepared(Vec::new())) {
+                PaintLayers::Unprepared(layers) => {
+                    let saved = SavedColors::from_layers(&layers);
+                    (Box::new(Prepared::new(layers, frame, views)), saved)
+                }
+                PaintLayers::Prepared(prepared, saved) => {
+                    (Box::new(prepared.for_views(&saved, frame, views)), saved)
+                }
+            };
+        let own = prepared.values_of(frame, pixels.iter().copied());
         let filter = |pixel: usize| frame.resolve.as_ref().filter(|_| own[&pixel][FOCUSED] > 0.0);
         let resolved = pixels.iter().copied().filter(|&pixel| filter(pixel).is_some());
-        let around = prepared.paint_pixels(
-            &canvas,
-            (&reach, width),
-            resolved.flat_map(|pixel| neighbours(pixel, frame.size)),
-        );
+        let around = prepared.values_of(frame, resolved.flat_map(|pixel| neighbours(pixel, frame.size)));
         let color = |[r, g, b, a, _]: [f32; 5]| [r, g, b, a];
         let value = |&pixel: &usize| {
             let values = own[&pixel];
@@ -355,11 +372,12 @@ impl Sampler for ShearSampler<'_> {
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
         let Self { frame, highlights, layers } = *self;
-        let prepared = match layers {
+        let mut prepared = match layers {
             PaintLayers::Unprepared(layers) => Prepared::new(layers, &frame, views),
             PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, &frame, views),
         };
-        let (mut image, focused_share) = prepared.paint(&frame, progress);
+        let whole = prepared.whole.take();
+        let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
         prepared.draw_discs(&mut image, &highlights, &frame);
         if let Some(resolve) = &frame.resolve {
             resolve.soften(&mut image, focused_share);
