@@ -22,6 +22,7 @@ from .peels import Peeler, Peels
 from .settings import COVERAGE, POINT, Say, Settings
 from .shared import ExportError, stack
 from .shared import merge as merging
+from .shared import shading as names
 from .volumes import Volumes
 
 # What the header of a stack calls a kind.
@@ -58,7 +59,7 @@ def export(scene: Any, settings: Settings, path: str, talk: Talk) -> str:
         layers = merging.merge(merging.split(layers, per_axis), rendered.lens.for_merging(), rendered.view.width)
         crypto = cryptomatte.merged(crypto, per_axis)
         kind = stack.Kind("coverage")
-    shading.finish(layers)
+    names.finish(layers)
     attributes = {
         **rendered.peels.attributes,
         "pixelAspectRatio": float(rendered.view.pixel_aspect),

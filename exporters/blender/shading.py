@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0 OR GPL-3.0-or-later
-"""Further channels of each peel, for reflections that the lens moves.
+"""What a surface of Cycles is in the channels of `thinlens_stack.shading`: colour, normal, reflected distance.
 
-`Diffuse.R` `.G` `.B`, premultiplied: the colour without what the surface reflects specularly. `Normal.X` `.Y` `.Z`: the
-shading normal in the camera's axes: right, up, towards the viewer. `ReflectedDistance.V`: along the mirrored ray from
-the surface, in scene units; 1e10 if it meets nothing.
-
-Cycles has passes for the first two. For the third, materials become mirrors that show the length of the mirrored ray.
+It has passes for the first two. For the third, materials become mirrors that show the length of the mirrored ray.
 """
 
 from __future__ import annotations
@@ -19,13 +15,8 @@ import numpy as np
 from .journal import Journal
 from .passes import Job, Passes, Renderer
 from .shared import ExportError
-from .shared import lens as lenses
-from .shared import merge as merging
+from .shared import shading as names
 
-DIFFUSE = tuple(f"Diffuse.{name}" for name in "RGB")
-NORMAL = tuple(f"Normal.{name}" for name in "XYZ")
-# Until the layers are merged, this channel has the inverse of the distance.
-DISTANCE = "ReflectedDistance.V"
 # Settings of Cycles that would change the measured length of a ray.
 EXACT = {
     "glossy_bounces": 1,
@@ -42,25 +33,14 @@ def diffuse(passes: Passes) -> np.ndarray:
 
 def channels(colors: np.ndarray, normals: np.ndarray, inverse: np.ndarray) -> tuple[dict, dict]:
     """Planes of a layer that are summed, and planes that are averaged, when samples are merged."""
-    sums = {name: colors[..., k] for k, name in enumerate(DIFFUSE)}
-    means = {name: normals[..., k] for k, name in enumerate(NORMAL)}
-    return sums, {**means, DISTANCE: inverse}
+    sums = {name: colors[..., k] for k, name in enumerate(names.DIFFUSE)}
+    means = {name: normals[..., k] for k, name in enumerate(names.NORMAL)}
+    return sums, {**means, names.DISTANCE: inverse}
 
 
 def of_background(colors: np.ndarray) -> tuple[dict, dict]:
     """The channels of the world, which reflects nothing."""
     return channels(colors, np.zeros_like(colors), np.zeros(colors.shape[:2], np.float32))
-
-
-def finish(layers: Sequence[merging.Layer]) -> None:
-    """Gives merged layers normals of length 1, and distances in place of their inverse."""
-    for layer in layers:
-        if DISTANCE not in layer.means:
-            continue
-        length = np.sqrt(sum(layer.means[name] ** 2 for name in NORMAL))
-        for name in NORMAL:
-            layer.means[name] = layer.means[name] / np.where(length > 0.0, length, 1.0)
-        layer.means[DISTANCE] = 1.0 / np.maximum(layer.means[DISTANCE], 1.0 / lenses.NOTHING_HIT)
 
 
 class Shading:

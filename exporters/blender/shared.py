@@ -31,6 +31,7 @@ exr = importlib.import_module(f"{_ROOT}.exr")
 frames = importlib.import_module(f"{_ROOT}.frames")
 lens = importlib.import_module(f"{_ROOT}.lens")
 merge = importlib.import_module(f"{_ROOT}.merge")
+shading = importlib.import_module(f"{_ROOT}.shading")
 stack = importlib.import_module(f"{_ROOT}.stack")
 
 ExportError = errors.ExportError

@@ -14,6 +14,7 @@ import numpy as np
 from thinlens_stack.errors import ExportError
 from thinlens_stack.lens import NOTHING_HIT
 from thinlens_stack.merge import Layer, interleave, merge, stacked
+from thinlens_stack.shading import DIFFUSE, finish
 from thinlens_stack.stack import Frame, channels
 
 from . import shading
@@ -79,7 +80,7 @@ class Peeler:
         """The layers of the frame with its margin, nearest first; the last of a pixel is the scene's environment."""
         layers = stacked(list(self.bands(frame, sampling, choice)))
         if sampling.has_shading:
-            shading.finish(layers)
+            finish(layers)
         return layers
 
     def bands(self, frame: Frame, sampling: Sampling, choice: Choice) -> Iterator[list[Layer]]:
@@ -206,7 +207,7 @@ class Peeler:
     def _add_shading(self, walked: Walked, layers: list[Layer], paths: int, seed: tuple[int, ...]) -> None:
         """Adds the channels of `shading`. Of the environment, all light is its own."""
         for layer in layers:
-            layer.sums.update({name: layer.color[:, k].copy() for k, name in enumerate(shading.DIFFUSE)})
+            layer.sums.update({name: layer.color[:, k].copy() for k, name in enumerate(DIFFUSE)})
             layer.means.update({name: np.zeros(len(walked.x), np.float32) for name in shading.MEANS})
             layer.means[shading.ROUGHNESS] += 1.0
         diffuse = shading.DiffuseLight(self.scene, self.inner)
@@ -224,7 +225,7 @@ class Peeler:
                 return
             columns = (walked.x[at], walked.y[at], walked.before[peel, at])
             found = self._mean(light, columns, paths, (*seed, peel, 2))
-            for k, name in enumerate(shading.DIFFUSE):
+            for k, name in enumerate(DIFFUSE):
                 layer.sums[name][at] = found[:, k]
             for name, values in zip(shading.MEANS, evaluate(properties, columns), strict=True):
                 layer.means[name][at] = values

@@ -1,47 +1,22 @@
-"""Further channels of each peel, for reflections that the lens moves: how a surface reflects, and what.
-
-| channel | what it is | merged as | | --- | --- | --- | | `Diffuse.R` `.G` `.B` | the colour without what the surface
-reflects specularly; premultiplied | colour | | `Normal.X` `.Y` `.Z` | shading normal; camera axes: right, up, towards
-the viewer | mean, of length 1 | | `ReflectedDistance.V` | along the mirrored ray from the surface, in scene units;
-1e10 if it meets nothing | harmonic mean | | `Specular.R` `.G` `.B` | reflectance at normal incidence | mean | |
-`Roughness.V` | root of the GGX α | mean |
-"""
+"""What a surface of Mitsuba is in the channels of `thinlens_stack.shading`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from thinlens_stack.lens import NOTHING_HIT
-from thinlens_stack.merge import Layer
+from thinlens_stack.shading import DISTANCE, NORMAL, ROUGHNESS, SPECULAR
 
 from .lanes import is_scalar
 
-DIFFUSE = tuple(f"Diffuse.{name}" for name in "RGB")
-NORMAL = tuple(f"Normal.{name}" for name in "XYZ")
-SPECULAR = tuple(f"Specular.{name}" for name in "RGB")
-# Until the layers are merged, this channel has the inverse of the distance.
-DISTANCE, ROUGHNESS = "ReflectedDistance.V", "Roughness.V"
 # Index of refraction of materials that do not tell theirs.
 USUAL_INDEX = 1.5
 # Squared densities below this are nothing.
 LEAST_DENSITY = 1e-30
 MEANS = (*NORMAL, DISTANCE, *SPECULAR, ROUGHNESS)
-
-
-def finish(layers: Sequence[Layer]) -> None:
-    """Gives merged layers normals of length 1, and distances in place of their inverse."""
-    for layer in layers:
-        normal = np.stack([layer.means[name] for name in NORMAL])
-        length = np.linalg.norm(normal, axis=0)
-        for name, plane in zip(NORMAL, normal / np.where(length > 0.0, length, 1.0), strict=True):
-            layer.means[name] = plane.astype(np.float32)
-        inverse = np.maximum(layer.means[DISTANCE], 1.0 / NOTHING_HIT)
-        layer.means[DISTANCE] = (1.0 / inverse).astype(np.float32)
 
 
 def properties(
