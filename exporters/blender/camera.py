@@ -89,6 +89,20 @@ def focus_distance(camera: Any) -> float:
     return float(abs((matrix.translation - own.translation).dot(own.col[2].xyz)))
 
 
+def checked_focus_distance(camera: Any) -> float:
+    """`focus_distance`. Raises `ExportError` if nothing can be in focus there."""
+    distance = focus_distance(camera)
+    if distance > 0.0:
+        return distance
+    raise ExportError(
+        "the camera is focused on itself",
+        where=f"camera {camera.name}",
+        found=f"focus distance {distance:g}",
+        wanted="a distance above 0",
+        help="set the focus distance, or choose another focus object",
+    )
+
+
 def lens_of(camera: Any, view: View, say: Say) -> Any:
     """The lens of `camera` as the stack's header has it; `say` is told what cannot be written."""
     data = camera.data
@@ -101,15 +115,8 @@ def lens_of(camera: Any, view: View, say: Say) -> Any:
         say(f"warning: pixels are {view.pixel_aspect:g} times as wide as high; thinlens blurs as if they were square")
     if not dof.use_dof:
         say(f"note: depth of field is off in camera {camera.name}; its lens is written all the same")
-    distance = focus_distance(camera)
-    if distance <= 0.0 and dof.use_dof:
-        raise ExportError(
-            "the camera is focused on itself",
-            where=f"camera {camera.name}",
-            found=f"focus distance {distance:g}",
-            wanted="a distance above 0",
-            help="set the focus distance, or choose another focus object",
-        )
+    # Without depth of field the focus may never have been set.
+    distance = checked_focus_distance(camera) if dof.use_dof else focus_distance(camera)
     return lens.Lens(
         focal_length_mm=data.lens,
         sensor_width_mm=view.sensor_width_mm,

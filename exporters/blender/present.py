@@ -47,7 +47,11 @@ def absolute(path: str, what: str) -> str:
 
 
 def lens_flags(scene: Any, camera: Any, *, whole: bool, say: Say) -> list[str]:
-    """The flags of the lens of `camera` as it is now; `say` is told what the program cannot do."""
+    """The flags of the lens of `camera` as it is now; `say` is told what the program cannot do.
+
+    Raises `ExportError` if the camera is focused on nothing.
+    """
+    cameras.checked_focus_distance(camera)
     own = cameras.lens_of(camera, cameras.view_of(scene, camera), lambda text: _warn(text, say))
     return lens_job.flags(own, whole=whole)
 

@@ -244,8 +244,14 @@ class Lens(Panel):
         self.assertIn("stack.0002.exr", self.refusal(bpy.ops.thinlens.apply))
 
     def test_an_error_of_the_program_reaches_the_user(self) -> None:
+        whole = Path(self.stack).read_bytes()
+        self.addCleanup(Path(self.stack).write_bytes, whole)
+        Path(self.stack).write_bytes(whole[:-200])
+        self.assertIn("truncated", self.refusal(bpy.ops.thinlens.apply))
+
+    def test_a_camera_that_is_focused_on_itself_is_an_error(self) -> None:
         self.dof.focus_distance = 0.0
-        self.assertIn("focus", self.refusal(bpy.ops.thinlens.apply))
+        self.assertIn("focused on itself", self.refusal(bpy.ops.thinlens.apply))
 
     def test_a_missing_program_is_said_with_what_to_do(self) -> None:
         with mock.patch.dict(os.environ, {"PATH": "/nowhere", "HOME": self.folder}):
