@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import math
 import os
-import sys
 import tempfile
 import unittest
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-try:
-    import bpy
-except ImportError as error:
-    raise unittest.SkipTest("the bpy module is not installed: the Blender exporter is not tested") from error
+from . import blender_package
+from .blender_scene import material
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "blender")]
-from blender_scene import material  # noqa: E402
-
-import cli  # noqa: E402
-
-cli.load_package()
-export = importlib.import_module(f"{cli.PACKAGE}.export")
-exr = importlib.import_module(f"{cli.PACKAGE}.shared").exr
-Settings = importlib.import_module(f"{cli.PACKAGE}.settings").Settings
+bpy, cli, module = blender_package.bpy, blender_package.cli, blender_package.module
+export = module("export")
+exr = module("shared").exr
+Settings = module("settings").Settings
 
 # The frame; with the lens below, a pixel is 0.01 of the distance.
 SIZE = (40, 20)

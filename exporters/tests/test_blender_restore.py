@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import sys
 import tempfile
 import unittest
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
-try:
-    import bpy
-except ImportError as error:
-    raise unittest.SkipTest("the bpy module is not installed: the Blender exporter is not tested") from error
+from . import blender_package
+from .blender_fingerprint import changes, fingerprint
+from .blender_scene import build
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "blender")]
-from blender_fingerprint import changes, fingerprint  # noqa: E402
-from blender_scene import build  # noqa: E402
-
-import cli  # noqa: E402
-
-cli.load_package()
-export = importlib.import_module(f"{cli.PACKAGE}.export")
-journal = importlib.import_module(f"{cli.PACKAGE}.journal")
-passes = importlib.import_module(f"{cli.PACKAGE}.passes")
-denoise = importlib.import_module(f"{cli.PACKAGE}.denoise")
-Settings = importlib.import_module(f"{cli.PACKAGE}.settings").Settings
+bpy, module = blender_package.bpy, blender_package.module
+export, journal, passes, denoise = map(module, ("export", "journal", "passes", "denoise"))
+Settings = module("settings").Settings
 
 QUICK = {"peels": 2, "samples": 1, "supersample": 1, "kind": "point", "threads": 2, "shading": True}
 

@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
-import sys
 import tempfile
 import unittest
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-try:
-    import bpy
-except ImportError as error:
-    raise unittest.SkipTest("the bpy module is not installed: the Blender exporter is not tested") from error
+from . import blender_package
+from .blender_scene import material
 
-from mathutils import Euler, Matrix, Vector
-
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "blender")]
-from blender_scene import material  # noqa: E402
-
-import cli  # noqa: E402
-
-cli.load_package()
-export = importlib.import_module(f"{cli.PACKAGE}.export")
-exr = importlib.import_module(f"{cli.PACKAGE}.shared").exr
-Settings = importlib.import_module(f"{cli.PACKAGE}.settings").Settings
+bpy, mathutils, module = blender_package.bpy, blender_package.mathutils, blender_package.module
+Euler, Matrix, Vector = mathutils.Euler, mathutils.Matrix, mathutils.Vector
+export = module("export")
+exr = module("shared").exr
+Settings = module("settings").Settings
 
 SIZE = (24, 12)
 # The width of a pixel, at distance 1.

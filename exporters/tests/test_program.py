@@ -15,6 +15,7 @@ from thinlens_stack.lens import NOTHING_HIT, Lens
 from thinlens_stack.merge import Layer, interleave, merge, split
 
 MANIFEST = Path(__file__).resolve().parents[2] / "Cargo.toml"
+EXTENSION = Path(__file__).resolve().parents[1] / "blender" / "blender_manifest.toml"
 PROGRAM = os.environ.get("THINLENS")
 # CoC radii from -6 to 6 px in the scene below.
 LENS = Lens(focal_length_mm=100.0, sensor_width_mm=20.0, f_number=1.0, focus_distance=2.0, blades=6, rotation_deg=10.0)
@@ -44,6 +45,7 @@ class Version(unittest.TestCase):
     @unittest.skipUnless(MANIFEST.is_file(), "the exporters are not in the project's tree")
     def test_the_exporters_have_the_version_of_the_program(self):
         self.assertEqual(tomllib.loads(MANIFEST.read_text())["package"]["version"], VERSION)
+        self.assertEqual(tomllib.loads(EXTENSION.read_text())["version"], VERSION)
 
 
 @unittest.skipUnless(PROGRAM, "THINLENS does not name the program")

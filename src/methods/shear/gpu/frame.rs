@@ -116,8 +116,8 @@ impl<'a> Frame<'a> {
             .min(self.gpu.max_texels())
     }
 
-    /// For each bin how far it counts as in focus, or its negative CoC radius where it counts as near, as bits, and the nearest bin that may hold an earlier hit of the same translucent
-    /// surface.
+    /// For each bin how far it counts as in focus, or its negative CoC radius where it counts as near, as bits, and the nearest bin that may
+    /// hold an earlier hit of the same translucent surface.
     pub(super) fn bin_table(&self) -> Vec<[u32; 2]> {
         let centers_px = self.bins.centers_px().iter().enumerate();
         let bins = centers_px.map(|(bin, &coc_px)| {
