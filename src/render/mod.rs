@@ -3,11 +3,13 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] also carries the plan
 //! out. The caller writes the picture: this module writes no output file and prints nothing.
 
+mod decisions;
 mod job;
 mod paint;
 mod rendered;
 mod stages;
 
+pub use decisions::Decisions;
 pub use job::{Job, NamedPreset};
 pub use rendered::Rendered;
 

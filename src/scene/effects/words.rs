@@ -7,7 +7,7 @@ use crate::settings::nearest;
 pub(super) const NO_EFFECT: &str = "with it, no effect";
 
 /// An effect that a plan switches on or off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EffectKind {
