@@ -11,25 +11,73 @@
 //! A setting is named by its key in backquotes, with a value as in `` `f_number = inf` ``. The command line replaces the key by its
 //! flag.
 
+use serde::Serialize;
 use std::fmt;
+use std::io;
 use std::path::Path;
 
-/// The category of an error. Callers that act on errors (exit codes, skipping a frame) use this, not the text.
+/// The category of an error: what the caller can do about it. Callers that act on errors (exit codes, skipping a frame) use this, not the
+/// text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// A file cannot be opened, read or interpreted.
+    /// A file does not exist, may not be read or is not what it should be. Trying again does not help.
     Input,
-    /// A lens, preset or setting that is invalid.
+    /// A file could not be read to its end because a disk, a network or the system failed. Trying again may help.
+    Read,
+    /// A setting, a preset, a name or the name of an output that is wrong, or that does not fit the input.
     Settings,
-    /// The input exceeds a limit.
+    /// More memory, threads or another resource is needed than there is. Trying again, or on another machine, may help.
     Limits,
-    /// A valid file with an unsupported feature.
+    /// A valid file with a feature that is not supported, or a picture that the output's format cannot hold.
     Unsupported,
-    /// The result cannot be written.
+    /// The result cannot be written: the disk is full, the folder is protected. Trying again may help.
     Output,
-    /// A graphics device that does not exist or failed.
+    /// A graphics device that does not exist or failed. Trying again, or on another machine, may help.
     Device,
+}
+
+impl ErrorKind {
+    /// The kind's name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Input => "input",
+            Self::Read => "read",
+            Self::Settings => "call",
+            Self::Limits => "memory",
+            Self::Unsupported => "unsupported",
+            Self::Output => "output",
+            Self::Device => "device",
+        }
+    }
+
+    /// The exit code of a program that fails so: 1 if trying again may help, 2 if it was called wrongly, 4 if the input is bad.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::Read | Self::Limits | Self::Output | Self::Device => 1,
+            Self::Settings => 2,
+            Self::Input | Self::Unsupported => 4,
+        }
+    }
+
+    /// The kind of a failure to read: [`ErrorKind::Input`] for what is wrong with the file or its name, [`ErrorKind::Read`] for what
+    /// failed below it.
+    fn of_reading(cause: &io::Error) -> Self {
+        use io::ErrorKind as Cause;
+        let of_the_file = matches!(
+            cause.kind(),
+            Cause::NotFound
+                | Cause::PermissionDenied
+                | Cause::NotADirectory
+                | Cause::IsADirectory
+                | Cause::InvalidFilename
+                | Cause::InvalidInput
+                | Cause::InvalidData
+                | Cause::UnexpectedEof
+        );
+        // A decoder's own errors have no number of the system.
+        if of_the_file || cause.raw_os_error().is_none() { Self::Input } else { Self::Read }
+    }
 }
 
 /// An error with its context. `Display` prints it in the form shown in the module's head, without the leading `error: `.
@@ -50,6 +98,11 @@ impl Error {
     /// [`ErrorKind::Input`].
     pub fn input(what: impl Into<String>) -> Self {
         Self::new(ErrorKind::Input, what)
+    }
+
+    /// The error of reading: [`ErrorKind::Input`] for what is wrong with the file, [`ErrorKind::Read`] for a failing disk or network.
+    pub fn reading(what: impl Into<String>, cause: io::Error) -> Self {
+        Self::new(ErrorKind::of_reading(&cause), what).caused_by(cause)
     }
 
     /// [`ErrorKind::Settings`].
@@ -108,6 +161,34 @@ impl Error {
         self.to_string().replace("\n  ", "; ")
     }
 
+    /// The error as data, for programs.
+    pub fn report(&self) -> ErrorReport {
+        let found = |wanted: &str| {
+            let line = self.context.iter().find(|(label, _)| *label == wanted);
+            line.map(|(_, text)| text.clone())
+        };
+        // The place in a preset is a file with a line, and then that line itself.
+        let place = found("in");
+        let (file, shown) = match place.as_deref().map(|place| place.split_once('\n').unwrap_or((place, "")))
+        {
+            Some((file, shown)) => (Some(file.to_owned()), shown),
+            None => (None, ""),
+        };
+        let mut details: Vec<_> =
+            Some(shown.to_owned()).filter(|shown| !shown.is_empty()).into_iter().collect();
+        let others = self.context.iter().filter(|(label, _)| !["in", "help"].contains(label));
+        details.extend(others.map(|(label, text)| format!("{label}: {text}")));
+        details.extend(self.source.iter().map(|source| format!("cause: {source}")));
+        ErrorReport {
+            kind: self.kind.name(),
+            message: self.what.clone(),
+            file,
+            details,
+            help: found("help"),
+            exit_code: self.kind.exit_code(),
+        }
+    }
+
     /// The category of the error.
     pub fn kind(&self) -> ErrorKind {
         self.kind
@@ -137,9 +218,60 @@ impl std::error::Error for Error {
     }
 }
 
+/// An error as data: the same for every command, and for every frame of a sequence.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct ErrorReport {
+    /// [`ErrorKind::name`].
+    pub kind: &'static str,
+    /// What is wrong, on one line.
+    pub message: String,
+    /// The file that the error is about, where it is about one.
+    pub file: Option<String>,
+    /// What was expected, what was found and the cause, each with its label.
+    pub details: Vec<String>,
+    /// What to do about it.
+    pub help: Option<String>,
+    /// [`ErrorKind::exit_code`].
+    pub exit_code: u8,
+}
+
+impl ErrorReport {
+    /// The report of a command line that cannot be understood.
+    pub fn of_call(message: impl Into<String>, help: Option<String>) -> Self {
+        let report = Error::settings(message).report();
+        Self { help, ..report }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_report_has_each_text_in_its_own_field() {
+        let error =
+            Error::input("no depth").in_file(Path::new("a.exr")).with("found", "R G B").help("enable Z");
+        let report = serde_json::to_value(error.report()).unwrap();
+        let expected = serde_json::json!({
+            "kind": "input", "message": "no depth", "file": "a.exr", "details": ["found: R G B"],
+            "help": "enable Z", "exit_code": 4,
+        });
+        assert_eq!(report, expected);
+    }
+
+    #[test]
+    fn what_trying_again_may_mend_is_told_from_a_bad_file() {
+        let kind = |cause: io::Error| Error::reading("unreadable", cause).kind();
+        for bad in [io::ErrorKind::NotFound, io::ErrorKind::PermissionDenied, io::ErrorKind::UnexpectedEof] {
+            assert_eq!(kind(bad.into()), ErrorKind::Input, "{bad}");
+        }
+        assert_eq!(kind(io::Error::other("a decoder's word")), ErrorKind::Input);
+        #[cfg(unix)]
+        for number in [nix::errno::Errno::EIO, nix::errno::Errno::ESTALE, nix::errno::Errno::EMFILE] {
+            assert_eq!(kind(io::Error::from_raw_os_error(number as i32)), ErrorKind::Read, "{number}");
+        }
+    }
 
     #[test]
     fn an_error_prints_where_before_what_to_do() {

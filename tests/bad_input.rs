@@ -1,4 +1,5 @@
-//! Invalid input and output is refused with what was expected, what was found and what to do, and no file is left behind.
+//! Invalid input and output is refused with what was expected, what was found and what to do, with an exit code that says whether trying
+//! again helps, and no file is left behind.
 
 #![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
@@ -28,10 +29,15 @@ fn write_picture(path: &Path, size: (usize, usize), z: f32) {
     write_exr(path, size, &[&COLOUR[..], &[("Z", z)]].concat());
 }
 
-/// Checks that `output` is an error with all `words`, and that the folder holds `files` and nothing else.
-fn assert_refused(output: &Output, words: &[&str], folder: &Path, files: &[&str]) {
+/// Exit codes: trying again may help; the call is wrong; the input is bad.
+const RETRY: i32 = 1;
+const CALL: i32 = 2;
+const INPUT: i32 = 4;
+
+/// Checks that `output` is an error with the exit code and all the words, and that the folder holds `files` and nothing else.
+fn assert_refused(output: &Output, (code, words): (i32, &[&str]), folder: &Path, files: &[&str]) {
     let text = stderr(output);
-    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert_eq!(output.status.code(), Some(code), "{text}");
     assert!(text.starts_with("error: ") || text.contains("\nerror: "), "{text}");
     assert!(!text.contains("panicked"), "{text}");
     for word in words {
@@ -46,7 +52,7 @@ fn assert_render_refused(folder: &Path, inputs: &[&str], words: &[&str]) {
     let files = names(folder);
     let files: Vec<_> = files.iter().map(String::as_str).collect();
     let arguments = [&["render"], inputs, &["-o", "out.exr"], &LENS].concat();
-    assert_refused(&run(folder, &arguments), words, folder, &files);
+    assert_refused(&run(folder, &arguments), (INPUT, words), folder, &files);
 }
 
 #[test]
@@ -136,7 +142,7 @@ fn a_focus_nearer_than_the_focal_length() {
     let arguments =
         ["render", STACK, "-o", "out.exr", "--focal-length", "85", "--f-number", "2", "--focus", "0.05"];
     let words = ["cannot focus this near", "found: focus distance 0.05", "help: raise --focus"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 
 #[test]
@@ -144,7 +150,7 @@ fn an_f_number_of_0() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["render", STACK, "-o", "out.exr", "--f-number", "0", "--focus", "6"];
     let words = ["--f-number must be a positive number, or inf: inf is a pinhole", "found: 0"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 
 #[test]
@@ -152,7 +158,7 @@ fn a_negative_focal_length() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["render", STACK, "-o", "out.exr", "--focal-length", "-50", "--focus", "6"];
     let words = ["--focal-length must be a positive number", "found: -50"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 
 #[test]
@@ -161,7 +167,7 @@ fn a_normalised_depth_whose_far_end_is_nearer_than_its_near_end() {
     let depth = ["--depth-convention", "normalised", "--near", "5", "--far", "1"];
     let arguments = [&["render", STACK, "-o", "out.exr"], &LENS[..], &depth].concat();
     let words = ["must lie beyond its near end", "found: near 5, far 1", "help: "];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 
 #[test]
@@ -171,7 +177,7 @@ fn an_unknown_key_in_a_preset() {
     let words =
         ["unknown key 'f_numbr' in [lens]", "my.toml:2:1", "^^^^^^^", "help: did you mean 'f_number'?"];
     let arguments = ["render", STACK, "-o", "out.exr", "--preset", "my.toml"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["my.toml"]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &["my.toml"]);
 }
 
 #[test]
@@ -180,7 +186,7 @@ fn an_unknown_method_in_a_preset() {
     fs::write(folder.path().join("my.toml"), "[method]\nname = 'sheer'\n").unwrap();
     let arguments = ["render", STACK, "-o", "out.exr", "--preset", "my.toml"];
     let words = ["no method called 'sheer'", "did you mean 'shear'?"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["my.toml"]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &["my.toml"]);
 }
 
 #[test]
@@ -189,7 +195,7 @@ fn an_output_folder_that_does_not_exist() {
     let arguments = [&["render", STACK, "-o", "no/such/out.exr"], &LENS[..]].concat();
     let words =
         ["the output's folder does not exist", "in: no/such/out.exr", "help: create it: mkdir -p no/such"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 
 #[test]
@@ -198,7 +204,7 @@ fn an_output_folder_that_is_a_file() {
     fs::write(folder.path().join("file"), "").unwrap();
     let arguments = [&["render", STACK, "-o", "file/out.exr"], &LENS[..]].concat();
     let words = ["the output's folder is not a folder", "in: file/out.exr"];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["file"]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &["file"]);
 }
 
 #[cfg(unix)]
@@ -212,7 +218,12 @@ fn an_output_folder_that_is_read_only() {
     let anybody_may_write = fs::write(locked.join("probe"), "").is_ok();
     if !anybody_may_write {
         let arguments = [&["render", STACK, "-o", "locked/out.exr"], &LENS[..]].concat();
-        assert_refused(&run(folder.path(), &arguments), &["locked", "writ"], folder.path(), &["locked"]);
+        assert_refused(
+            &run(folder.path(), &arguments),
+            (RETRY, &["locked", "writ"]),
+            folder.path(),
+            &["locked"],
+        );
         assert_eq!(names(&locked), [""; 0]);
     }
     fs::set_permissions(&locked, fs::Permissions::from_mode(0o755)).unwrap();
@@ -224,7 +235,7 @@ fn an_output_that_is_a_folder() {
     let arguments = [&["render", STACK, "-o", "."], &LENS[..]].concat();
     assert_refused(
         &run(folder.path(), &arguments),
-        &["the output is a folder", "help: "],
+        (CALL, &["the output is a folder", "help: "]),
         folder.path(),
         &[],
     );
@@ -237,7 +248,7 @@ fn an_output_that_is_an_input() {
     let before = fs::read(STACK).unwrap();
     let arguments = [&["render", "in.exr", "-o", "./in.exr"], &LENS[..]].concat();
     let words = ["the output is one of the inputs", "help: "];
-    assert_refused(&run(folder.path(), &arguments), &words, folder.path(), &["in.exr"]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &["in.exr"]);
     assert!(fs::read(folder.path().join("in.exr")).unwrap() == before, "the input is untouched");
 }
 
@@ -245,7 +256,7 @@ fn an_output_that_is_an_input() {
 fn an_output_of_an_unknown_format() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = [&["render", STACK, "-o", "out.jpg"], &LENS[..]].concat();
-    assert_refused(&run(folder.path(), &arguments), &["expected: .exr, .png"], folder.path(), &[]);
+    assert_refused(&run(folder.path(), &arguments), (CALL, &["expected: .exr, .png"]), folder.path(), &[]);
 }
 
 #[cfg(target_os = "linux")]
@@ -255,8 +266,8 @@ fn a_full_disk_for_a_file_and_for_standard_output() {
     let words = ["no space left for the output file", "help: free some space"];
     let render = |output| [&["render", STACK, "--views", "4", "-o", output], &LENS[..]].concat();
     std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
-    assert_refused(&run(folder.path(), &render("full.exr")), &words, folder.path(), &["full.exr"]);
+    assert_refused(&run(folder.path(), &render("full.exr")), (RETRY, &words), folder.path(), &["full.exr"]);
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let output = thinlens(folder.path(), &render("-")).stdout(full).output().unwrap();
-    assert_refused(&output, &words, folder.path(), &["full.exr"]);
+    assert_refused(&output, (RETRY, &words), folder.path(), &["full.exr"]);
 }

@@ -554,7 +554,7 @@ mod commands {
     fn a_misspelt_object_fails_with_its_nearest_name() {
         let folder = sequence();
         let output = run(folder.path(), &["render", "shot.0003.exr", "--focus-on", "cub", "-o", "out.exr"]);
-        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains("did you mean 'cube'?"), "{}", stderr(&output));
         let both =
             run(folder.path(), &["inspect", "shot.0003.exr", "--focus-on", "cube", "--focus-at", "1,1"]);

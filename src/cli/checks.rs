@@ -32,7 +32,7 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
     // Canonical paths: `./a.exr`, `a.exr` and a link to it are the same file. An output that does not exist is not an input.
     let Ok(output_file) = output.canonicalize() else { return Ok(()) };
     match inputs.find(|input| input.canonicalize().is_ok_and(|input| input == output_file)) {
-        Some(input) => Err(Error::output("the output is one of the inputs")
+        Some(input) => Err(Error::settings("the output is one of the inputs")
             .in_file(output)
             .with("input", input.display().to_string())
             .help("write to another file; inputs are never overwritten")),
@@ -45,9 +45,7 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
 /// # Errors
 /// It cannot be created, is not a folder, or is not writable.
 pub(super) fn folder(folder: &Path) -> Result<(), Error> {
-    std::fs::create_dir_all(folder).map_err(|cause| {
-        Error::output("the output folder cannot be created").in_file(folder).caused_by(cause)
-    })?;
+    atomic::create_folder(folder)?;
     atomic::check_writable(&folder.join("results.json"))
 }
 

@@ -1,5 +1,6 @@
 //! `thinlens demo`.
 
+use super::checks;
 use super::console::{Console, print};
 use super::drivers::prepare;
 use super::failure::Failure;
@@ -40,12 +41,7 @@ pub(super) struct DemoArgs {
 }
 
 pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
-    std::fs::create_dir_all(&args.output).map_err(|cause| {
-        Error::output("the demo's folder cannot be created")
-            .in_file(&args.output)
-            .caused_by(cause)
-            .help("choose another folder with --output")
-    })?;
+    checks::folder(&args.output)?;
     let job = job()?;
     let (pinhole, reference) = (pinhole(&job)?, reference()?);
     let mut rendered = show_progress(&job, console)?;

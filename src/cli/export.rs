@@ -71,7 +71,7 @@ fn new_files(files: Vec<(PathBuf, Vec<u8>)>) -> Result<Vec<(PathBuf, Vec<u8>)>, 
         path.exists() && std::fs::read(path).ok().as_ref() != Some(bytes)
     };
     if let Some((path, _)) = files.iter().find(differs) {
-        return Err(Error::output("a file of the exporter is there already, and is another")
+        return Err(Error::settings("a file of the exporter is there already, and is another")
             .in_file(path)
             .with("expected", "no file, or that of this version".to_owned())
             .help("choose a new folder with --output, or remove the old exporter"));
@@ -81,15 +81,9 @@ fn new_files(files: Vec<(PathBuf, Vec<u8>)>) -> Result<Vec<(PathBuf, Vec<u8>)>, 
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|cause| {
-            Error::output("the exporter's folder cannot be created").in_file(folder).caused_by(cause)
-        })?;
+        atomic::create_folder(folder)?;
     }
-    atomic::write(path, |target| {
-        target
-            .write_all(bytes)
-            .map_err(|cause| Error::output("the file cannot be written").in_file(path).caused_by(cause))
-    })
+    atomic::write(path, |target| target.write_all(bytes).map_err(|cause| atomic::failed(path, cause)))
 }
 
 /// The files of `exporter` as an archive, the same bytes at any time.

@@ -1,6 +1,7 @@
 //! The command line: the only code that uses clap. One file per subcommand.
 //!
-//! Results go to standard output; progress, decisions and errors go to standard error. Exit codes: 0 success, 1 failure, 2 usage error.
+//! Results go to standard output; progress, decisions and errors go to standard error. Exit codes: 0 success, otherwise those of
+//! [`ErrorKind::exit_code`](thinlens::error::ErrorKind::exit_code).
 
 mod args;
 mod checks;
@@ -83,6 +84,8 @@ pub fn run(methods: &Registry) -> ExitCode {
 
 /// Runs the program with `arguments`, the first of which is its name, and the methods of `methods`; returns its exit code.
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registry) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let json = failure::wants_json(&arguments);
     let parsed = command(methods).try_get_matches_from(arguments);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches)).map_err(Failure::Usage);
     let outcome = parsed.and_then(|cli| {
@@ -91,27 +94,22 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
     });
     match outcome {
         Ok(()) | Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
-        Err(Failure::Failed(error)) => {
-            console::error(&error);
-            ExitCode::from(1)
-        }
-        Err(Failure::Usage(error)) => usage(&error),
+        Err(Failure::Failed(error)) => failure::failed(&error, json),
+        Err(Failure::Usage(error)) => failure::misused(&error, json),
         Err(Failure::Misused { command, kind, message }) => {
-            let mut cli = Cli::command();
-            cli.build();
-            usage(&match cli.find_subcommand_mut(command) {
-                Some(command) => command.error(kind, message),
-                None => cli.error(kind, message),
-            })
+            failure::misused(&usage_of(command, kind, message), json)
         }
     }
 }
 
-/// Prints a usage error. Help and version are clap errors as well, with exit code 0.
-fn usage(error: &clap::Error) -> ExitCode {
-    // A closed pipe is not an error.
-    let _ = error.print();
-    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+/// clap's error about the subcommand called `command`.
+fn usage_of(command: &str, kind: clap::error::ErrorKind, message: String) -> clap::Error {
+    let mut cli = Cli::command();
+    cli.build();
+    match cli.find_subcommand_mut(command) {
+        Some(command) => command.error(kind, message),
+        None => cli.error(kind, message),
+    }
 }
 
 /// Runs `work` inside a pool of `threads` threads; the library creates no pool of its own.

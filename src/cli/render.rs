@@ -192,7 +192,7 @@ impl OutputArgs {
             return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, message));
         }
         if io::stdout().is_terminal() {
-            return Err(Error::output("an EXR cannot be written to a terminal")
+            return Err(Error::settings("an EXR cannot be written to a terminal")
                 .help("redirect standard output, or name a file with --output")
                 .into());
         }

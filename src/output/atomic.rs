@@ -7,7 +7,7 @@
 //! Limits: no `fsync`; a power failure may lose the newest file. A killed process leaves `.thinlens-*.tmp`.
 
 use crate::error::Error;
-use std::fs::{File, Metadata, OpenOptions, Permissions};
+use std::fs::{self, File, Metadata, OpenOptions, Permissions};
 use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -70,8 +70,8 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
 /// Checks, before any work starts, that [`write()`] can write the file `path`.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Output`] if the folder is missing, is not a folder or is not writable, and if `path` is a
-/// folder or a write-protected file.
+/// [`crate::error::ErrorKind::Settings`] if the folder is missing or is not a folder, and if `path` is a folder;
+/// [`crate::error::ErrorKind::Output`] if the folder or the file is write-protected.
 pub fn check_writable(path: &Path) -> Result<(), Error> {
     match destination(path)? {
         Destination::Stdout | Destination::Device => Ok(()),
@@ -82,7 +82,7 @@ pub fn check_writable(path: &Path) -> Result<(), Error> {
 }
 
 /// The error of a write to `path` that the operating system refused.
-pub(super) fn failed(path: &Path, error: io::Error) -> Error {
+pub fn failed(path: &Path, error: io::Error) -> Error {
     let (what, help) = match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
             ("no space left for the output file", Some("free some space, or write to another disk"))
@@ -147,7 +147,7 @@ fn destination(path: &Path) -> Result<Destination, Error> {
 }
 
 fn is_a_folder(path: &Path) -> Error {
-    Error::output("the output is a folder").in_file(path).help("name a file in that folder")
+    Error::settings("the output is a folder").in_file(path).help("name a file in that folder")
 }
 
 fn existing(path: &Path, metadata: &Metadata) -> Result<Destination, Error> {
@@ -175,13 +175,32 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
+/// Creates `folder`, and the folders that it lies in.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] if a file is in the way, [`crate::error::ErrorKind::Output`] if the system refuses.
+pub fn create_folder(folder: &Path) -> Result<(), Error> {
+    fs::create_dir_all(folder).map_err(|cause| match cause.kind() {
+        io::ErrorKind::AlreadyExists | io::ErrorKind::NotADirectory => {
+            Error::settings("the output folder cannot be created: a file is in the way")
+                .in_file(folder)
+                .caused_by(cause)
+                .help("choose another folder")
+        }
+        _ => Error::output("the output folder cannot be created")
+            .in_file(folder)
+            .caused_by(cause)
+            .help("choose another folder, or change the permissions"),
+    })
+}
+
 fn check_folder(path: &Path) -> Result<(), Error> {
     let folder = folder(path);
     match folder.metadata() {
         Ok(metadata) if metadata.is_dir() => Ok(()),
-        Ok(_) => Err(Error::output("the output's folder is not a folder").in_file(path)),
+        Ok(_) => Err(Error::settings("the output's folder is not a folder").in_file(path)),
         Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
-            Err(Error::output("the output's folder does not exist")
+            Err(Error::settings("the output's folder does not exist")
                 .in_file(path)
                 .help(format!("create it: mkdir -p {}", folder.display())))
         }
@@ -192,7 +211,6 @@ fn check_folder(path: &Path) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
 
     fn names(folder: &Path) -> Vec<String> {
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()

@@ -133,7 +133,7 @@ fn fill_rows(bytes: &mut [u8], row_bytes: usize, height: usize, fill: impl Fn(us
 fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
     let side = |length: usize| {
         u32::try_from(length).ok().filter(|&length| length > 0).ok_or_else(|| {
-            Error::output("PNG cannot hold a picture of this size")
+            Error::unsupported("PNG cannot hold a picture of this size")
                 .in_file(path)
                 .with("size", format!("{}×{}", pixels.width, pixels.height))
         })
@@ -143,7 +143,9 @@ fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
         PngEncoder::new(target).write_image(&pixels.bytes, width, height, pixels.color).map_err(|error| {
             match error {
                 image::ImageError::IoError(error) => atomic::failed(path, error),
-                other => Error::output("the picture cannot be written as PNG").in_file(path).caused_by(other),
+                other => {
+                    Error::unsupported("the picture cannot be written as PNG").in_file(path).caused_by(other)
+                }
             }
         })
     })

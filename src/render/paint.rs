@@ -72,7 +72,7 @@ pub(super) fn device(
     if let (DeviceChoice::Gpu, Some(cpu_only_reason)) = (choice, &cpu_only_reason) {
         let able = METHODS.iter().filter(|method| method.gpu().is_some());
         let able: Vec<&str> = able.map(|method| method.info().name).collect();
-        return Err(Error::unsupported(cpu_only_reason.clone())
+        return Err(Error::settings(cpu_only_reason.clone())
             .help(format!("use `device = auto`; methods that run on a GPU: {}", able.join(", "))));
     }
     Ok(gpu::choose(choice, demanded, cpu_only_reason, open))

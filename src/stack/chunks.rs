@@ -157,7 +157,6 @@ fn damaged(why: &'static str) -> Error {
 }
 
 fn cut_short(error: io::Error) -> Error {
-    Error::input("the file is truncated: pixels are missing")
-        .caused_by(error)
+    Error::reading("the file is truncated: pixels are missing", error)
         .help("copy or render it again; it may still be being written")
 }

@@ -48,7 +48,7 @@ struct RawChannel {
 /// Checks the header of an OpenEXR file; leaves the position at the first byte.
 ///
 /// # Errors
-/// Deep data, unknown codecs and subsampled channels are [`Error::unsupported`], impossible sizes [`Error::limits`],
+/// Deep data, unknown codecs and subsampled channels are [`Error::unsupported`], impossible sizes and
 /// anything that is not a header [`Error::input`].
 pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
     let found = scan(opened).and_then(|(deep, parts)| {
@@ -58,7 +58,7 @@ pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
         parts.iter().try_for_each(|part| check_part(part, opened.len))
     });
     found.map_err(|error| error.in_file(&opened.name))?;
-    opened.input.rewind().map_err(|error| cut_short().in_file(&opened.name).caused_by(error))
+    opened.input.rewind().map_err(|error| cut_short(error).in_file(&opened.name))
 }
 
 /// Half of the machine's memory, or 8 GiB if that is not known.
@@ -70,8 +70,8 @@ pub(super) fn default_max_bytes() -> u64 {
     total_kib.map_or(8 << 30, |kib| kib.saturating_mul(512))
 }
 
-fn cut_short() -> Error {
-    Error::input("the file is truncated within its header").help("copy or render it again")
+fn cut_short(cause: io::Error) -> Error {
+    Error::reading("the file is truncated within its header", cause).help("copy or render it again")
 }
 
 fn deep_data() -> Error {
@@ -99,7 +99,7 @@ fn scan(opened: &mut Opened) -> Result<(bool, Vec<RawPart>), Error> {
         }
         Ok((flags, parts))
     };
-    let (flags, parts) = read(opened).map_err(|error| cut_short().caused_by(error))?;
+    let (flags, parts) = read(opened).map_err(cut_short)?;
     if flags & 0xff != 2 {
         let found = format!("format version {}", flags & 0xff);
         return Err(Error::unsupported("this is not an OpenEXR 2 file").with("found", found));
@@ -220,7 +220,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     let [display_width, display_height] =
         window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
     if display_width * display_height > (width * height).saturating_mul(MAX_DISPLAY_RATIO).max(1 << 26) {
-        return Err(Error::limits("the display window is too large for the data window")
+        return Err(Error::input("the display window is too large for the data window")
             .with(
                 "found",
                 format!("data window of {width}×{height} pixels, display window of {display_width}×{display_height}"),
@@ -231,7 +231,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
         Some(tile) if part.kind.as_deref().is_none_or(|kind| kind.starts_with("tile")) => {
             if tile.iter().any(|&side| side == 0 || side > MAX_TILE_SIZE) {
                 let found = format!("{}×{} pixels", tile[0], tile[1]);
-                return Err(Error::limits("the tile size is invalid").with("found", found));
+                return Err(Error::input("the tile size is invalid").with("found", found));
             }
             [width.div_ceil(u64::from(tile[0])), height.div_ceil(u64::from(tile[1]))]
         }
@@ -240,7 +240,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     let bytes = (width * height).saturating_mul(part.bytes_per_pixel());
     let chunk_bytes = (chunks_x * chunks_y).saturating_mul(MIN_CHUNK_BYTES);
     if bytes / ratio > file_bytes || chunk_bytes > file_bytes {
-        return Err(Error::limits("the header has more pixels than the file can contain")
+        return Err(Error::input("the header has more pixels than the file can contain")
             .with(
                 "found",
                 format!("{width}×{height} pixels, {} channels, in {file_bytes} bytes", part.channels.len()),
@@ -254,7 +254,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
 fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
     let [x0, y0, x1, y1] = corners.map(i64::from);
     if corners.iter().any(|c| i64::from(*c).abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
-        return Err(Error::limits(format!("the {which} window is invalid"))
+        return Err(Error::input(format!("the {which} window is invalid"))
             .with("found", format!("({x0}, {y0}) to ({x1}, {y1})"))
             .help(DAMAGED));
     }

@@ -93,6 +93,8 @@ pub(super) fn decoder_error(what: &str, error: exr::error::Error) -> Error {
         exr::error::Error::NotSupported(_) => {
             Error::unsupported(what).caused_by(error).help("save the file again as a ZIP scanline OpenEXR")
         }
+        exr::error::Error::Io(error) => Error::reading(what, error)
+            .help("the file is truncated, or the disk failed: render or copy the file again"),
         _ => Error::input(what)
             .caused_by(error)
             .help("the file is damaged or truncated: render or copy it again"),

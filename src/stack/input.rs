@@ -102,13 +102,13 @@ impl Opened {
         let result = (&mut self.input).take(16).read_to_end(&mut head).and_then(|_| self.input.rewind());
         match result {
             Ok(()) => Ok(head),
-            Err(error) => Err(Error::input("the file cannot be read").in_file(&self.name).caused_by(error)),
+            Err(error) => Err(Error::reading("the file cannot be read", error).in_file(&self.name)),
         }
     }
 }
 
 fn open_file(path: &Path) -> Result<Opened, Error> {
-    let fail = |what: &str, error: io::Error| Error::input(what).in_file(path).caused_by(error);
+    let fail = |what: &str, error: io::Error| Error::reading(what, error).in_file(path);
     let file = File::open(path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => fail("no such file", error),
         io::ErrorKind::PermissionDenied => fail("no permission to read the file", error),

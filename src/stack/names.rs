@@ -379,7 +379,7 @@ fn name_depths(peels: &mut [PeelChannels], names: &[&str], requested: &str) -> R
 }
 
 fn no_such(what: &str, name: &str, names: &[&str]) -> Error {
-    Error::input(format!("there is no {what} called {name}"))
+    Error::settings(format!("there is no {what} called {name}"))
         .with("found", shown(names))
         .help("write the name of colour without .R, .G, .B, and the full name of depth")
 }

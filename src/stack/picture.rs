@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
 use image::{DynamicImage, ImageReader, Limits};
+use std::path::Path;
 
 /// A picture without depth.
 ///
@@ -86,10 +87,22 @@ fn fill(values: &mut [f32], from: impl Iterator<Item = f32>) {
     values.iter_mut().zip(from).for_each(|(value, from)| *value = from);
 }
 
+const UNREADABLE: &str = "the picture cannot be read";
+const DAMAGED: &str = "the file is damaged or truncated: copy or save it again";
+
+/// The error of a file that ends early, or of a disk that failed.
+fn unreadable(name: &Path, cause: std::io::Error) -> Error {
+    Error::reading(UNREADABLE, cause).in_file(name).help(DAMAGED)
+}
+
 fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error> {
     let head = opened.first_bytes()?;
     let name = opened.name;
     let fail = |error: image::ImageError| {
+        let error = match error {
+            image::ImageError::IoError(cause) => return unreadable(&name, cause),
+            other => other,
+        };
         let (what, help) = match &error {
             image::ImageError::Limits(_) => {
                 return Error::limits("the picture requires more memory than the limit")
@@ -100,7 +113,7 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
             image::ImageError::Unsupported(_) => {
                 ("this kind of picture is not supported", "save it as OpenEXR")
             }
-            _ => ("the picture cannot be read", "the file is damaged or truncated: copy or save it again"),
+            _ => (UNREADABLE, DAMAGED),
         };
         let kind = if matches!(error, image::ImageError::Unsupported(_)) {
             Error::unsupported
@@ -124,7 +137,7 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
     let mut limits = Limits::default();
     limits.max_alloc = Some(options.max_bytes.unwrap_or_else(guard::default_max_bytes));
     let mut reader =
-        ImageReader::new(opened.input).with_guessed_format().map_err(|error| fail(error.into()))?;
+        ImageReader::new(opened.input).with_guessed_format().map_err(|cause| unreadable(&name, cause))?;
     reader.limits(limits);
     reader.decode().map_err(fail)
 }

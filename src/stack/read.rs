@@ -26,7 +26,7 @@ use std::path::Path;
 /// Missing or invalid input, with the file and the setting that helps.
 pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     let Some((first, others)) = sources.split_first() else {
-        return Err(Error::input("there is no input file").help("name a picture file"));
+        return Err(Error::settings("there is no input file").help("name a picture file"));
     };
     let mut stack = read_layers(first, options)?;
     match (others, &options.depth_file) {

@@ -53,7 +53,7 @@ fn an_exporter_that_somebody_changed_is_left_as_it_is() {
     fs::remove_file(folder.path().join("mitsuba/thinlens_stack/exr.py")).unwrap();
     let before = files_below(folder.path());
     let refused = export();
-    assert_eq!(refused.status.code(), Some(1));
+    assert_eq!(refused.status.code(), Some(2));
     assert!(
         stderr(&refused).contains("export.py") && stderr(&refused).contains("--output"),
         "{}",

@@ -29,7 +29,7 @@ fn help_lists_every_subcommand() {
 }
 
 #[test]
-fn a_usage_error_exits_with_2_and_a_failure_with_1() {
+fn a_wrong_call_exits_with_2_and_a_missing_input_with_4() {
     let folder = tempfile::tempdir().unwrap();
     let code = |arguments: &[&str]| run(folder.path(), arguments).status.code();
     assert_eq!(code(&[]), Some(2));
@@ -41,8 +41,10 @@ fn a_usage_error_exits_with_2_and_a_failure_with_1() {
     assert_eq!(code(&["render", STACK, "-o", "a.png", "--preview", "a.png"]), Some(2));
     assert_eq!(code(&["render", STACK, "-o", "a.exr", "--exposure", "1"]), Some(2), "nothing to brighten");
     assert_eq!(code(&["render", STACK, "-o", "a.png", "--codec", "piz"]), Some(2), "nothing to compress");
-    assert_eq!(code(&["render", "no-such.exr", "-o", "a.exr"]), Some(1));
-    assert_eq!(code(&["presets", "show", "no-such"]), Some(1));
+    assert_eq!(code(&["render", "no-such.exr", "-o", "a.exr"]), Some(4));
+    assert_eq!(code(&["presets", "show", "no-such"]), Some(2));
+    assert_eq!(code(&["methods", "no-such"]), Some(2));
+    assert_eq!(code(&["man", "no-such"]), Some(2));
     assert_eq!(code(&["--version"]), Some(0));
 }
 
@@ -96,7 +98,7 @@ fn methods_describes_one_method_as_a_preset_of_its_defaults() {
         }
     }
     let unknown = run(folder.path(), &["methods", "sheer"]);
-    assert_eq!(unknown.status.code(), Some(1));
+    assert_eq!(unknown.status.code(), Some(2));
     assert!(stderr(&unknown).contains("did you mean 'shear'?"), "{}", stderr(&unknown));
 }
 
@@ -105,7 +107,7 @@ fn a_parameter_out_of_its_range_is_refused_with_key_value_range_and_default() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("lens.toml"), "[method.accumulate]\nrays = 0\n").unwrap();
     let output = run(folder.path(), &["render", STACK, "--preset", "lens.toml", "-o", "a.exr"]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     let text = stderr(&output);
     assert!(
         text.contains("'rays' of accumulate must be a whole number from 1 to 65536 (the default is 1024)"),

@@ -6,6 +6,7 @@
 mod compare;
 mod devices;
 mod export;
+mod failures;
 mod inspect;
 mod lens;
 mod listings;

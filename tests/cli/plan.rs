@@ -136,9 +136,9 @@ fn the_number_of_views_or_its_target_is_given_once_and_only_to_methods_that_supp
     assert_eq!(failed(&["--target-db", "200"]).0, Some(2));
     assert_eq!(failed(&["--time-budget", "0"]).0, Some(2));
     let (code, message) = failed(&["--method", "gather", "--target-db", "40"]);
-    assert!(code == Some(1) && message.contains("gather cannot search for"), "{message}");
+    assert!(code == Some(2) && message.contains("gather cannot search for"), "{message}");
     let (code, message) = failed(&["--method", "scatter", "--quality", "draft"]);
-    assert!(code == Some(1) && message.contains("scatter does not sample the lens"), "{message}");
+    assert!(code == Some(2) && message.contains("scatter does not sample the lens"), "{message}");
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn an_effect_that_cannot_be_switched_is_an_error_before_anything_is_read_or_run(
     let folder = tempfile::tempdir().unwrap();
     let said = |arguments: &[&str]| {
         let output = run(folder.path(), arguments);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         stderr(&output)
     };
     let unknown = said(&["render", "no/such.exr", "-o", "a.exr", "--without", "blurr"]);

@@ -51,7 +51,7 @@ fn an_existing_output_survives_a_failed_render_and_is_replaced_by_a_successful_o
     fs::write(&out, "precious").unwrap();
     let arguments = ["render", STACK, "-o", "out.exr", "--views", "4"];
     let failed = run(folder.path(), &[&arguments[..], &["--focus", "0.001"]].concat());
-    assert_eq!(failed.status.code(), Some(1));
+    assert_eq!(failed.status.code(), Some(2));
     assert_eq!(fs::read(&out).unwrap(), b"precious");
     assert_eq!(run(folder.path(), &[&arguments[..], &["--focus", "6"]].concat()).status.code(), Some(0));
     assert_eq!(fs::read(&out).unwrap()[..4], [0x76, 0x2f, 0x31, 0x01]);

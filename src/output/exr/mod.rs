@@ -50,8 +50,8 @@ impl ExrOptions {
 /// values that the format does not allow.
 ///
 /// # Errors
-/// [`crate::error::ErrorKind::Output`] for a picture of another size than its frame, a frame that EXR cannot express, and
-/// for the errors of [`atomic::write()`].
+/// [`crate::error::ErrorKind::Settings`] for a picture of another size than its frame, [`crate::error::ErrorKind::Unsupported`] for a
+/// frame that EXR cannot express, and the errors of [`atomic::write()`].
 pub fn write(
     path: &Path,
     image: &Image,
@@ -61,7 +61,7 @@ pub fn write(
 ) -> Result<Vec<Finding>, Error> {
     let (width, height) = (frame.data.width, frame.data.height);
     if image.planes.iter().any(|plane| (plane.width(), plane.height()) != (width, height)) {
-        return Err(Error::output("the picture and its data window differ in size")
+        return Err(Error::settings("the picture and its data window differ in size")
             .in_file(path)
             .with("picture", format!("{}×{}", image.width(), image.height()))
             .with("data window", format!("{width}×{height}")));
@@ -130,6 +130,6 @@ fn compress(block: usize, header: &Header, channels: &[Channel<'_>]) -> exr::err
 fn encoding_error(path: &Path, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::Io(error) => atomic::failed(path, error),
-        other => Error::output("the picture cannot be written as EXR").in_file(path).caused_by(other),
+        other => Error::unsupported("the picture cannot be written as EXR").in_file(path).caused_by(other),
     }
 }
