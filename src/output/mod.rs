@@ -6,7 +6,12 @@
 pub mod atomic;
 #[cfg(feature = "cli")]
 pub(crate) mod data_uri;
+mod digest_of;
+mod encoding;
 pub mod exr;
 pub mod focus_map;
 pub mod png;
 pub mod report;
+
+pub use digest_of::digest_of;
+pub use encoding::Encoding;

@@ -121,6 +121,11 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
     options
 }
 
+/// Whether the picture depends on the frame number: whether any layer has keys.
+pub(super) fn has_keys(job: &Job) -> bool {
+    user_layers(job).any(|(_, values)| values.has_keys())
+}
+
 /// The frame number of the job, if it is known.
 pub(super) fn frame_number(job: &Job) -> Option<FrameNumber> {
     let given = job.frame.map(|number| FrameNumber { number, from: "`frame`" });

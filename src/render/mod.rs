@@ -4,12 +4,14 @@
 //! out. The caller writes the picture: this module writes no output file and prints nothing.
 
 mod decisions;
+mod digest;
 mod job;
 mod paint;
 mod rendered;
 mod stages;
 
 pub use decisions::Decisions;
+pub use digest::digest;
 pub use job::{Job, NamedPreset};
 pub use rendered::Rendered;
 

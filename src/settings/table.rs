@@ -242,6 +242,11 @@ impl Values {
         })
     }
 
+    /// Whether any value has keys along a sequence of frames.
+    pub fn has_keys(&self) -> bool {
+        matches!(self.focus, Some(Focus::Keys(_)))
+    }
+
     /// The attributes of these values in a file's header, by name; [`crate::stack`] reads them back.
     pub fn attributes(&self) -> Vec<(&'static str, Value)> {
         let attribute = |setting: &'static Setting| Some((setting.attribute?, setting.get(self)?));

@@ -1,13 +1,13 @@
 //! An OpenEXR file with a parsed and checked header, before any pixel is read.
 
 use super::input::{Input, Opened};
-use super::{Frame, Window, guard};
+use super::{Frame, Source, Window, camera, guard};
 use crate::error::Error;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
-use std::io::Read;
-use std::path::PathBuf;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 
 /// One channel of a file.
 #[derive(Debug, Clone)]
@@ -80,11 +80,38 @@ impl ExrFile {
         others.map(|(name, value)| (name.clone(), value))
     }
 
+    /// The position after the last block, from the table of blocks. The file has one part of scan lines.
+    fn end_of_blocks(&mut self) -> io::Result<u64> {
+        let mut last = 0;
+        for _ in 0..self.header(0).chunk_count {
+            let mut offset = [0; 8];
+            self.input.read_exact(&mut offset)?;
+            let offset = u64::from_le_bytes(offset);
+            if offset == 0 {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+            last = last.max(offset);
+        }
+        // Each block starts with its first row and its size in bytes.
+        self.input.seek(SeekFrom::Start(last.saturating_add(4)))?;
+        let mut size = [0; 4];
+        self.input.read_exact(&mut size)?;
+        Ok(last.saturating_add(8).saturating_add(u64::from(u32::from_le_bytes(size))))
+    }
+
     /// The attributes of the first part, known and unknown.
     pub(super) fn attributes(&self) -> Vec<(Text, AttributeValue)> {
         let named = self.header(0).all_named_attributes();
         named.map(|(name, value)| (Text::from_slice_unchecked(name), value)).collect()
     }
+}
+
+/// The text of attribute `name` in the header of the OpenEXR file at `path`, which has one part of scan lines; `None` without it, where no
+/// such file can be read, and for one that ends before or after its last block.
+pub(crate) fn header_text(path: &Path, name: &str) -> Option<String> {
+    let mut file = ExrFile::open(Opened::open(&Source::file(path)).ok()?).ok()?;
+    let text = camera::text(&file.attributes(), name)?;
+    (file.end_of_blocks().ok()? == file.len).then_some(text)
 }
 
 /// The EXR library's error as an error of this library.

@@ -43,6 +43,7 @@ pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
 pub(crate) use frame_number::frame_number;
 pub use framed::FramedImage;
+pub(crate) use header::header_text;
 pub use options::{Carry, ReadOptions, Source};
 pub use read::{read, read_framed_picture, read_picture};
 
