@@ -239,9 +239,9 @@ pub(super) fn stack_job(
 }
 
 impl JobArgs {
-    /// Every file that the flags name to be read.
-    pub(super) fn files(&self) -> Vec<PathBuf> {
-        self.input.files().cloned().chain(self.lens.settings.values().beauty).collect()
+    /// The inputs as they were given.
+    pub(super) fn inputs(&self) -> &[PathBuf] {
+        &self.input.inputs
     }
 }
 

@@ -1,6 +1,6 @@
 //! Checks of output files before any work starts, so that a long render does not fail when it is written.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use thinlens::error::Error;
 use thinlens::output::atomic;
 
@@ -9,7 +9,7 @@ use thinlens::output::atomic;
 ///
 /// # Errors
 /// The condition that does not hold.
-pub(super) fn output<'a>(output: &Path, inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
+pub(super) fn output(output: &Path, inputs: impl Iterator<Item: AsRef<Path>>) -> Result<(), Error> {
     not_an_input(output, inputs)?;
     atomic::check_writable(output)
 }
@@ -28,13 +28,13 @@ pub(super) fn png(output: &Path) -> Result<(), Error> {
         .help("give the file a name that ends in .png"))
 }
 
-fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Error> {
+fn not_an_input(output: &Path, mut inputs: impl Iterator<Item: AsRef<Path>>) -> Result<(), Error> {
     // Canonical paths: `./a.exr`, `a.exr` and a link to it are the same file. An output that does not exist is not an input.
     let Ok(output_file) = output.canonicalize() else { return Ok(()) };
-    match inputs.find(|input| input.canonicalize().is_ok_and(|input| input == output_file)) {
+    match inputs.find(|input| input.as_ref().canonicalize().is_ok_and(|input| input == output_file)) {
         Some(input) => Err(Error::settings("the output is one of the inputs")
             .in_file(output)
-            .with("input", input.display().to_string())
+            .with("input", input.as_ref().display().to_string())
             .help("write to another file; inputs are never overwritten")),
         None => Ok(()),
     }
@@ -45,13 +45,16 @@ fn not_an_input<'a>(output: &Path, mut inputs: impl Iterator<Item = &'a PathBuf>
 /// # Errors
 /// It cannot be created, is not a folder, or is not writable.
 pub(super) fn folder(folder: &Path) -> Result<(), Error> {
-    atomic::create_folder(folder)?;
+    std::fs::create_dir_all(folder).map_err(|cause| {
+        Error::output("the output folder cannot be created").in_file(folder).caused_by(cause)
+    })?;
     atomic::check_writable(&folder.join("results.json"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::PathBuf;
 
     fn check(path: &Path, inputs: &[PathBuf]) -> Result<(), String> {
         output(path, inputs.iter()).map_err(|error| error.to_string())

@@ -57,11 +57,11 @@ struct Inspected {
 }
 
 pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
+    let mut job = Job { methods: methods.clone(), ..args.job.job(Carry::Unused)? };
     if let Some(path) = &args.overlay {
         checks::png(path)?;
-        checks::output(path, args.job.files().iter())?;
+        checks::output(path, job.files())?;
     }
-    let mut job = Job { methods: methods.clone(), ..args.job.job(Carry::Unused)? };
     job.read_options.objects = true;
     let prepared = prepare(&job)?;
     let coc_px = prepared.scene.seen_coc_px();

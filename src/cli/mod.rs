@@ -17,10 +17,12 @@ mod flags;
 mod inspect;
 mod man;
 mod methods;
+mod outputs;
 mod plan;
 mod presets;
 mod render;
 mod score;
+mod sequence;
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};

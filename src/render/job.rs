@@ -54,6 +54,17 @@ impl Job {
         Self { sources: sources.into_iter().collect(), ..Self::default() }
     }
 
+    /// Every file that the job names and reads: the stack, its depth, its beauty.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let sources = self.sources.iter().filter_map(|source| match source {
+            Source::File(path) => Some(path.as_path()),
+            Source::Memory { .. } => None,
+        });
+        let preset = self.preset.iter().filter_map(|named| named.preset.values.beauty.as_deref());
+        let beauty = self.flags.beauty.as_deref().or_else(|| preset.last());
+        sources.chain(self.read_options.depth_file.as_deref()).chain(beauty)
+    }
+
     /// The job with `preset`, called `name` where origins are shown.
     #[must_use]
     pub fn with_preset(self, name: impl Into<String>, preset: Preset) -> Self {

@@ -1,0 +1,332 @@
+//! The output files of a render: their flags, the checks before any work starts, and writing them.
+
+use super::checks;
+use super::console::print_json;
+use super::failure::{Failure, usage_error};
+use super::sequence::at;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use thinlens::error::Error;
+use thinlens::finding::Finding;
+use thinlens::image::{Image, Plane};
+use thinlens::output::exr::{Codec, ExrOptions};
+use thinlens::output::report::{Confidence, Report};
+use thinlens::output::{exr, png, report};
+use thinlens::render::{Job, Rendered};
+use thinlens::sequence::Pattern;
+use thinlens::stack::{Carried, Carry, Precision};
+use thinlens::usage::Stage;
+
+/// The output files.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Output")]
+pub(super) struct OutputArgs {
+    /// The picture: .exr, .png, or - for an EXR on stdout
+    #[arg(long, short, value_name = "FILE")]
+    pub(super) output: PathBuf,
+    /// Also write a PNG for viewing
+    #[arg(long, value_name = "FILE.png")]
+    preview: Option<PathBuf>,
+    /// Exposure of the PNGs in stops
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+    /// Also write a confidence mask, 0 … 1
+    ///
+    /// The mask is the share of each pixel's light that comes from surfaces in the stack, and not from estimated surfaces or from
+    /// lens rays that hit nothing. Takes about as long as the blur. Only for methods that sample the lens with rays.
+    #[arg(long, value_name = "FILE.png|exr")]
+    confidence: Option<PathBuf>,
+    /// Also write a report; without a pattern, of the whole shot
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Numeric type of the EXR; default: that of the input
+    #[arg(long, value_name = "TYPE")]
+    precision: Option<PrecisionArg>,
+    /// Compression of the EXR; default: zip
+    #[arg(long, value_name = "CODEC", value_parser = codecs())]
+    codec: Option<Codec>,
+    /// Input channels copied to the EXR; default: unused
+    #[arg(long, value_name = "CHANNELS")]
+    carry: Option<CarryArg>,
+    /// Print the report on standard output
+    ///
+    /// Of a sequence, it is a line of JSON for each frame, and one for the shot at the end.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    /// 16-bit floating point
+    Half,
+    /// 32-bit floating point
+    Float,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CarryArg {
+    /// Channels that no peel uses
+    Unused,
+    /// All channels, those of the peels included
+    All,
+    /// No channels
+    None,
+}
+
+/// The format and destination of the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Target {
+    Exr,
+    Png,
+    Stdout,
+}
+
+impl OutputArgs {
+    /// Whether the names of output files differ from frame to frame.
+    ///
+    /// # Errors
+    /// A pattern that cannot be read.
+    pub(super) fn varies(&self) -> Result<bool, Error> {
+        Ok(Pattern::parse(&self.output)?.is_some())
+    }
+
+    /// These files of frame `number`. A report whose name does not vary is that of the shot, and not of a frame.
+    ///
+    /// # Errors
+    /// A pattern that cannot be read.
+    pub(super) fn at(&self, number: i64) -> Result<Self, Error> {
+        let named = |path: &Option<PathBuf>| path.as_ref().map(|path| at(path, number)).transpose();
+        let report = named(&self.report)?.filter(|report| Some(report) != self.report.as_ref());
+        Ok(Self {
+            output: at(&self.output, number)?,
+            preview: named(&self.preview)?,
+            confidence: named(&self.confidence)?,
+            report,
+            json: false,
+            ..self.clone()
+        })
+    }
+
+    /// The report of the whole shot, if one is requested: the one whose name does not vary.
+    ///
+    /// # Errors
+    /// A pattern that cannot be read.
+    pub(super) fn report_of_shot(&self) -> Result<Option<&Path>, Error> {
+        let report = self.report.as_deref();
+        Ok(report.filter(|report| Pattern::parse(report).is_ok_and(|pattern| pattern.is_none())))
+    }
+
+    /// Checks that no two frames of a sequence write the same file.
+    ///
+    /// # Errors
+    /// A picture, preview or mask without a pattern in its name.
+    pub(super) fn check_varies(&self) -> Result<(), Failure> {
+        for file in [Some(&self.output), self.preview.as_ref(), self.confidence.as_ref()].into_iter().flatten() {
+            if Pattern::parse(file)?.is_none() {
+                let example = file.with_extension(format!(
+                    "####.{}",
+                    file.extension().unwrap_or_default().to_string_lossy()
+                ));
+                return Err(Error::settings("all frames of the sequence would have the same file")
+                    .in_file(file)
+                    .with("expected", "a pattern for the frame number, such as ####")
+                    .help(format!("name it {}", example.display()))
+                    .into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a confidence mask is requested.
+    pub(super) fn has_mask(&self) -> bool {
+        self.confidence.is_some()
+    }
+
+    /// Checks every output file of `job` before any work starts.
+    ///
+    /// # Errors
+    /// Names that cannot be written, or exclude each other, and flags without effect.
+    pub(super) fn check(&self, job: &Job) -> Result<(), Failure> {
+        let target = target(&self.output)?;
+        let mask = self.confidence.as_deref().map(mask_target).transpose()?;
+        self.check_unused_flags(target, mask)?;
+        if target == Target::Stdout {
+            self.check_stdout()?;
+        }
+        let mut seen: Vec<&PathBuf> = Vec::new();
+        for path in self.files()? {
+            if seen.contains(&path) {
+                let message = format!("two outputs have the same file name: {}", path.display());
+                return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message));
+            }
+            seen.push(path);
+            checks::output(path, job.files())?;
+        }
+        Ok(())
+    }
+
+    /// Refuses flags without effect, so that a mistake is noticed.
+    fn check_unused_flags(&self, target: Target, mask: Option<Target>) -> Result<(), Failure> {
+        let picture_is_exr = target != Target::Png;
+        let writes_exr = picture_is_exr || mask == Some(Target::Exr);
+        let writes_png = target == Target::Png || self.preview.is_some();
+        let flags = [
+            ("--exposure", self.exposure.is_some(), writes_png, "PNG"),
+            ("--precision", self.precision.is_some(), writes_exr, "EXR"),
+            ("--codec", self.codec.is_some(), writes_exr, "EXR"),
+            ("--carry", self.carry.is_some(), picture_is_exr, "EXR"),
+        ];
+        match flags.into_iter().find(|(_, is_set, is_used, _)| *is_set && !is_used) {
+            None => Ok(()),
+            Some((flag, _, _, format)) => {
+                let message = format!("{flag} has no effect: no {format} is written");
+                Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, &message))
+            }
+        }
+    }
+
+    fn check_stdout(&self) -> Result<(), Failure> {
+        if self.json {
+            let message = "--json and -o - would both write to standard output; use --report FILE.json";
+            return Err(usage_error("render", clap::error::ErrorKind::ArgumentConflict, message));
+        }
+        if io::stdout().is_terminal() {
+            return Err(Error::settings("an EXR cannot be written to a terminal")
+                .help("redirect standard output, or name a file with --output")
+                .into());
+        }
+        Ok(())
+    }
+
+    /// The channels to copy.
+    pub(super) fn carry(&self) -> Carry {
+        match self.carry {
+            None | Some(CarryArg::Unused) => Carry::Unused,
+            Some(CarryArg::All) => Carry::All,
+            Some(CarryArg::None) => Carry::None,
+        }
+    }
+
+    /// Every file that is written.
+    ///
+    /// # Errors
+    /// A name whose extension is not known.
+    pub(super) fn files(&self) -> Result<impl Iterator<Item = &PathBuf>, Error> {
+        let picture = (target(&self.output)? != Target::Stdout).then_some(&self.output);
+        Ok(picture.into_iter().chain(&self.preview).chain(&self.confidence).chain(&self.report))
+    }
+
+    /// Writes the pictures of `job`, and its report; returns findings about what could not be written. The picture comes last: where it
+    /// is there, all is.
+    ///
+    /// # Errors
+    /// Those of the files.
+    pub(super) fn write(&self, job: &Job, rendered: &mut Rendered) -> Result<Vec<Finding>, Error> {
+        rendered.clock.skip();
+        let findings = self.write_pictures(rendered)?;
+        rendered.clock.lap(Stage::Write);
+        rendered.stack.findings.extend(findings.clone());
+        if let Some(path) = &self.report {
+            report::write_json(path, &self.report_of(job, rendered))?;
+        }
+        Ok(findings)
+    }
+
+    /// Writes the pictures; returns findings about what could not be written.
+    fn write_pictures(&self, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
+        let Rendered { image, frame, stack, .. } = rendered;
+        let precision = match self.precision {
+            None => stack.precision,
+            Some(PrecisionArg::Half) => Precision::Half,
+            Some(PrecisionArg::Float) => Precision::Float,
+        };
+        let options = ExrOptions { precision, codec: self.codec.unwrap_or_default() };
+        let exposure = self.exposure.unwrap_or(0.0);
+        if let Some(preview) = &self.preview {
+            png::write(preview, image, exposure)?;
+        }
+        if let Some((path, known)) = self.mask(rendered) {
+            match mask_target(path)? {
+                Target::Png => png::write_mask(path, known)?,
+                Target::Exr | Target::Stdout => {
+                    // The same in every channel, so that any of them can be used as the mask.
+                    let mask = Image { planes: std::array::from_fn(|_| known.clone()) };
+                    exr::write(path, &mask, frame, &Carried::default(), &options)?;
+                }
+            }
+        }
+        match target(&self.output)? {
+            Target::Exr | Target::Stdout => exr::write(&self.output, image, frame, &stack.carried, &options),
+            Target::Png => png::write(&self.output, image, exposure).map(|()| Vec::new()),
+        }
+    }
+
+    /// The confidence mask and its file, if requested.
+    fn mask<'a>(&'a self, rendered: &'a Rendered) -> Option<(&'a Path, &'a Plane)> {
+        self.confidence.as_deref().zip(rendered.confidence.as_ref())
+    }
+
+    /// Prints the report, if requested.
+    ///
+    /// # Errors
+    /// Those of standard output.
+    pub(super) fn print_report(&self, job: &Job, rendered: &Rendered) -> Result<(), Failure> {
+        if self.json {
+            print_json(&self.report_of(job, rendered))?;
+        }
+        Ok(())
+    }
+
+    fn report_of(&self, job: &Job, rendered: &Rendered) -> Report {
+        let inputs = job.files().map(|input| input.display().to_string()).collect();
+        let report = rendered.report(inputs, self.output.display().to_string());
+        let confidence = self.mask(rendered).map(|(path, known)| Confidence::new(path, known));
+        Report { confidence, ..report }
+    }
+}
+
+fn codecs() -> impl TypedValueParser<Value = Codec> {
+    PossibleValuesParser::new(Codec::ALL.map(Codec::name)).try_map(|name| name.parse::<Codec>())
+}
+
+/// The format and destination of `output`, from its extension.
+fn target(output: &Path) -> Result<Target, Error> {
+    let extension = output.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        _ if output == Path::new("-") => Ok(Target::Stdout),
+        Some("exr") => Ok(Target::Exr),
+        Some("png") => Ok(Target::Png),
+        // The checks that follow have a better error for a folder.
+        _ if output.is_dir() => Ok(Target::Exr),
+        _ => Err(Error::settings("the output's file extension is not supported")
+            .in_file(output)
+            .with("expected", ".exr, .png")
+            .help("name the output out.exr or out.png, or - for an EXR on standard output")),
+    }
+}
+
+/// The format of a mask's file.
+fn mask_target(path: &Path) -> Result<Target, Error> {
+    if path != Path::new("-") {
+        return target(path);
+    }
+    Err(Error::settings("the confidence mask cannot be written to standard output")
+        .help("name a file: --confidence known.png"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_extension_decides_the_format() {
+        let target = |name| target(Path::new(name)).ok();
+        assert_eq!(target("a/out.exr"), Some(Target::Exr));
+        assert_eq!(target("out.PNG"), Some(Target::Png));
+        assert_eq!(target("-"), Some(Target::Stdout));
+        assert_eq!(target("out.jpg"), None);
+        assert_eq!(target("out"), None);
+    }
+}
