@@ -14,10 +14,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::error::Error;
-use thinlens::methods::{Method, Plan, Registry, Target};
+use thinlens::methods::{Method, Plan, Registry};
 use thinlens::probes::{ErrorEstimate, ProbeSet};
 use thinlens::render::{Job, Prepared};
-use thinlens::sample_budget;
 use thinlens::scene::EffectKind;
 use thinlens::settings::{Origin, Settings, Sourced};
 use thinlens::stack::Carry;
@@ -79,7 +78,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
         true => Calibration::assumed(),
         false => console.calibration(args.recalibrate)?,
     };
-    decide_views(&mut prepared, &calibration)?;
+    prepared.decide_views(&calibration)?;
     let rows = rows(&prepared, &calibration, args.all_methods)?;
     if args.json {
         print_json(&json!({
@@ -93,24 +92,6 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
     } else {
         print(&keys_to_flags(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
     }
-    Ok(())
-}
-
-/// Replaces a target in the plan by the number of lens samples that reaches it, as a render does.
-fn decide_views(prepared: &mut Prepared, calibration: &Calibration) -> Result<(), Error> {
-    let Prepared { scene, stats, plan, .. } = prepared;
-    let (views, reason) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
-        None => return Ok(()),
-        Some(Target::Error { psnr_db, max_views }) => {
-            let outcome = sample_budget::find_views(scene.clone(), plan, (psnr_db, max_views))?;
-            (outcome.views, outcome.statement)
-        }
-        Some(Target::Time { seconds }) => {
-            let views = sample_budget::views_within(stats, plan, seconds, calibration)?;
-            (views, format!("as many as are predicted to fit into {seconds} s"))
-        }
-    };
-    *plan = Plan { views_reason: reason, ..plan.with_views(views) };
     Ok(())
 }
 

@@ -63,10 +63,11 @@ impl Decisions {
         };
     }
 
-    /// `job` with these decisions. What it leaves out by name stays out.
+    /// `job` with these decisions. What it leaves out by name stays out, and a number of lens samples that its flags set stays.
     #[must_use]
     pub fn pin(&self, job: &Job) -> Job {
         let mut job = job.clone();
+        let given = job.flags.effort.filter(|effort| matches!(effort, Effort::Views(_)));
         let left_out = |kind: &EffectKind| {
             job.switches
                 .without
@@ -86,7 +87,7 @@ impl Decisions {
         }
         job.flags = Values {
             method: self.method.clone().or(job.flags.method),
-            effort: self.views.map(Effort::Views).or(job.flags.effort),
+            effort: given.or(self.views.map(Effort::Views)).or(job.flags.effort),
             ..job.flags
         };
         // Parameters of later entries outrank those of earlier ones.

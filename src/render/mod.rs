@@ -23,8 +23,8 @@ use crate::lens::{Sharpness, ThinLens};
 use crate::methods::{Plan, Progress, Registry, Target};
 use crate::output::report::StackReport;
 use crate::probes;
-use crate::sample_budget::Outcome;
-use crate::scene::{Scene, SceneStats};
+use crate::sample_budget::{self, Outcome};
+use crate::scene::{EffectKind, Scene, SceneStats};
 use crate::settings::Settings;
 use crate::stack::{self, Stack};
 use crate::usage::{Stage, StageClock};
@@ -143,6 +143,35 @@ fn plan_stack(
 }
 
 impl Prepared {
+    /// The speed of this machine, if the plan needs it; measured the first time.
+    ///
+    /// # Errors
+    /// Those of the measurement.
+    pub fn calibration(&mut self) -> Result<Calibration, Error> {
+        calibration(&self.plan, &mut self.stack)
+    }
+
+    /// Replaces a target in the plan by the number of lens samples that reaches it, as a render does.
+    ///
+    /// # Errors
+    /// Those of the search; a time for a method whose time cannot be predicted.
+    pub fn decide_views(&mut self, calibration: &Calibration) -> Result<(), Error> {
+        let Self { scene, stats, plan, .. } = self;
+        let (views, reason) = match plan.target.filter(|_| plan.does(EffectKind::Blur)) {
+            None => return Ok(()),
+            Some(Target::Error { psnr_db, max_views }) => {
+                let outcome = sample_budget::find_views(scene.clone(), plan, (psnr_db, max_views))?;
+                (outcome.views, outcome.statement)
+            }
+            Some(Target::Time { seconds }) => {
+                let views = sample_budget::views_within(stats, plan, seconds, calibration)?;
+                (views, format!("as many as are predicted to fit into {seconds} s"))
+            }
+        };
+        *plan = Plan { views_reason: reason, ..plan.with_views(views) };
+        Ok(())
+    }
+
     /// Carries out the plan. If requested, also measures the sampling error and computes the confidence mask; the scene is then kept in
     /// memory twice.
     ///
