@@ -87,6 +87,7 @@ mod confidence;
 pub mod cost;
 pub mod sample_budget;
 pub mod render;
+pub mod sequence;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod compare;

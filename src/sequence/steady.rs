@@ -1,0 +1,172 @@
+//! What is decided once for a shot, so that nothing changes between its frames but what they show.
+//!
+//! A few frames, evenly spread over the shot, are read and analyzed. The number of views is that of the frame that needs most; an effect that
+//! is on in any of them is on in all frames. The view table follows from the number of views and the lens, and is then the same too.
+
+use crate::error::Error;
+use crate::finding::Finding;
+use crate::output::atomic;
+use crate::render::{self, Decisions, Job};
+use crate::scene::EffectKind;
+use crate::settings::Focus;
+use std::path::Path;
+
+/// Number of frames that are looked at.
+const SAMPLES: usize = 5;
+
+/// The decisions of a shot, and where they come from.
+#[derive(Debug)]
+pub struct Steady {
+    /// What is decided.
+    pub decisions: Decisions,
+    /// The decisions in words.
+    pub findings: Vec<Finding>,
+}
+
+/// Decides for the shot whose frames are `jobs`, by number.
+///
+/// # Errors
+/// A focus that nobody chose ([`check_focus`]); and the first error of a frame, where no frame that was looked at can be prepared.
+pub fn decide(jobs: &[(i64, &Job)]) -> Result<Steady, Error> {
+    let mut found: Option<Decisions> = None;
+    let mut looked_at = Vec::new();
+    let mut first_error = None;
+    for place in samples(jobs.len()) {
+        let (number, job) = &jobs[place];
+        match decide_frame(job) {
+            Ok(decisions) => {
+                looked_at.push(*number);
+                match &mut found {
+                    Some(found) => found.join(&decisions),
+                    None => found = Some(decisions),
+                }
+            }
+            Err(Refused::Shot(error)) => return Err(error),
+            Err(Refused::Frame(error)) => first_error = first_error.or(Some(error)),
+        }
+    }
+    match (found, first_error) {
+        (Some(decisions), _) => {
+            let findings = findings(&decisions, &looked_at);
+            Ok(Steady { decisions, findings })
+        }
+        (None, Some(error)) => Err(error),
+        (None, None) => Ok(Steady { decisions: Decisions::default(), findings: Vec::new() }),
+    }
+}
+
+/// Why a frame that was looked at decides nothing.
+enum Refused {
+    /// The frame itself is at fault; others can decide.
+    Frame(Error),
+    /// The shot is.
+    Shot(Error),
+}
+
+/// What the frame of `job` needs.
+fn decide_frame(job: &Job) -> Result<Decisions, Refused> {
+    let mut prepared = render::prepare(job).map_err(Refused::Frame)?;
+    check_focus(&prepared.settings.lens.focus.value).map_err(Refused::Shot)?;
+    let calibration = prepared.calibration().map_err(Refused::Frame)?;
+    prepared.decide_views(&calibration).map_err(Refused::Frame)?;
+    Ok(Decisions::of(&prepared.plan, None))
+}
+
+/// Refuses a focus that nobody chose: what the centre of the picture shows changes from frame to frame, and focus would jump with it.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for [`Focus::Centre`].
+pub fn check_focus(focus: &Focus) -> Result<(), Error> {
+    if *focus != Focus::Centre {
+        return Ok(());
+    }
+    Err(Error::settings("what is in focus in this sequence is not said")
+        .with(
+            "found",
+            "no focus distance in the flags, in the preset, or in the frames' headers: focus would jump with what the centre of \
+             each frame shows",
+        )
+        .help(
+            "give a distance with `focus_distance`, a pixel with `focus_point = [X, Y]`, an object with `focus_object`, or \
+             [[lens.focus_keys]] in a preset",
+        ))
+}
+
+/// Places of the frames to look at, of `count` in order: the first, the last, and some evenly between.
+fn samples(count: usize) -> Vec<usize> {
+    let number = count.min(SAMPLES);
+    (0..number).map(|i| if number < 2 { 0 } else { i * (count - 1) / (number - 1) }).collect()
+}
+
+/// `decisions`, taken from the frames `looked_at`, in words.
+fn findings(decisions: &Decisions, looked_at: &[i64]) -> Vec<Finding> {
+    let Decisions { method, views, force, .. } = decisions;
+    let method = method.as_deref().unwrap_or("auto");
+    let views = views.map(|views| format!(", {views} views")).unwrap_or_default();
+    let effects: Vec<&str> = force.iter().copied().map(EffectKind::name).collect();
+    let effects = if effects.is_empty() { "no effect".to_owned() } else { effects.join(", ") };
+    let frames: Vec<String> = looked_at.iter().map(ToString::to_string).collect();
+    let text = format!("{method}{views}, with {effects}: for all frames, from frames {}", frames.join(", "));
+    vec![Finding::note("shot", text)]
+}
+
+/// Reads decisions from the file `path`, where [`save`] has written them.
+///
+/// # Errors
+/// [`crate::error::ErrorKind::Settings`] for a file that cannot be read, and for anything in it that is no decision.
+pub fn load(path: &Path) -> Result<Decisions, Error> {
+    let help = "write the file with `thinlens plan SHOT --decisions FILE.toml`";
+    let text = std::fs::read_to_string(path).map_err(|cause| {
+        Error::settings("the decisions cannot be read").in_file(path).caused_by(cause).help(help)
+    })?;
+    toml::from_str(&text).map_err(|cause| {
+        Error::settings("the file holds no decisions of a shot").in_file(path).caused_by(cause).help(help)
+    })
+}
+
+/// Writes `decisions` to the file `path`.
+///
+/// # Errors
+/// Those of [`atomic::write()`].
+pub fn save(decisions: &Decisions, path: &Path) -> Result<(), Error> {
+    let text = toml::to_string(decisions).map_err(|cause| {
+        Error::output("the decisions cannot be written as TOML").in_file(path).caused_by(cause)
+    })?;
+    atomic::write_text(path, &text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_the_last_and_some_between_are_looked_at() {
+        assert_eq!(samples(0), Vec::<usize>::new());
+        assert_eq!(samples(1), [0]);
+        assert_eq!(samples(2), [0, 1]);
+        assert_eq!(samples(5), [0, 1, 2, 3, 4]);
+        assert_eq!(samples(6), [0, 1, 2, 3, 5]);
+        assert_eq!(samples(101), [0, 25, 50, 75, 100]);
+    }
+
+    #[test]
+    fn decisions_are_read_back_as_saved_and_a_slip_is_an_error_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shot.toml");
+        let decisions = Decisions { views: Some(96), force: vec![EffectKind::Fill], ..Decisions::default() };
+        save(&decisions, &path).unwrap();
+        assert_eq!(load(&path).unwrap(), decisions);
+        std::fs::write(&path, "views = 96\nveiws = 3\n").unwrap();
+        let message = load(&path).unwrap_err().to_string();
+        assert!(message.contains("veiws") && message.contains("shot.toml"), "{message}");
+    }
+
+    #[test]
+    fn a_focus_that_nobody_chose_is_refused() {
+        let message = check_focus(&Focus::Centre).unwrap_err().to_string();
+        assert!(message.contains("focus_keys") && message.contains("focus_point"), "{message}");
+        for focus in [Focus::Distance(2.0), Focus::Point([1.0, 2.0]), Focus::Object("cow".to_owned())] {
+            assert!(check_focus(&focus).is_ok(), "{focus:?}");
+        }
+    }
+}
