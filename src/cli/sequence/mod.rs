@@ -1,0 +1,191 @@
+//! `thinlens render` of a sequence: which frames there are, what the shot decides, and the run.
+
+mod frames;
+mod progress;
+mod tally;
+mod work;
+
+pub(super) use frames::at;
+
+use super::args::JobArgs;
+use super::console::{Console, print_json_line};
+use super::failure::{Failure, usage_error};
+use super::outputs::OutputArgs;
+use super::render::RenderArgs;
+use clap::Args;
+use clap::error::ErrorKind;
+use frames::Frame;
+use progress::Protocol;
+use std::path::{Path, PathBuf};
+use tally::Tally;
+use thinlens::cost::Calibration;
+use thinlens::error::Error;
+use thinlens::methods::Registry;
+use thinlens::render::{Decisions, Job};
+use thinlens::sequence::{self, FrameSet, Limits, Pattern, Shot};
+use work::Run;
+
+/// Frames of a sequence.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Input")]
+pub(super) struct FramesArgs {
+    /// Frames of a sequence, such as 1-100 or 1-9,20-30x2
+    ///
+    /// In names of files, #### stands for the frame number, as do %04d, $F4 and @@@@. All names with such a pattern advance together:
+    /// inputs, --depth-file, --beauty, the output, --preview, --confidence and --report. In the list, 1-100x5 is every fifth frame, 1-100y5
+    /// are the others, and 1-100:4 is every fourth frame, then every third, and so on. Default: all frames that are there.
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with = "frame",
+          value_parser = parse_frames)]
+    pub(super) frames: Option<FrameSet>,
+    /// List of inputs, a line each, a frame each; - is stdin
+    #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
+    pub(super) files_from: Option<PathBuf>,
+    /// What `thinlens plan` decided for the shot
+    ///
+    /// Machines that render parts of a shot decide alike only if they get the same decisions, or the same number of --views.
+    #[arg(long, value_name = "FILE.toml")]
+    pub(super) decisions: Option<PathBuf>,
+}
+
+/// How to go through a sequence.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub(super) struct RunArgs {
+    /// Skip frames that are complete and up to date
+    ///
+    /// A frame is up to date if its picture was made from the same files, with the same settings, by the same version.
+    #[arg(long)]
+    resume: bool,
+    /// Stop at the first frame that fails
+    #[arg(long)]
+    fail_fast: bool,
+    /// Wait for frames that the renderer has not finished
+    #[arg(long, requires = "frames")]
+    watch: bool,
+    /// How to say how far a sequence is
+    #[arg(long, value_name = "READER", default_value = "auto")]
+    progress: Protocol,
+}
+
+impl FramesArgs {
+    /// The frames of `inputs`; `None` where these are one frame. `varies` is whether a name of an output is a pattern.
+    ///
+    /// # Errors
+    /// Those of finding files.
+    pub(super) fn shot(&self, inputs: &[PathBuf], varies: bool) -> Result<Option<Shot>, Error> {
+        let frames = self.frames.as_ref();
+        if let Some(list) = &self.files_from {
+            return Shot::of_files(&listed(list)?, frames).map(Some);
+        }
+        match Shot::find(inputs, frames)? {
+            None if varies || frames.is_some() => Shot::of_files(inputs, frames).map(Some),
+            shot => Ok(shot),
+        }
+    }
+
+    /// What is decided for the shot of `frames`: by the file that is given, or from some of the frames.
+    ///
+    /// # Errors
+    /// Those of the file; those of [`sequence::decide`].
+    fn decisions(&self, frames: &[Frame], console: Console) -> Result<Decisions, Error> {
+        if let Some(file) = &self.decisions {
+            return sequence::load_decisions(file);
+        }
+        let jobs: Vec<(i64, &Job)> = frames.iter().map(|frame| (frame.number, &frame.job)).collect();
+        let steady = sequence::decide(&jobs)?;
+        console.findings(&steady.findings);
+        Ok(steady.decisions)
+    }
+}
+
+impl RunArgs {
+    /// Refuses flags without effect for a single frame.
+    pub(super) fn check_single(&self, frames: &FramesArgs) -> Result<(), Failure> {
+        let flags = [
+            ("--resume", self.resume),
+            ("--fail-fast", self.fail_fast),
+            ("--watch", self.watch),
+            ("--progress", self.progress != Protocol::Auto),
+            ("--decisions", frames.decisions.is_some()),
+        ];
+        match flags.into_iter().find(|(_, is_set)| *is_set) {
+            None => Ok(()),
+            Some((flag, _)) => {
+                let message = format!(
+                    "{flag} has no effect: this is one frame; a sequence has a pattern in the names of its files, such as shot.####.exr"
+                );
+                Err(usage_error("render", ErrorKind::ArgumentConflict, &message))
+            }
+        }
+    }
+}
+
+/// Renders the frames of `shot`, which all have `job` but for what their names say.
+///
+/// # Errors
+/// Those of the call, before any frame is rendered; [`Failure::Frames`] where frames failed.
+pub(super) fn run(
+    shot: &Shot,
+    job: &Job,
+    (frames, outputs, run): (&FramesArgs, &OutputArgs, &RunArgs),
+    console: Console,
+) -> Result<(), Failure> {
+    outputs.check_varies()?;
+    console.findings(&shot.findings);
+    let all: Vec<Frame> = shot.frames.iter().map(|shot| Frame::new(shot, job, outputs)).collect::<Result<_, _>>()?;
+    if let Some(first) = all.first() {
+        first.outputs.check(&first.job)?;
+    }
+    if run.watch {
+        work::wait_for_any(&all, console);
+    }
+    let decisions = frames.decisions(&all, console)?;
+    let all: Vec<Frame> = all.into_iter().map(|frame| frame.pinned(&decisions)).collect();
+    let limits = Limits {
+        memory_bytes: job.memory_bytes(),
+        frames: rayon::current_num_threads(),
+        fail_fast: run.fail_fast,
+    };
+    let tally = Tally::new(console, run.progress, outputs.json, all.len() + shot.missing.len());
+    let work = Run::new(run, tally);
+    work.missing(&shot.missing);
+    let not_started = sequence::run(all, limits, &work).len();
+    let summary = work.into_tally().finish(not_started);
+    if let Some(path) = outputs.report_of_shot()? {
+        write_json(path, &summary)?;
+    }
+    if outputs.json {
+        print_json_line(&Shots { shot: &summary })?;
+    }
+    match summary.exit_code() {
+        0 => Ok(()),
+        code => Err(Failure::Frames(code)),
+    }
+}
+
+/// The last line of JSON of a run.
+#[derive(Debug, Serialize)]
+struct Shots<'a> {
+    shot: &'a Summary,
+}
+
+/// Parses a list of frames.
+fn parse_frames(text: &str) -> Result<FrameSet, String> {
+    FrameSet::parse(text).map_err(|error| error.on_one_line())
+}
+
+/// The files that are listed in `list`, a line each; `-` is standard input. Empty lines are skipped.
+fn listed(list: &Path) -> Result<Vec<PathBuf>, Error> {
+    let is_stdin = list == Path::new("-");
+    let text = if is_stdin { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(list) };
+    let text = text.map_err(|cause| {
+        Error::input("the list of files cannot be read").in_file(list).caused_by(cause)
+    })?;
+    let files: Vec<PathBuf> = text.lines().filter(|line| !line.trim().is_empty()).map(PathBuf::from).collect();
+    if files.is_empty() {
+        return Err(Error::input("the list of files is empty")
+            .in_file(list)
+            .help("write the name of an input in each line"));
+    }
+    Ok(files)
+}

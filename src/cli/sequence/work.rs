@@ -1,0 +1,82 @@
+//! A frame of a run: whether it is ready, whether it is there already, and how it is rendered.
+
+use super::RunArgs;
+use super::frames::Frame;
+use super::tally::{Ending, Tally};
+use crate::cli::console::Console;
+use crate::cli::drivers::prepare;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use thinlens::error::Error;
+use thinlens::sequence::{Readiness, Work, check_focus, is_finished};
+
+/// How often the first frame of a sequence is looked for.
+const POLL: Duration = Duration::from_millis(250);
+
+/// The run of a sequence.
+#[derive(Debug)]
+pub(super) struct Run<'a> {
+    args: &'a RunArgs,
+    tally: Mutex<Tally>,
+}
+
+impl<'a> Run<'a> {
+    /// The run that `args` ask for, which `tally` follows.
+    pub(super) fn new(args: &'a RunArgs, tally: Tally) -> Self {
+        Self { args, tally: Mutex::new(tally) }
+    }
+
+    fn tally(&self) -> MutexGuard<'_, Tally> {
+        self.tally.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The frames so far, after the run.
+    pub(super) fn into_tally(self) -> Tally {
+        self.tally.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Waits until the files of any of `frames` are complete.
+pub(super) fn wait_for_any(frames: &[Frame], console: Console) {
+    let mut said = false;
+    while !frames.is_empty() && !frames.iter().any(is_ready) {
+        if !said {
+            console.note("waiting for the first frame");
+            said = true;
+        }
+        std::thread::sleep(POLL);
+    }
+}
+
+/// Whether all files that `frame` reads are complete.
+fn is_ready(frame: &Frame) -> bool {
+    frame.job.files().all(is_finished)
+}
+
+impl Work for Run<'_> {
+    type Frame = Frame;
+    type Done = Ending;
+
+    fn readiness(&self, frame: &Frame) -> Readiness {
+        if self.args.watch && !is_ready(frame) {
+            return Readiness::Waiting;
+        }
+        Readiness::Ready(frame.job.memory_bytes_needed())
+    }
+
+    fn render(&self, frame: &Frame) -> Result<Ending, Error> {
+        if self.args.resume && frame.is_up_to_date()? {
+            return Ok(Ending::Skipped);
+        }
+        let prepared = prepare(&frame.job)?;
+        check_focus(&prepared.settings.lens.focus.value)?;
+        let mut rendered = prepared.blur(&|_| {})?;
+        frame.outputs.write(&frame.job, &mut rendered)?;
+        Ok(Ending::Rendered { seconds: rendered.clock.seconds().total, findings: rendered.stack.findings })
+    }
+
+    fn ended(&self, frame: Frame, result: Result<Ending, Error>) {
+        self.tally().ended(frame.number, &frame.outputs.output, result);
+    }
+}
