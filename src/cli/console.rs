@@ -56,7 +56,7 @@ impl Console {
     pub(super) fn findings(self, findings: &[Finding]) {
         for Finding { about, text, warning } in findings {
             if *warning {
-                line(format_args!("warning: {about}: {text}"));
+                warning(format_args!("{about}: {text}"));
             } else {
                 self.note(format_args!("{about}: {text}"));
             }
@@ -98,10 +98,14 @@ impl Console {
         ));
     }
 
+    /// Whether progress bars are shown.
+    pub(super) fn shows_bars(self) -> bool {
+        !self.quiet && io::stderr().is_terminal()
+    }
+
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.
     pub(super) fn progress(self, what: &'static str) -> Bar {
-        let shown = !self.quiet && io::stderr().is_terminal();
-        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if self.shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(Bar::STEPS), target).with_message(what);
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %") {
             bar.set_style(style);
@@ -129,6 +133,16 @@ impl Drop for Bar {
     }
 }
 
+/// Prints a warning.
+pub(super) fn warning(text: impl Display) {
+    line(format_args!("warning: {text}"));
+}
+
+/// Prints the error that ended frame `number` of a sequence.
+pub(super) fn frame_error(number: i64, error: &Error) {
+    line(format_args!("error: frame {number}: {error}"));
+}
+
 /// Prints the error that ended the command.
 pub(super) fn error(error: &Error) {
     line(format_args!("error: {error}"));
@@ -145,6 +159,13 @@ pub(super) fn kebab(value: &impl serde::Serialize) -> String {
 /// Prints `value` on standard output as indented JSON.
 pub(super) fn print_json(value: &impl serde::Serialize) -> io::Result<()> {
     let mut text = serde_json::to_string_pretty(value).map_err(io::Error::other)?;
+    text.push('\n');
+    print(&text)
+}
+
+/// Prints `value` on standard output as a line of JSON.
+pub(super) fn print_json_line(value: &impl serde::Serialize) -> io::Result<()> {
+    let mut text = serde_json::to_string(value).map_err(io::Error::other)?;
     text.push('\n');
     print(&text)
 }

@@ -18,6 +18,8 @@ pub(super) enum Failure {
     Usage(clap::Error),
     /// The subcommand `command` was called with flags that cannot be combined.
     Misused { command: &'static str, kind: ErrorKind, message: String },
+    /// Frames of a sequence failed, which has been told; the exit code of the run.
+    Frames(u8),
     /// The reader of a listing on standard output has closed it; this is not an error.
     BrokenPipe,
 }

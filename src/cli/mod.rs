@@ -97,6 +97,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
     match outcome {
         Ok(()) | Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
         Err(Failure::Failed(error)) => failure::failed(&error, json),
+        Err(Failure::Frames(code)) => ExitCode::from(code),
         Err(Failure::Usage(error)) => failure::misused(&error, json),
         Err(Failure::Misused { command, kind, message }) => {
             failure::misused(&usage_of(command, kind, message), json)

@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::finding::Finding;
 use thinlens::image::{Image, Plane};
-use thinlens::output::exr::{Codec, ExrOptions};
+use thinlens::output::Encoding;
+use thinlens::output::exr::Codec;
 use thinlens::output::report::{Confidence, Report};
 use thinlens::output::{exr, png, report};
 use thinlens::render::{Job, Rendered};
@@ -237,13 +238,8 @@ impl OutputArgs {
     /// Writes the pictures; returns findings about what could not be written.
     fn write_pictures(&self, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
         let Rendered { image, frame, stack, .. } = rendered;
-        let precision = match self.precision {
-            None => stack.precision,
-            Some(PrecisionArg::Half) => Precision::Half,
-            Some(PrecisionArg::Float) => Precision::Float,
-        };
-        let options = ExrOptions { precision, codec: self.codec.unwrap_or_default() };
-        let exposure = self.exposure.unwrap_or(0.0);
+        let encoding = self.encoding();
+        let (options, exposure) = (encoding.exr_options(stack.precision), encoding.exposure_stops);
         if let Some(preview) = &self.preview {
             png::write(preview, image, exposure)?;
         }
@@ -260,6 +256,18 @@ impl OutputArgs {
         match target(&self.output)? {
             Target::Exr | Target::Stdout => exr::write(&self.output, image, frame, &stack.carried, &options),
             Target::Png => png::write(&self.output, image, exposure).map(|()| Vec::new()),
+        }
+    }
+
+    /// How the picture is stored.
+    pub(super) fn encoding(&self) -> Encoding {
+        Encoding {
+            precision: self.precision.map(|precision| match precision {
+                PrecisionArg::Half => Precision::Half,
+                PrecisionArg::Float => Precision::Float,
+            }),
+            codec: self.codec.unwrap_or_default(),
+            exposure_stops: self.exposure.unwrap_or(0.0),
         }
     }
 

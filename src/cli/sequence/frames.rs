@@ -3,7 +3,8 @@
 use crate::cli::outputs::OutputArgs;
 use std::path::{Path, PathBuf};
 use thinlens::error::Error;
-use thinlens::render::Job;
+use thinlens::output::digest_of;
+use thinlens::render::{Decisions, Job, digest};
 use thinlens::sequence::{Pattern, ShotFrame};
 use thinlens::stack::Source;
 
@@ -25,21 +26,27 @@ impl Frame {
     /// A pattern that cannot be read.
     pub(super) fn new(shot: &ShotFrame, job: &Job, outputs: &OutputArgs) -> Result<Self, Error> {
         let number = shot.number;
-        let mut job =
-            Job { frame: Some(number), sources: shot.inputs.iter().map(Source::file).collect(), ..job.clone() };
-        let options = &mut job.read_options;
-        for file in [&mut options.depth_file, &mut options.beauty, &mut job.flags.beauty].into_iter().flatten() {
+        let sources = shot.inputs.iter().map(Source::file).collect();
+        let mut job = Job { frame: Some(number), sources, ..job.clone() };
+        for file in [&mut job.read_options.depth_file, &mut job.flags.beauty].into_iter().flatten() {
             *file = at(file, number)?;
         }
         Ok(Self { number, job, outputs: outputs.at(number)? })
     }
 
-    /// Every file that it reads.
-    pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
-        let Job { sources, read_options, flags, .. } = &self.job;
-        let files = sources.iter().map(Source::name);
-        let others = [&read_options.depth_file, &read_options.beauty, &flags.beauty];
-        files.chain(others.into_iter().flatten().map(PathBuf::as_path))
+    /// The frame with what was decided for its shot.
+    pub(super) fn pinned(self, decisions: &Decisions) -> Self {
+        Self { job: decisions.pin(&self.job), ..self }
+    }
+
+    /// Whether all its files are there, and its picture is that of the same settings, version and inputs.
+    ///
+    /// # Errors
+    /// An input that cannot be examined.
+    pub(super) fn is_up_to_date(&self) -> Result<bool, Error> {
+        let digest = digest(&self.job, &self.outputs.encoding())?;
+        let written = self.outputs.files()?.all(|file| file.is_file());
+        Ok(written && digest_of(&self.outputs.output).is_some_and(|of_file| of_file == digest))
     }
 }
 

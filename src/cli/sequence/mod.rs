@@ -7,22 +7,20 @@ mod work;
 
 pub(super) use frames::at;
 
-use super::args::JobArgs;
 use super::console::{Console, print_json_line};
 use super::failure::{Failure, usage_error};
 use super::outputs::OutputArgs;
-use super::render::RenderArgs;
 use clap::Args;
 use clap::error::ErrorKind;
 use frames::Frame;
 use progress::Protocol;
 use std::path::{Path, PathBuf};
-use tally::Tally;
-use thinlens::cost::Calibration;
+use serde::Serialize;
+use tally::{Summary, Tally};
 use thinlens::error::Error;
-use thinlens::methods::Registry;
 use thinlens::render::{Decisions, Job};
-use thinlens::sequence::{self, FrameSet, Limits, Pattern, Shot};
+use thinlens::output::report::write_json;
+use thinlens::sequence::{self, FrameSet, Limits, Shot};
 use work::Run;
 
 /// Frames of a sequence.

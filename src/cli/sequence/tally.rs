@@ -3,14 +3,18 @@
 use super::progress::{Line, Protocol};
 use crate::cli::console::{self, Console, print_json_line};
 use crate::cli::flags::keys_to_flags;
-use crate::cli::failure::exit_code;
+use crate::cli::failure::with_flags;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
+use std::time::Instant;
 use thinlens::error::{Error, ErrorReport};
 use thinlens::finding::Finding;
+use thinlens::sequence::FrameSet;
+
+/// Exit code of a run of which some frames failed and others are there.
+const SOME_FAILED: u8 = 3;
 
 /// What became of a frame.
 #[derive(Debug)]
@@ -74,14 +78,12 @@ pub(super) struct Tally {
 impl Tally {
     /// A run of `total` frames.
     pub(super) fn new(console: Console, protocol: Protocol, json: bool, total: usize) -> Self {
-        let shown = protocol == Protocol::Bar && console.shows_bars();
+        let shown = protocol == Protocol::Auto && console.shows_bars();
         let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(total as u64), target);
-        let template = "{pos} of {len} frames {wide_bar} {per_sec:.2}, {eta} left{msg}";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.with_key("per_sec", frames_per_second));
+        if let Ok(style) = ProgressStyle::with_template("{pos} of {len} frames {wide_bar} {msg}") {
+            bar.set_style(style);
         }
-        bar.enable_steady_tick(Duration::from_millis(500));
         Self {
             console,
             bar,
@@ -110,7 +112,7 @@ impl Tally {
             }
             Err(error) => {
                 self.above_bar(|| console::frame_error(number, &error));
-                self.failures.push(Failed { frame: number, error: error.report() });
+                self.failures.push(Failed { frame: number, error: with_flags(error.report()) });
                 ("failed", None, self.failures.last().map(|failed| &failed.error))
             }
         };
@@ -121,6 +123,7 @@ impl Tally {
         let done = self.done();
         self.bar.set_position(done as u64);
         let left = self.seconds_left().map(|left| format!(", {} left", in_words(left))).unwrap_or_default();
+        self.bar.set_message(format!("{:.2} frames/s{left}", self.rendered as f64 / self.seconds()));
         let text = match (status, seconds) {
             ("rendered", Some(seconds)) => format!("wrote {} in {seconds:.2} s", output.display()),
             ("skipped", _) => format!("{} is complete and up to date", output.display()),
@@ -153,10 +156,15 @@ impl Tally {
         self.rendered + self.skipped + self.failures.len()
     }
 
+    /// Seconds since the start.
+    fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
     /// Seconds that the rest will take, if it takes as long a frame as the rendered ones have; `None` before the first.
     fn seconds_left(&self) -> Option<f64> {
         let rest = self.total - self.done();
-        let each = self.started.elapsed().as_secs_f64() / self.rendered as f64;
+        let each = self.seconds() / self.rendered as f64;
         (self.rendered > 0 && rest > 0).then_some(each * rest as f64)
     }
 
