@@ -16,6 +16,7 @@
 
 use crate::error::Error;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -55,7 +56,7 @@ impl Pattern {
     ///
     /// [`ErrorKind::Settings`](crate::error::ErrorKind::Settings) if a place asks for more than 32 digits.
     pub fn parse(path: &Path) -> Result<Option<Self>, Error> {
-        let base = path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
+        let base = existing(path);
         let rest = path.strip_prefix(base).unwrap_or(path);
         let texts: Option<Vec<&str>> = rest.components().map(|name| name.as_os_str().to_str()).collect();
         // A place for a number is ASCII; what is no text has none that could be replaced.
@@ -71,6 +72,28 @@ impl Pattern {
         }
     }
 
+    /// The path with a place for the number between each of `texts` and the next, of so many `digits` at least.
+    pub(super) fn between(texts: &[String], digits: &[usize]) -> Self {
+        // No path contains a NUL, so it stands for a place until the path is taken apart.
+        let path = texts.join("\0");
+        let mut digits = digits.iter().copied();
+        let mut pieces = |name: &str| {
+            let mut pieces = Vec::new();
+            for (index, text) in name.split('\0').enumerate() {
+                pieces.extend((index > 0).then(|| Piece::Number(digits.next().unwrap_or(1))));
+                pieces.extend((!text.is_empty()).then(|| Piece::Text(text.to_owned())));
+            }
+            pieces
+        };
+        let first = Path::new(&path).ancestors().find(|folder| !folder.to_string_lossy().contains('\0'));
+        let base = first.unwrap_or(Path::new("")).to_owned();
+        let rest = Path::new(&path).strip_prefix(&base).unwrap_or(Path::new(&path));
+        let names = rest.components().map(|name| pieces(&name.as_os_str().to_string_lossy())).collect();
+        let mut pattern = Self { path: PathBuf::new(), base, names };
+        pattern.path = pattern.filled(|digits| if digits == 1 { "@".to_owned() } else { "#".repeat(digits) });
+        pattern
+    }
+
     /// The path as it was written.
     pub fn as_path(&self) -> &Path {
         &self.path
@@ -78,11 +101,11 @@ impl Pattern {
 
     /// The path of `frame`.
     pub fn at(&self, frame: i64) -> PathBuf {
-        self.spelt(|digits| format!("{frame:0digits$}"))
+        self.filled(|digits| format!("{frame:0digits$}"))
     }
 
     /// The path with `number` of its least number of characters in each place.
-    fn spelt(&self, number: impl Fn(usize) -> String) -> PathBuf {
+    fn filled(&self, number: impl Fn(usize) -> String) -> PathBuf {
         let mut path = self.base.clone();
         for name in &self.names {
             let pieces = name.iter().map(|piece| match piece {
@@ -144,7 +167,7 @@ impl Pattern {
     /// How far the digits in `path` are from those of the pattern: the lower the nearer.
     fn rank(&self, frame: i64, path: &Path) -> u8 {
         let magnitude = frame.unsigned_abs();
-        let signed = || self.spelt(|digits| format!("-{magnitude:0digits$}"));
+        let signed = || self.filled(|digits| format!("-{magnitude:0digits$}"));
         match path {
             path if path == self.at(frame) => 0,
             path if frame < 0 && path == signed() => 1,
@@ -165,16 +188,14 @@ impl Pattern {
             return self.find(&folder.join(text), rest, number, found);
         }
         for entry in listing(folder)? {
-            let entry = entry.map_err(|error| unlisted(folder, error))?;
-            let file_name = entry.file_name();
             let mut number = number;
-            if !file_name.to_str().is_some_and(|text| read(name, text, &mut number)) {
+            if !entry.name.to_str().is_some_and(|text| read(name, text, &mut number)) {
                 continue;
             }
-            let path = folder.join(file_name);
-            match number {
-                _ if !rest.is_empty() => self.find(&path, rest, number, found)?,
-                Some(number) if !path.is_dir() => found.push((number, path)),
+            let path = folder.join(entry.name);
+            match (number, rest.is_empty()) {
+                (_, false) if entry.is_folder => self.find(&path, rest, number, found)?,
+                (Some(number), true) if !entry.is_folder => found.push((number, path)),
                 _ => {}
             }
         }
@@ -182,15 +203,38 @@ impl Pattern {
     }
 }
 
+/// The longest part of `path` from its start that exists, empty if none does.
+pub(super) fn existing(path: &Path) -> &Path {
+    path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""))
+}
+
+/// What a folder has.
+pub(super) struct Entry {
+    /// Its name in the folder.
+    pub(super) name: OsString,
+    /// Whether it is a folder itself.
+    pub(super) is_folder: bool,
+}
+
 /// What is in `folder`: nothing if it is not there or no folder.
-fn listing(folder: &Path) -> Result<impl Iterator<Item = io::Result<fs::DirEntry>>, Error> {
+///
+/// # Errors
+///
+/// [`ErrorKind::Input`](crate::error::ErrorKind::Input) if it cannot be listed.
+pub(super) fn listing(folder: &Path) -> Result<Vec<Entry>, Error> {
     let here = folder.as_os_str().is_empty();
+    let entry = |entry: fs::DirEntry| {
+        // Only a link has to be followed, which asks the disk once more.
+        let kind = entry.file_type()?;
+        let is_folder = kind.is_dir() || (kind.is_symlink() && entry.path().is_dir());
+        Ok(Entry { name: entry.file_name(), is_folder })
+    };
     let listed = fs::read_dir(if here { Path::new(".") } else { folder });
-    let absent =
-        |error: &io::Error| matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory);
-    match listed {
-        Ok(entries) => Ok(Some(entries).into_iter().flatten()),
-        Err(error) if absent(&error) => Ok(None.into_iter().flatten()),
+    match listed.and_then(|entries| entries.map(|listed| listed.and_then(entry)).collect()) {
+        Ok(entries) => Ok(entries),
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            Ok(Vec::new())
+        }
         Err(error) => Err(unlisted(folder, error)),
     }
 }
@@ -277,7 +321,7 @@ fn read(pieces: &[Piece], name: &str, number: &mut Option<i64>) -> bool {
 }
 
 /// `folder` cannot be listed.
-fn unlisted(folder: &Path, error: io::Error) -> Error {
+pub(super) fn unlisted(folder: &Path, error: io::Error) -> Error {
     Error::input("the folder cannot be listed").in_file(folder).caused_by(error)
 }
 

@@ -41,7 +41,7 @@ pub use camera::camera_attributes;
 #[cfg(feature = "cli")]
 pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
-pub(crate) use frame_number::frame_number;
+pub(crate) use frame_number::{Numbered, frame_number, frame_numbers};
 pub use framed::FramedImage;
 pub(crate) use header::header_text;
 pub use options::{Carry, ReadOptions, Source};
