@@ -72,6 +72,7 @@ pub mod finding;
 pub mod image;
 pub mod usage;
 pub mod machine;
+pub mod memory;
 pub mod settings;
 pub mod stack;
 pub mod lens;

@@ -117,6 +117,13 @@ pub trait Method: fmt::Debug + Sync {
         None
     }
 
+    /// Number of rows above and below a pixel of a picture by `plan` on which its value depends, where fragments contribute to pixels within
+    /// `reach_px` picture pixels. `None` for a method whose pixels depend on the whole picture: its frames are not rendered in bands of rows,
+    /// and have to fit into memory.
+    fn rows_around(&self, _plan: &Plan, _reach_px: usize) -> Option<usize> {
+        None
+    }
+
     /// The method as a sampler of single pixels with any number of lens samples; `None` where it has none.
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {
         None

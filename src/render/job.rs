@@ -46,6 +46,9 @@ pub struct Job {
     pub verify: Option<usize>,
     /// Whether to compute the confidence mask.
     pub confidence: bool,
+    /// Memory that the run may use, in bytes: of the decoded stack, and where it is rendered in bands ([`super::in_bands`]) of all of it. If
+    /// `None`, a part of what the machine has and the process's control group allows.
+    pub memory: Option<u64>,
 }
 
 impl Job {
@@ -121,6 +124,7 @@ fn mask(path: &Path) -> Result<Mask, Error> {
 /// The job's read options, with what preset and flags set about the file.
 pub(super) fn read_options(job: &Job) -> ReadOptions {
     let mut options = job.read_options.clone();
+    options.max_bytes = options.max_bytes.or(job.memory);
     for (_, values) in user_layers(job) {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);

@@ -12,6 +12,7 @@ mod stats;
 mod fill;
 mod focus;
 mod focus_distance;
+mod join;
 mod layer;
 mod light;
 mod merge;

@@ -29,7 +29,8 @@ pub(super) struct Chunks {
 }
 
 impl Chunks {
-    /// The blocks of the largest resolution level of the parts for which `requested` returns true. `input` is positioned after the header.
+    /// The blocks of the largest resolution level for which `requested` returns true: of this part, in this row of blocks. `input` is
+    /// positioned after the header.
     ///
     /// # Errors
     /// The table of block offsets is truncated.
@@ -37,7 +38,7 @@ impl Chunks {
         mut input: Input,
         len: u64,
         meta_data: &MetaData,
-        requested: impl Fn(usize) -> bool,
+        requested: impl Fn(usize, usize) -> bool,
     ) -> Result<Self, Error> {
         let mut offsets = Vec::new();
         let mut position = input.stream_position().map_err(cut_short)?;
@@ -51,8 +52,10 @@ impl Chunks {
             input.read_exact(&mut table).map_err(cut_short)?;
             let table = table.as_chunks().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
             let blocks = header.blocks_increasing_y_order();
-            let largest = table.zip(blocks).filter(|(_, tile)| tile.location.is_largest_resolution_level());
-            offsets.extend(largest.map(|(offset, _)| offset).filter(|_| requested(part)));
+            let of_rows = table.zip(blocks).filter(|(_, tile)| {
+                tile.location.is_largest_resolution_level() && requested(part, tile.location.tile_index.y())
+            });
+            offsets.extend(of_rows.map(|(offset, _)| offset));
         }
         offsets.sort_unstable();
         Ok(Self { input, len, position, offsets: offsets.into_iter() })

@@ -2,8 +2,10 @@
 //!
 //! Blocks are read in file order and decompressed in the caller's thread pool, a batch at a time, each into its
 //! rows of the planes. Memory: the planes and one batch of blocks. Only requested channels are converted.
-//! Limits: only the largest resolution level is read.
+//! Of a file that is cropped to some of its rows, only the blocks that meet them are read. Limits: only the largest resolution level is
+//! read.
 
+use super::Window;
 use super::chunks::{self, Chunks};
 use super::guard;
 use super::header::{ExrFile, decoder_error};
@@ -14,11 +16,11 @@ use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::image::FlatSamples;
 use exr::meta::attribute::{Compression, SampleType};
-use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// Maximum compressed bytes of a batch; a batch has at least one block.
@@ -61,30 +63,42 @@ enum Rows<'a> {
 }
 
 /// The division of a part into blocks.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Grid {
     width: usize,
-    height: usize,
+    /// The rows that are read, counted from the top of the part.
+    rows: Range<usize>,
     block_width: usize,
     block_height: usize,
 }
 
 impl Grid {
-    fn from_header(header: &Header) -> Self {
-        let (width, height) = (header.layer_size.width(), header.layer_size.height());
+    fn new(file: &ExrFile, part: usize) -> Self {
+        let header = file.header(part);
+        let width = header.layer_size.width();
         let (block_width, block_height) = match header.blocks {
             BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block()),
             BlockDescription::Tiles(tiles) => (tiles.tile_size.width(), tiles.tile_size.height()),
         };
-        Self { width, height, block_width, block_height }
+        Self { width, rows: file.rows(part), block_width, block_height }
     }
 
-    fn columns(self) -> usize {
+    fn columns(&self) -> usize {
         self.width.div_ceil(self.block_width)
     }
 
-    fn bands(self) -> usize {
-        self.height.div_ceil(self.block_height)
+    /// The rows of blocks that meet the rows that are read.
+    fn bands(&self) -> Range<usize> {
+        if self.rows.is_empty() {
+            return 0..0;
+        }
+        self.rows.start / self.block_height..self.rows.end.div_ceil(self.block_height)
+    }
+
+    /// The rows of the row of blocks `band` that are read.
+    fn rows_of(&self, band: usize) -> Range<usize> {
+        let top = band * self.block_height;
+        top.max(self.rows.start)..(top + self.block_height).min(self.rows.end)
     }
 }
 
@@ -109,14 +123,14 @@ fn decode_unnamed(
     check_budget(&file, requested, max_bytes)?;
     let mut decoded: Vec<Decoded> =
         requested.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
-    let grids: Vec<Grid> = file.meta_data.headers.iter().map(Grid::from_header).collect();
+    let grids: Vec<Grid> = (0..file.meta_data.headers.len()).map(|part| Grid::new(&file, part)).collect();
     let mut bands: Vec<Vec<Mutex<Vec<Strip<'_>>>>> = grids.iter().map(|_| Vec::new()).collect();
     for (&(channel, usage), output) in requested.iter().zip(&mut decoded) {
         let channel = &file.channels[channel];
-        let grid = grids[channel.part];
+        let grid = &grids[channel.part];
         let part_bands = &mut bands[channel.part];
-        part_bands.resize_with(grid.bands(), Mutex::default);
-        for (band, rows) in part_bands.iter_mut().zip(cut(output, grid.block_height * grid.width)) {
+        part_bands.resize_with(grid.bands().len(), Mutex::default);
+        for (band, rows) in part_bands.iter_mut().zip(cut(output, grid)) {
             let strips = band.get_mut().unwrap_or_else(PoisonError::into_inner);
             strips.push(Strip { channel: channel.index, usage, rows });
         }
@@ -128,16 +142,17 @@ fn decode_unnamed(
 
 fn check_budget(file: &ExrFile, requested: &[(usize, Use)], max_bytes: Option<u64>) -> Result<(), Error> {
     let limit = max_bytes.unwrap_or_else(guard::default_max_bytes);
+    let window_of = |channel: usize| file.frame(file.channels[channel].part).data;
     let bytes = requested.iter().fold(0u64, |sum, &(channel, _)| {
-        let size = file.header(file.channels[channel].part).layer_size;
-        let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+        let size = window_of(channel);
+        let pixels = (size.width as u64).saturating_mul(size.height as u64);
         sum.saturating_add(pixels.saturating_mul(4))
     });
     if bytes <= limit {
         return Ok(());
     }
-    let size = requested.first().map(|&(channel, _)| file.header(file.channels[channel].part).layer_size);
-    let (width, height) = size.map_or((0, 0), |size| (size.width(), size.height()));
+    let size = requested.first().map(|&(channel, _)| window_of(channel));
+    let (width, height) = size.map_or((0, 0), |size| (size.width, size.height));
     Err(Error::limits("the picture requires more memory than the limit")
         .with("found", format!("{width}×{height} pixels, {} channels: {} MiB", requested.len(), bytes >> 20))
         .with("limit", format!("{} MiB", limit >> 20))
@@ -146,22 +161,39 @@ fn check_budget(file: &ExrFile, requested: &[(usize, Use)], max_bytes: Option<u6
 
 fn empty(file: &ExrFile, channel: usize, usage: Use) -> Decoded {
     let channel = &file.channels[channel];
-    let size = file.header(channel.part).layer_size;
+    let Window { width, height, .. } = file.frame(channel.part).data;
+    let samples = width * height;
     match (usage, channel.sample_type) {
-        (Use::Carry, SampleType::F16) => Decoded::Samples(FlatSamples::F16(vec![f16::ZERO; size.area()])),
-        (Use::Carry, SampleType::F32) => Decoded::Samples(FlatSamples::F32(vec![0.0; size.area()])),
-        (Use::Carry, SampleType::U32) => Decoded::Samples(FlatSamples::U32(vec![0; size.area()])),
-        _ => Decoded::Plane(Plane::zeros(size.width(), size.height())),
+        (Use::Carry, SampleType::F16) => Decoded::Samples(FlatSamples::F16(vec![f16::ZERO; samples])),
+        (Use::Carry, SampleType::F32) => Decoded::Samples(FlatSamples::F32(vec![0.0; samples])),
+        (Use::Carry, SampleType::U32) => Decoded::Samples(FlatSamples::U32(vec![0; samples])),
+        _ => Decoded::Plane(Plane::zeros(width, height)),
     }
 }
 
-fn cut(decoded: &mut Decoded, len: usize) -> Box<dyn Iterator<Item = Rows<'_>> + '_> {
+/// The rows of `decoded` of each row of blocks of `grid`.
+fn cut<'a>(decoded: &'a mut Decoded, grid: &Grid) -> Vec<Rows<'a>> {
     match decoded {
-        Decoded::Plane(plane) => Box::new(plane.values_mut().chunks_mut(len).map(Rows::Float)),
-        Decoded::Samples(FlatSamples::F16(values)) => Box::new(values.chunks_mut(len).map(Rows::Half)),
-        Decoded::Samples(FlatSamples::F32(values)) => Box::new(values.chunks_mut(len).map(Rows::Float)),
-        Decoded::Samples(FlatSamples::U32(values)) => Box::new(values.chunks_mut(len).map(Rows::Uint)),
+        Decoded::Plane(plane) => cut_values(plane.values_mut(), grid, Rows::Float),
+        Decoded::Samples(FlatSamples::F16(values)) => cut_values(values, grid, Rows::Half),
+        Decoded::Samples(FlatSamples::F32(values)) => cut_values(values, grid, Rows::Float),
+        Decoded::Samples(FlatSamples::U32(values)) => cut_values(values, grid, Rows::Uint),
     }
+}
+
+fn cut_values<'a, T>(
+    mut values: &'a mut [T],
+    grid: &Grid,
+    rows: impl Fn(&'a mut [T]) -> Rows<'a>,
+) -> Vec<Rows<'a>> {
+    let lengths = grid.bands().map(|band| grid.rows_of(band).len() * grid.width);
+    lengths
+        .map(|length| {
+            let (first, rest) = std::mem::take(&mut values).split_at_mut(length);
+            values = rest;
+            rows(first)
+        })
+        .collect()
 }
 
 /// Decodes all blocks of the parts that have bands into the strips.
@@ -169,7 +201,8 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> 
     let ExrFile { input, len, meta_data, .. } = file;
     let mut seen: Vec<Vec<bool>> =
         grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();
-    let mut chunks = Chunks::new(input, len, &meta_data, |part| !bands[part].is_empty())?;
+    let requested = |part: usize, band: usize| !bands[part].is_empty() && grids[part].bands().contains(&band);
+    let mut chunks = Chunks::new(input, len, &meta_data, requested)?;
     let mut replaced = Replaced::default();
     loop {
         let mut batch = Vec::new();
@@ -186,7 +219,8 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> 
         }
         let done = batch.into_par_iter().map(|(chunk, (column, band))| {
             let part = chunk.layer_index;
-            place(chunk, column, &bands[part][band], grids[part], &meta_data)
+            let strips = &bands[part][band - grids[part].bands().start];
+            place(chunk, (column, band), strips, &grids[part], &meta_data)
         });
         for part in done.collect::<Vec<_>>() {
             replaced.add(part?);
@@ -220,9 +254,9 @@ fn locate(
         }
         _ => None,
     };
-    let columns = grids[part].columns();
-    let place = found.filter(|&(column, band)| column < columns && band < grids[part].bands());
-    let slot = place.and_then(|(column, band)| seen[part].get_mut(band * columns + column));
+    let (columns, bands) = (grids[part].columns(), grids[part].bands());
+    let place = found.filter(|&(column, band)| column < columns && bands.contains(&band));
+    let slot = place.and_then(|(column, band)| seen[part].get_mut((band - bands.start) * columns + column));
     match (place, slot) {
         (Some(place), Some(slot)) if !*slot => {
             *slot = true;
@@ -233,12 +267,12 @@ fn locate(
     }
 }
 
-/// Decompresses one block into the strips of its band.
+/// Decompresses the block in this column and row of blocks into its strips.
 fn place(
     chunk: Chunk,
-    column: usize,
-    band: &Mutex<Vec<Strip<'_>>>,
-    grid: Grid,
+    (column, band): (usize, usize),
+    strips: &Mutex<Vec<Strip<'_>>>,
+    grid: &Grid,
     meta_data: &MetaData,
 ) -> Result<Replaced, Error> {
     let header = &meta_data.headers[chunk.layer_index];
@@ -256,11 +290,14 @@ fn place(
     let (left, width) = (column * grid.block_width, block.index.pixel_size.width());
     let mut replaced = Replaced::default();
     let mut half_row = vec![0u16; width];
-    let mut strips = band.lock().unwrap_or_else(PoisonError::into_inner);
+    let rows = grid.rows_of(band);
+    let skipped = rows.start - band * grid.block_height;
+    let mut strips = strips.lock().unwrap_or_else(PoisonError::into_inner);
     for strip in strips.iter_mut() {
         let (offset, sample_type) = offsets[strip.channel];
         let len = sample_type.bytes_per_sample() * width;
-        for (row, line) in block.data.chunks_exact(bytes_per_pixel * width).enumerate() {
+        let lines = block.data.chunks_exact(bytes_per_pixel * width).skip(skipped).take(rows.len());
+        for (row, line) in lines.enumerate() {
             let bytes = &line[offset * width..][..len];
             let at = row * grid.width + left;
             match &mut strip.rows {

@@ -7,6 +7,7 @@
 
 use super::input::Opened;
 use crate::error::Error;
+use crate::memory::memory_limit_bytes;
 use std::io::{self, BufRead, Read, Seek};
 
 /// OpenEXR allows coordinates up to this far from the origin; beyond it sizes overflow 32-bit integers.
@@ -61,13 +62,9 @@ pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
     opened.input.rewind().map_err(|error| cut_short(error).in_file(&opened.name))
 }
 
-/// Half of the machine's memory, or 8 GiB if that is not known.
+/// Half of the memory that this process may use.
 pub(super) fn default_max_bytes() -> u64 {
-    let total_kib = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
-        let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-        line.split_whitespace().next()?.parse::<u64>().ok()
-    });
-    total_kib.map_or(8 << 30, |kib| kib.saturating_mul(512))
+    memory_limit_bytes() / 2
 }
 
 fn cut_short(cause: io::Error) -> Error {

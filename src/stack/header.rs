@@ -7,6 +7,7 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// One channel of a file.
@@ -37,6 +38,8 @@ pub(super) struct ExrFile {
     pub(super) meta_data: MetaData,
     /// The channels of all parts.
     pub(super) channels: Vec<Channel>,
+    /// The rows to read, by their `y`; all if `None`.
+    rows: Option<Range<i32>>,
 }
 
 impl ExrFile {
@@ -51,7 +54,22 @@ impl ExrFile {
         let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
         MetaData::validate(&meta_data.headers, false).map_err(fail)?;
         let channels = list_channels(&meta_data.headers);
-        Ok(Self { name, input, len, meta_data, channels })
+        Ok(Self { name, input, len, meta_data, channels, rows: None })
+    }
+
+    /// The file as if its data windows ended at `rows`, by their `y`; the whole file if `None`.
+    #[must_use]
+    pub(super) fn cropped(self, rows: Option<Range<i32>>) -> Self {
+        Self { rows, ..self }
+    }
+
+    /// The rows of part `part` that are read, counted from the top of its data window.
+    pub(super) fn rows(&self, part: usize) -> Range<usize> {
+        let stored = window(self.header(part).data_window());
+        let place = |y: i32| (i64::from(y) - i64::from(stored.y)).clamp(0, stored.height as i64) as usize;
+        self.rows
+            .as_ref()
+            .map_or(0..stored.height, |rows| place(rows.start)..place(rows.end).max(place(rows.start)))
     }
 
     /// The header of part `part`.
@@ -64,11 +82,18 @@ impl ExrFile {
         self.channels.iter().map(|channel| channel.name.as_str()).collect()
     }
 
+    /// The window of the pixels that are read of part `part`: its data window, or the rows of it.
+    fn data_window(&self, part: usize) -> Window {
+        let (stored, rows) = (window(self.header(part).data_window()), self.rows(part));
+        // Coordinates are below 2^30 (see `guard`).
+        Window { y: stored.y + rows.start as i32, height: rows.len(), ..stored }
+    }
+
     /// Data window, display window and pixel aspect of part `part`.
     pub(super) fn frame(&self, part: usize) -> Frame {
         let shared = &self.header(part).shared_attributes;
         Frame {
-            data: window(self.header(part).data_window()),
+            data: self.data_window(part),
             display: window(shared.display_window),
             pixel_aspect: shared.pixel_aspect,
         }

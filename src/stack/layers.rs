@@ -85,13 +85,49 @@ impl Layer {
 /// # Errors
 /// No colour, damaged pixels, more memory than allowed.
 pub(super) fn read_exr(file: ExrFile, options: &ReadOptions) -> Result<Layers, Error> {
-    let names = file.names();
-    let mut assigned = names::assign(&names, options).map_err(|error| error.in_file(&file.name))?;
+    let assigned = assign(&file, options)?;
+    read_assigned(file, assigned, options)
+}
+
+/// The channels of a file by peel, as `options` request them.
+fn assign(file: &ExrFile, options: &ReadOptions) -> Result<Assigned, Error> {
+    let mut assigned = names::assign(&file.names(), options).map_err(|error| error.in_file(&file.name))?;
     // A depth file replaces the depth of this file.
     if options.depth_file.is_some() {
         assigned.peels.iter_mut().for_each(|peel| peel.depth = None);
     }
-    read_assigned(file, assigned, options)
+    Ok(assigned)
+}
+
+/// The channels of a file by peel, and the indices of those that are read beside them: to be copied, and requested cryptomattes.
+///
+/// # Errors
+/// No colour.
+pub(super) fn channels_to_read(
+    file: &ExrFile,
+    options: &ReadOptions,
+) -> Result<(Assigned, Vec<usize>), Error> {
+    let assigned = assign(file, options)?;
+    let (_, kept, _) = beside_peels(file, &assigned, options);
+    Ok((assigned, kept))
+}
+
+/// The cryptomattes of a file, the indices of the channels that are read beside those of the peels, and findings about the rest.
+fn beside_peels(
+    file: &ExrFile,
+    assigned: &Assigned,
+    options: &ReadOptions,
+) -> (Vec<Cryptomatte>, Vec<usize>, Vec<Finding>) {
+    let Assigned { peels, beauty, .. } = assigned;
+    let used: Vec<usize> =
+        peels.iter().chain(beauty).flat_map(requested_channels).map(|(index, _)| index).collect();
+    let data = peels.first().map(|first| file.frame(file.channels[first.color[0]].part).data);
+    let Some(data) = data else { return (Vec::new(), Vec::new(), Vec::new()) };
+    let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
+    let cryptomattes = cryptomatte::find(file, data, &deeper);
+    let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
+    let (kept, findings) = carried::choose(file, &used, (options.carry, requested_mattes), data);
+    (cryptomattes, kept, findings)
 }
 
 /// Decodes only the main picture of an OpenEXR file.
@@ -118,23 +154,20 @@ pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Pl
 }
 
 fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Result<Layers, Error> {
-    let Assigned { peels, beauty, mut findings } = assigned;
-    peels
+    assigned
+        .peels
         .iter()
-        .chain(&beauty)
+        .chain(&assigned.beauty)
         .try_for_each(|peel| check_one_part(&file, peel))
         .map_err(|error| error.in_file(&file.name))?;
-    let Some(first) = peels.first() else {
+    let Some(first) = assigned.peels.first() else {
         return Err(Error::input("the file has no peel").in_file(&file.name));
     };
     let frame = file.frame(file.channels[first.color[0]].part);
+    let (cryptomattes, kept, of_kept) = beside_peels(&file, &assigned, options);
+    let Assigned { peels, beauty, mut findings } = assigned;
+    findings.extend(of_kept);
     let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
-    let used: Vec<usize> = requested.iter().map(|(index, _)| *index).collect();
-    let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
-    let cryptomattes = cryptomatte::find(&file, frame.data, &deeper);
-    let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
-    let (kept, finding) = carried::choose(&file, &used, (options.carry, requested_mattes), frame.data);
-    findings.extend(finding);
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
     let named = |&index: &usize| (file.channels[index].name.clone(), file.channels[index].quantize_linearly);

@@ -18,6 +18,7 @@ pub mod depth;
 mod evidence;
 mod filtered_depth;
 mod frame_number;
+mod footprint;
 mod framed;
 mod guard;
 mod header;
@@ -41,6 +42,7 @@ pub use camera::camera_attributes;
 #[cfg(feature = "cli")]
 pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
+pub use footprint::{Footprint, footprint};
 pub(crate) use frame_number::{Numbered, frame_number, frame_numbers};
 pub use framed::FramedImage;
 pub(crate) use header::header_text;

@@ -1,6 +1,7 @@
 //! Input files and options of reading.
 
 use crate::settings::{DepthConvention, StackKind};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,6 +40,9 @@ pub struct ReadOptions {
     pub objects: bool,
     /// Maximum size of the decoded input in bytes; half of the machine's memory if `None`.
     pub max_bytes: Option<u64>,
+    /// The rows to read, by their `y` in the files; all if `None`. The stack is a crop of the picture: its data window has these rows only.
+    /// For OpenEXR only.
+    pub rows: Option<Range<i32>>,
 }
 
 /// An input file.

@@ -95,7 +95,29 @@ fn unreadable(name: &Path, cause: std::io::Error) -> Error {
     Error::reading(UNREADABLE, cause).in_file(name).help(DAMAGED)
 }
 
+/// The error of a picture that can only be read as a whole.
+fn not_in_rows() -> Error {
+    Error::unsupported("only OpenEXR can be read a few rows at a time")
+        .help("save the picture as a ZIP scanline OpenEXR, or allow more memory with `memory`")
+}
+
+/// Width and height of a picture, from its header.
+///
+/// # Errors
+/// As [`read_color`].
+pub(super) fn size(mut opened: Opened) -> Result<(usize, usize), Error> {
+    let name = opened.name.clone();
+    let fail =
+        |error: image::ImageError| Error::input("the picture cannot be read").in_file(&name).caused_by(error);
+    let format = image::guess_format(&opened.first_bytes()?).map_err(fail)?;
+    let (width, height) = ImageReader::with_format(opened.input, format).into_dimensions().map_err(fail)?;
+    Ok((width as usize, height as usize))
+}
+
 fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error> {
+    if options.rows.is_some() {
+        return Err(not_in_rows().in_file(&opened.name));
+    }
     let head = opened.first_bytes()?;
     let name = opened.name;
     let fail = |error: image::ImageError| {

@@ -15,6 +15,7 @@ use crate::finding::Finding;
 use crate::image::{Image, Plane};
 use crate::settings::Values;
 use exr::meta::attribute::{AttributeValue, Text};
+use std::ops::Range;
 use std::path::Path;
 
 /// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file per peel nearest first, or one picture with
@@ -42,7 +43,8 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         }
     }
     if let Some(path) = &options.beauty {
-        let (beauty, findings) = read_beauty(path).map_err(|error| error.with("used as", "`beauty`"))?;
+        let (beauty, findings) =
+            read_beauty(path, options.rows.clone()).map_err(|error| error.with("used as", "`beauty`"))?;
         stack.beauty = Some(beauty);
         stack.findings.extend(findings);
     }
@@ -65,14 +67,14 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
 /// As [`read`].
 pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
     let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) =
-        read_main_layer(path)?;
+        read_main_layer(path, None)?;
     let image = Image { planes: [red, green, blue, alpha] };
     Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }
 
 /// Reads the main picture of a file as the beauty of a stack, with what was found of it.
-fn read_beauty(path: &Path) -> Result<(Beauty, Vec<Finding>), Error> {
-    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path)?;
+fn read_beauty(path: &Path, rows: Option<Range<i32>>) -> Result<(Beauty, Vec<Finding>), Error> {
+    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path, rows)?;
     let name = path.display().to_string();
     let of_beauty = |finding: Finding| {
         let text = format!("{name}: {}: {}", finding.about, finding.text);
@@ -82,13 +84,13 @@ fn read_beauty(path: &Path) -> Result<(Beauty, Vec<Finding>), Error> {
     Ok((Beauty { name, is_requested: true, ..layer.into_beauty(frame) }, findings))
 }
 
-/// The main picture of a file, and what else is known of it.
-fn read_main_layer(path: &Path) -> Result<(Layer, Layers), Error> {
+/// The main picture of a file, or `rows` of it, and what else is known of it.
+fn read_main_layer(path: &Path, rows: Option<Range<i32>>) -> Result<(Layer, Layers), Error> {
     let mut opened = Opened::open(&Source::File(path.to_owned()))?;
     let mut layers = if opened.is_exr()? {
-        layers::read_exr_picture(ExrFile::open(opened)?)?
+        layers::read_exr_picture(ExrFile::open(opened)?.cropped(rows))?
     } else {
-        picture::read_color(opened, &ReadOptions::default())?
+        picture::read_color(opened, &ReadOptions { rows, ..ReadOptions::default() })?
     };
     match layers.peels.pop() {
         Some(layer) => Ok((layer, layers)),
@@ -112,7 +114,7 @@ impl Layers {
 fn read_layers(source: &Source, options: &ReadOptions) -> Result<Layers, Error> {
     let mut opened = Opened::open(source)?;
     if opened.is_exr()? {
-        layers::read_exr(ExrFile::open(opened)?, options)
+        layers::read_exr(ExrFile::open(opened)?.cropped(options.rows.clone()), options)
     } else {
         picture::read_color(opened, options)
     }
@@ -129,7 +131,7 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     let mut opened = Opened::open(source)?;
     let name = opened.name.clone();
     let (depth, channel) = if opened.is_exr()? {
-        let file = ExrFile::open(opened)?;
+        let file = ExrFile::open(opened)?.cropped(options.rows.clone());
         // The program that wrote the depth determines its convention, so the attributes of its header replace those of the colour.
         let identifying = identifying_attributes(file.attributes());
         stack.attributes.retain(|(name, _)| !identifying.iter().any(|(other, _)| other == name));
@@ -215,7 +217,8 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     findings.push(finding);
     let convention = conclusion.convention;
     let depth_range = order::depth_range(&peels, convention);
-    if depth_range.is_none()
+    if options.rows.is_none()
+        && depth_range.is_none()
         && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
     {
         return Err(in_file(no_depth_at_all()));
@@ -302,7 +305,8 @@ fn aspect_finding(frame: Frame) -> Option<Finding> {
 /// `layer` as peel number `i`, in the data window of the stack.
 fn place_peel(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
     let Layer { color, alpha, depth, window, found, .. } = layer;
-    if !data.contains(window) {
+    // Of a peel with a smaller window, a few rows of the stack may have none.
+    if window.height > 0 && !data.contains(window) {
         return Err(Error::input(format!("peel {i} is not within the data window of peel 0"))
             .with("found", format!("peel 0 at {data}, peel {i} at {window}"))
             .help("render all peels with one data window"));

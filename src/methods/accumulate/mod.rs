@@ -69,6 +69,11 @@ impl Method for Accumulate {
         Some(cost::cost(plan, workload))
     }
 
+    /// A pixel is the mean of what its rays hit.
+    fn rows_around(&self, _plan: &Plan, reach_px: usize) -> Option<usize> {
+        Some(reach_px)
+    }
+
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {
         Some(self)
     }

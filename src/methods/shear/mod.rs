@@ -51,6 +51,7 @@ mod softening;
 mod spans;
 mod sparks;
 mod sums;
+mod surroundings;
 mod translucent_hits;
 
 use crate::error::Error;
@@ -113,6 +114,10 @@ impl Method for Shear {
 
     fn cost(&self, plan: &Plan, workload: &Workload<'_>) -> Option<Cost> {
         Some(cost::cost(plan, workload))
+    }
+
+    fn rows_around(&self, plan: &Plan, reach_px: usize) -> Option<usize> {
+        Some(surroundings::rows(plan, reach_px))
     }
 
     fn lens_sampling(&self) -> Option<&dyn LensSampling> {

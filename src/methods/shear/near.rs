@@ -41,7 +41,7 @@ const SHARE_OF_VARIANCE: f32 = 0.5;
 const FEW_VIEWS: usize = 512;
 
 /// Largest radius of the box, in pixels.
-const MAX_RADIUS_PX: f32 = 8.0;
+pub(super) const MAX_RADIUS_PX: f32 = 8.0;
 
 /// Pixels past either end of a row that the box can reach.
 const PAD: usize = MAX_RADIUS_PX as usize + 1;

@@ -64,6 +64,11 @@ impl Codec {
         }
     }
 
+    /// Rows of a block, which are compressed together.
+    pub fn block_rows(self) -> usize {
+        self.compression().scan_lines_per_block()
+    }
+
     pub(super) fn compression(self) -> Compression {
         match self {
             Self::None => Compression::Uncompressed,

@@ -14,7 +14,7 @@ use super::atomic::{self, Target};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Image;
-use crate::stack::{Carried, Frame, Precision};
+use crate::stack::{Carried, Frame, Precision, Window};
 use channels::Channel;
 use exr::block::chunk::Chunk;
 use exr::block::{BlockIndex, UncompressedBlock};
@@ -22,6 +22,7 @@ use exr::math::Vec2;
 use exr::meta::header::Header;
 use rayon::prelude::*;
 use std::io::SeekFrom;
+use std::ops::Range;
 use std::path::Path;
 
 /// Blocks per thread that are compressed before they are written: enough to balance the load within a band.
@@ -68,59 +69,177 @@ pub fn write(
     }
     let mut findings = Vec::new();
     let channels = channels::collect(image, frame, carried, options.precision, &mut findings);
-    let header = header::describe(frame, &channels, options.codec.compression());
-    let attributes = header::attributes(&header, carried, &mut findings);
-    header.validate(false, &mut false, true).map_err(|error| encoding_error(path, error))?;
+    let (header, attributes) = head(path, (frame, &channels), carried, options, &mut findings)?;
     atomic::write(path, |target| {
-        header::write(target, &attributes)
-            .and_then(|()| write_blocks(target, &header, &channels))
-            .map_err(|error| encoding_error(path, error))
+        let written = header::write(target, &attributes).and_then(|()| {
+            let mut blocks = Blocks::begin(target, &header)?;
+            blocks.write(target, &channels, height)?;
+            blocks.end(target)
+        });
+        written.map_err(|error| encoding_error(path, error))
     })?;
     Ok(findings)
 }
 
-/// Writes the table of offsets and the blocks, top to bottom.
-fn write_blocks(
-    mut target: &mut dyn Target,
-    header: &Header,
-    channels: &[Channel<'_>],
-) -> exr::error::UnitResult {
-    let table = target.stream_position()?;
-    let mut offsets = Vec::with_capacity(header.chunk_count);
-    target.write_all(&vec![0; header.chunk_count * size_of::<u64>()])?;
-    let band = BLOCKS_PER_THREAD * rayon::current_num_threads();
-    for first in (0..header.chunk_count).step_by(band) {
-        let last = header.chunk_count.min(first + band);
-        let chunks: Vec<_> =
-            (first..last).into_par_iter().map(|block| compress(block, header, channels)).collect();
-        for chunk in chunks {
-            offsets.push(target.stream_position()?);
-            chunk?.write(&mut target, 1)?;
-        }
-    }
-    target.seek(SeekFrom::Start(table))?;
-    for offset in offsets {
-        target.write_all(&offset.to_le_bytes())?;
-    }
-    target.seek(SeekFrom::End(0))?;
-    Ok(())
+/// Some rows of a picture, and of the channels carried with it.
+#[derive(Debug)]
+pub struct Rows {
+    /// The rows, as wide as the picture.
+    pub image: Image,
+    /// Channels of the same rows; the attributes of the first rows are those of the file.
+    pub carried: Carried,
 }
 
-/// The compressed block number `block`, counted from the top.
-fn compress(block: usize, header: &Header, channels: &[Channel<'_>]) -> exr::error::Result<Chunk> {
-    let Vec2(width, height) = header.layer_size;
-    let lines = header.compression.scan_lines_per_block();
-    let top = block * lines;
-    let rows = top..height.min(top + lines);
+/// Writes a picture with this `frame` as [`write`] does, from its rows: `next` gives those that follow, from the top on, and `None` after the
+/// last. The file has the bytes that [`write`] would have written, and appears whole or not at all; only the rows of one call are in memory.
+///
+/// All but the last have a number of rows that [`Codec::block_rows`] divides.
+///
+/// # Errors
+/// Those of `next` and of [`write`]; rows of another width, or too few or too many of them.
+pub fn write_rows(
+    path: &Path,
+    frame: &Frame,
+    options: &ExrOptions,
+    mut next: impl FnMut() -> Result<Option<Rows>, Error>,
+) -> Result<Vec<Finding>, Error> {
+    let mut findings = Vec::new();
+    let Some(mut rows) = next()? else { return Err(wrong_rows(path, frame, 0)) };
+    let channels = collect(&rows, frame, options, &mut findings);
+    let (header, attributes) = head(path, (frame, &channels), &rows.carried, options, &mut findings)?;
+    drop(channels);
+    atomic::write(path, |target| {
+        let failed = |error| encoding_error(path, error);
+        header::write(target, &attributes).map_err(failed)?;
+        let mut blocks = Blocks::begin(target, &header).map_err(failed)?;
+        loop {
+            let (width, height) = (rows.image.width(), rows.image.height());
+            if width != frame.data.width || !blocks.has_room_for(height) {
+                return Err(wrong_rows(path, frame, blocks.top + height));
+            }
+            let channels = collect(&rows, frame, options, &mut Vec::new());
+            blocks.write(target, &channels, height).map_err(failed)?;
+            match next()? {
+                Some(more) => rows = more,
+                None if blocks.top == frame.data.height => return blocks.end(target).map_err(failed),
+                None => return Err(wrong_rows(path, frame, blocks.top)),
+            }
+        }
+    })?;
+    Ok(findings)
+}
+
+/// The channels of `rows` of a picture with this `frame`.
+fn collect<'a>(
+    rows: &'a Rows,
+    frame: &Frame,
+    options: &ExrOptions,
+    findings: &mut Vec<Finding>,
+) -> Vec<Channel<'a>> {
+    let data = Window { height: rows.image.height(), ..frame.data };
+    channels::collect(&rows.image, &Frame { data, ..*frame }, &rows.carried, options.precision, findings)
+}
+
+fn wrong_rows(path: &Path, frame: &Frame, rows: usize) -> Error {
+    Error::output("the rows are not those of the picture")
+        .in_file(path)
+        .with(
+            "expected",
+            format!("{} rows of {} pixels, in whole blocks", frame.data.height, frame.data.width),
+        )
+        .with("found", format!("{rows} rows"))
+}
+
+/// The header of a file with these channels, for compressing blocks and for writing.
+fn head(
+    path: &Path,
+    (frame, channels): (&Frame, &[Channel<'_>]),
+    carried: &Carried,
+    options: &ExrOptions,
+    findings: &mut Vec<Finding>,
+) -> Result<(Header, header::Attributes), Error> {
+    let header = header::describe(frame, channels, options.codec.compression());
+    let attributes = header::attributes(&header, carried, findings);
+    header.validate(false, &mut false, true).map_err(|error| encoding_error(path, error))?;
+    Ok((header, attributes))
+}
+
+/// The blocks of a file that is being written, top to bottom.
+struct Blocks<'h> {
+    header: &'h Header,
+    /// Position of the table of offsets.
+    table: u64,
+    offsets: Vec<u64>,
+    /// Number of rows that are written.
+    top: usize,
+}
+
+impl<'h> Blocks<'h> {
+    /// Writes an empty table of offsets.
+    fn begin(target: &mut dyn Target, header: &'h Header) -> exr::error::Result<Self> {
+        let table = target.stream_position()?;
+        target.write_all(&vec![0; header.chunk_count * size_of::<u64>()])?;
+        Ok(Self { header, table, offsets: Vec::with_capacity(header.chunk_count), top: 0 })
+    }
+
+    /// Whether `rows` more rows are in the picture, and whole blocks or the last ones.
+    fn has_room_for(&self, rows: usize) -> bool {
+        let (end, height) = (self.top + rows, self.header.layer_size.height());
+        let is_whole = end.is_multiple_of(self.header.compression.scan_lines_per_block());
+        rows > 0 && end <= height && (is_whole || end == height)
+    }
+
+    /// Writes the blocks of the next `rows` rows, all of which `channels` hold.
+    fn write(
+        &mut self,
+        mut target: &mut dyn Target,
+        channels: &[Channel<'_>],
+        rows: usize,
+    ) -> exr::error::UnitResult {
+        let lines = self.header.compression.scan_lines_per_block();
+        let (top, end) = (self.top, self.top + rows);
+        let tops: Vec<usize> = (top..end).step_by(lines).collect();
+        for tops in tops.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+            let compressed =
+                |&from: &usize| compress(from..end.min(from + lines), top, self.header, channels);
+            let chunks: Vec<_> = tops.par_iter().map(compressed).collect();
+            for chunk in chunks {
+                self.offsets.push(target.stream_position()?);
+                chunk?.write(&mut target, 1)?;
+            }
+        }
+        self.top = end;
+        Ok(())
+    }
+
+    /// Writes the offsets.
+    fn end(self, target: &mut dyn Target) -> exr::error::UnitResult {
+        target.seek(SeekFrom::Start(self.table))?;
+        for offset in self.offsets {
+            target.write_all(&offset.to_le_bytes())?;
+        }
+        target.seek(SeekFrom::End(0))?;
+        Ok(())
+    }
+}
+
+/// The compressed block of `rows` of the picture; `channels` hold the picture from row `top` on.
+fn compress(
+    rows: Range<usize>,
+    top: usize,
+    header: &Header,
+    channels: &[Channel<'_>],
+) -> exr::error::Result<Chunk> {
+    let width = header.layer_size.width();
     let mut data = Vec::with_capacity(rows.len() * width * header.channels.bytes_per_pixel);
     for y in rows.clone() {
         for channel in channels {
-            channel.append_row(y, width, &mut data);
+            channel.append_row(y - top, width, &mut data);
         }
     }
     let index = BlockIndex {
         layer: 0,
-        pixel_position: Vec2(0, top),
+        pixel_position: Vec2(0, rows.start),
         pixel_size: Vec2(width, rows.len()),
         level: Vec2(0, 0),
     };

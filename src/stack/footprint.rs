@@ -1,0 +1,173 @@
+//! The memory that a stack and its render take, from the headers of its files alone.
+//!
+//! A render holds the decoded peels, which the method works in, and beside them tables and pictures whose size follows the number of pixels:
+//! what `shear` and `accumulate` were measured to take at most. The estimate is a bound for these two methods, with a fixed number of lens
+//! samples and without a second copy of the scene.
+
+use super::header::ExrFile;
+use super::input::Opened;
+use super::layers::channels_to_read;
+use super::options::{Carry, ReadOptions, Source};
+use super::{camera, names, picture};
+use crate::error::Error;
+use exr::meta::attribute::SampleType;
+
+/// Bytes of one peel's sample: red, green, blue, alpha and depth.
+const PEEL_BYTES: u64 = 20;
+
+/// Bytes for each sample of the data window that a render takes beside the decoded stack: what methods were measured to take, at most 84,
+/// and the margin that an estimate needs.
+const WORK_BYTES: u64 = 100;
+
+/// Further bytes for each sample where the number of lens samples is searched for: for itself, and for each peel.
+const SEARCH_BYTES: [u64; 2] = [20, 10];
+
+/// Bytes that do not depend on the picture's size: the program, one batch of compressed blocks and one of decompressed ones.
+const CONSTANT_BYTES: u64 = 96 << 20;
+
+/// What a stack consists of, as far as its memory follows from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Footprint {
+    /// Width of the data window in samples.
+    pub width: usize,
+    /// Height of the data window in samples.
+    pub height: usize,
+    /// The `y` of its first row in the files.
+    pub top: i32,
+    /// Number of peels.
+    pub peels: usize,
+    /// Samples per picture pixel along each axis.
+    pub supersample: usize,
+    /// Decoded bytes of a sample of the data window: all peels, the beauty and the channels to copy.
+    pub sample_bytes: u64,
+    /// Whether the files can be read a few rows at a time.
+    pub is_in_rows: bool,
+}
+
+impl Footprint {
+    /// Bytes of the decoded stack.
+    pub fn decoded_bytes(&self) -> u64 {
+        self.samples(self.height).saturating_mul(self.sample_bytes)
+    }
+
+    /// A bound for the memory of a process that renders `rows` rows of samples with a fixed number of lens samples, in bytes.
+    pub fn render_bytes(&self, rows: usize) -> u64 {
+        let of_samples = self.samples(rows).saturating_mul(self.sample_bytes + WORK_BYTES);
+        of_samples.saturating_add(CONSTANT_BYTES)
+    }
+
+    /// A bound for the memory of a process that renders `rows` rows of samples and searches for the number of lens samples, in bytes.
+    pub fn search_bytes(&self, rows: usize) -> u64 {
+        let [of_sample, of_peel] = SEARCH_BYTES;
+        let more = self.samples(rows).saturating_mul(of_sample + of_peel * self.peels as u64);
+        self.render_bytes(rows).saturating_add(more)
+    }
+
+    /// The largest number of rows of samples for which `bytes` of the number of rows is within `limit_bytes`.
+    pub(crate) fn rows_within(&self, limit_bytes: u64, bytes: impl Fn(usize) -> u64) -> usize {
+        let (fixed, of_row) = (bytes(0), bytes(1) - bytes(0));
+        usize::try_from(limit_bytes.saturating_sub(fixed) / of_row.max(1)).unwrap_or(usize::MAX)
+    }
+
+    fn samples(&self, rows: usize) -> u64 {
+        (self.width as u64).saturating_mul(rows as u64)
+    }
+}
+
+/// The footprint of the stack that [`super::read`] would read from `sources` by `options`.
+///
+/// # Errors
+/// Those of [`super::read`] that headers show.
+pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint, Error> {
+    let Some((first, others)) = sources.split_first() else {
+        return Err(Error::input("there is no input file").help("name a picture file"));
+    };
+    let mut found = of_file(first, options)?;
+    let without_carry = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
+    for source in others.iter().filter(|_| options.depth_file.is_none()) {
+        // A file of depth alone completes the peel of the first.
+        let Some(more) = of_peels(source, &without_carry)? else {
+            found.is_in_rows &= Opened::open(source)?.is_exr()?;
+            continue;
+        };
+        found.peels += more.peels;
+        found.sample_bytes += more.sample_bytes;
+        found.is_in_rows &= more.is_in_rows;
+    }
+    for path in options.depth_file.iter().chain(&options.beauty) {
+        found.is_in_rows &= Opened::open(&Source::File(path.clone()))?.is_exr()?;
+    }
+    if options.beauty.is_some() {
+        found.sample_bytes += PEEL_BYTES - 4;
+    }
+    Ok(found)
+}
+
+/// The footprint of the peels in `source`; `None` for a file of depth alone.
+fn of_peels(source: &Source, options: &ReadOptions) -> Result<Option<Footprint>, Error> {
+    let mut opened = Opened::open(source)?;
+    if !opened.is_exr()? {
+        return Ok(None);
+    }
+    let file = ExrFile::open(opened)?;
+    names::has_color(&file.names()).then(|| of_exr(&file, options)).transpose()
+}
+
+fn of_file(source: &Source, options: &ReadOptions) -> Result<Footprint, Error> {
+    let mut opened = Opened::open(source)?;
+    if opened.is_exr()? {
+        return of_exr(&ExrFile::open(opened)?, options);
+    }
+    let (width, height) = picture::size(opened)?;
+    let supersample = options.supersample.unwrap_or(1);
+    let sample_bytes = PEEL_BYTES;
+    Ok(Footprint { width, height, top: 0, peels: 1, supersample, sample_bytes, is_in_rows: false })
+}
+
+fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
+    let (assigned, carried) = channels_to_read(file, options)?;
+    let first =
+        assigned.peels.first().ok_or_else(|| Error::input("the file has no peel").in_file(&file.name))?;
+    let frame = file.frame(file.channels[first.color[0]].part);
+    let size_of = |index: &usize| if file.channels[*index].sample_type == SampleType::F16 { 2 } else { 4 };
+    let peels = assigned.peels.len();
+    let beauty = if assigned.beauty.is_some() { PEEL_BYTES - 4 } else { 0 };
+    let (camera, _) = camera::values(&file.attributes());
+    Ok(Footprint {
+        width: frame.data.width,
+        height: frame.data.height,
+        top: frame.data.y,
+        peels,
+        supersample: options.supersample.or(camera.supersample).unwrap_or(1).max(1),
+        sample_bytes: PEEL_BYTES * peels as u64 + beauty + carried.iter().map(size_of).sum::<u64>(),
+        is_in_rows: true,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rows_within_a_limit_are_the_most_that_fit() {
+        let footprint = Footprint {
+            width: 1000,
+            height: 5000,
+            top: 0,
+            peels: 2,
+            supersample: 1,
+            sample_bytes: 40,
+            is_in_rows: true,
+        };
+        let limit = 1 << 30;
+        let rows = footprint.rows_within(limit, |rows| footprint.render_bytes(rows));
+        assert!(footprint.render_bytes(rows) <= limit && footprint.render_bytes(rows + 1) > limit, "{rows}");
+        assert_eq!(
+            footprint.rows_within(1 << 20, |rows| footprint.render_bytes(rows)),
+            0,
+            "not even the program"
+        );
+        assert!(footprint.search_bytes(rows) > footprint.render_bytes(rows));
+    }
+}
