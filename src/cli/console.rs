@@ -54,8 +54,8 @@ impl Console {
 
     /// Prints one line per finding about the input.
     pub(super) fn findings(self, findings: &[Finding]) {
-        for Finding { about, text, warning } in findings {
-            if *warning {
+        for Finding { about, text, warning: warns } in findings {
+            if *warns {
                 warning(format_args!("{about}: {text}"));
             } else {
                 self.note(format_args!("{about}: {text}"));
@@ -105,7 +105,8 @@ impl Console {
 
     /// A progress bar of 0 … 1, hidden unless standard error is a terminal.
     pub(super) fn progress(self, what: &'static str) -> Bar {
-        let target = if self.shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target =
+            if self.shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(Bar::STEPS), target).with_message(what);
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %") {
             bar.set_style(style);

@@ -149,10 +149,22 @@ impl Command {
     }
 }
 
+/// The command line `cli`, where a list of files takes the place of inputs.
+fn without_required_inputs(cli: clap::Command) -> clap::Command {
+    cli.mut_subcommands(|command| {
+        if command.get_arguments().any(|argument| argument.get_id() == "files_from") {
+            command.mut_arg("inputs", |inputs| inputs.required(false).required_unless_present("files_from"))
+        } else {
+            command
+        }
+    })
+}
+
 /// The command line, with the names of `methods` as the values of `--method`.
 fn command(methods: &Registry) -> clap::Command {
     let names: Vec<&str> = std::iter::once("auto").chain(methods.names_where(|_| true)).collect();
-    Cli::command().mut_subcommands(|command| {
+    let cli = without_required_inputs(Cli::command());
+    cli.mut_subcommands(|command| {
         if command.get_arguments().any(|argument| argument.get_id() == "method") {
             command.mut_arg("method", |method| method.value_parser(PossibleValuesParser::new(&names)))
         } else {

@@ -124,7 +124,9 @@ impl OutputArgs {
     /// # Errors
     /// A picture, preview or mask without a pattern in its name.
     pub(super) fn check_varies(&self) -> Result<(), Failure> {
-        for file in [Some(&self.output), self.preview.as_ref(), self.confidence.as_ref()].into_iter().flatten() {
+        for file in
+            [Some(&self.output), self.preview.as_ref(), self.confidence.as_ref()].into_iter().flatten()
+        {
             if Pattern::parse(file)?.is_none() {
                 let example = file.with_extension(format!(
                     "####.{}",

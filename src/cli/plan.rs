@@ -6,6 +6,7 @@ use super::drivers::prepare;
 use super::failure::Failure;
 use super::flags::keys_to_flags;
 use super::inspect::{write_device, write_peels, write_plan};
+use super::sequence::{self, FramesArgs};
 use clap::Args;
 use serde::Serialize;
 use serde_json::json;
@@ -38,6 +39,8 @@ Examples:
 pub(super) struct PlanArgs {
     #[command(flatten)]
     job: JobArgs,
+    #[command(flatten)]
+    frames: FramesArgs,
     /// Show the cost of every method
     #[arg(long, help_heading = "Method")]
     all_methods: bool,
@@ -72,12 +75,14 @@ struct Row {
 }
 
 pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Result<(), Failure> {
-    let mut prepared = prepare(&Job { methods: methods.clone(), ..args.job.job(Carry::None)? })?;
+    let job = Job { methods: methods.clone(), ..args.job.job(Carry::None)? };
+    if let Some(shot) = args.frames.shot(args.job.inputs(), false)? {
+        let calibration = args.calibration(*console)?;
+        return sequence::plan(&shot, &job, &args.frames, (*console, &calibration, args.json));
+    }
+    let mut prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);
-    let calibration = match args.uncalibrated {
-        true => Calibration::assumed(),
-        false => console.calibration(args.recalibrate)?,
-    };
+    let calibration = args.calibration(*console)?;
     prepared.decide_views(&calibration)?;
     let rows = rows(&prepared, &calibration, args.all_methods)?;
     if args.json {
@@ -93,6 +98,13 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
         print(&keys_to_flags(&to_text(&prepared, &rows, &calibration).expect("text is always written")))?;
     }
     Ok(())
+}
+
+impl PlanArgs {
+    /// The speed of this machine, as these flags want to know it.
+    fn calibration(&self, console: Console) -> Result<Calibration, Error> {
+        if self.uncalibrated { Ok(Calibration::assumed()) } else { console.calibration(self.recalibrate) }
+    }
 }
 
 /// The requested settings, and the quality levels of their method or of every method.

@@ -37,6 +37,7 @@ pub fn digest(job: &Job, encoding: &Encoding) -> Result<String, Error> {
         device,
         verify: _,     // measured, not changed
         confidence: _, // another file
+        memory: _,     // a limit
     } = job;
     let mut all = Fields(SipHasher13::new());
     all.add("version", env!("CARGO_PKG_VERSION"));
@@ -137,6 +138,7 @@ impl Fields {
             carry,
             objects,
             max_bytes: _, // a limit
+            rows: _,      // a part of the picture
         } = options;
         self.show("depth", &(convention, supersample, kind));
         self.show("channels", &(color_channel, depth_channel, carry, objects));

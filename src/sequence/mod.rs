@@ -6,6 +6,7 @@
 
 mod frame_set;
 mod pattern;
+mod pending;
 mod run;
 mod series;
 mod shot;
@@ -13,6 +14,7 @@ mod steady;
 
 pub use frame_set::{FrameSet, MOST_FRAMES};
 pub use pattern::Pattern;
+pub use pending::is_finished;
 pub use run::{Limits, Readiness, Work, run};
 pub use shot::{Shot, ShotFrame};
-pub use steady::{Steady, check_focus, decide, load as load_decisions, save as save_decisions};
+pub use steady::{LookedAt, Steady, check_focus, decide, load as load_decisions, save as save_decisions};

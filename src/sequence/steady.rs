@@ -5,9 +5,10 @@
 
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::methods::Plan;
 use crate::output::atomic;
 use crate::render::{self, Decisions, Job};
-use crate::scene::EffectKind;
+use crate::scene::{EffectKind, SceneStats};
 use crate::settings::Focus;
 use std::path::Path;
 
@@ -15,12 +16,27 @@ use std::path::Path;
 const SAMPLES: usize = 5;
 
 /// The decisions of a shot, and where they come from.
-#[derive(Debug)]
+#[derive(Debug, Default)]
+#[non_exhaustive]
 pub struct Steady {
     /// What is decided.
     pub decisions: Decisions,
-    /// The decisions in words.
-    pub findings: Vec<Finding>,
+    /// The frames that were looked at.
+    pub looked_at: Vec<LookedAt>,
+}
+
+/// A frame that was looked at.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct LookedAt {
+    /// Its number.
+    pub number: i64,
+    /// Its statistics.
+    pub stats: SceneStats,
+    /// What it needs.
+    pub plan: Plan,
+    /// Wall time that reading it took, in seconds.
+    pub read_seconds: f64,
 }
 
 /// Decides for the shot whose frames are `jobs`, by number.
@@ -28,30 +44,22 @@ pub struct Steady {
 /// # Errors
 /// A focus that nobody chose ([`check_focus`]); and the first error of a frame, where no frame that was looked at can be prepared.
 pub fn decide(jobs: &[(i64, &Job)]) -> Result<Steady, Error> {
-    let mut found: Option<Decisions> = None;
-    let mut looked_at = Vec::new();
+    let mut steady = Steady::default();
     let mut first_error = None;
     for place in samples(jobs.len()) {
-        let (number, job) = &jobs[place];
-        match decide_frame(job) {
-            Ok(decisions) => {
-                looked_at.push(*number);
-                match &mut found {
-                    Some(found) => found.join(&decisions),
-                    None => found = Some(decisions),
-                }
+        let (number, job) = jobs[place];
+        match look_at(number, job) {
+            Ok(frame) => {
+                steady.decisions.join(&Decisions::of(&frame.plan, None));
+                steady.looked_at.push(frame);
             }
             Err(Refused::Shot(error)) => return Err(error),
             Err(Refused::Frame(error)) => first_error = first_error.or(Some(error)),
         }
     }
-    match (found, first_error) {
-        (Some(decisions), _) => {
-            let findings = findings(&decisions, &looked_at);
-            Ok(Steady { decisions, findings })
-        }
-        (None, Some(error)) => Err(error),
-        (None, None) => Ok(Steady { decisions: Decisions::default(), findings: Vec::new() }),
+    match first_error {
+        Some(error) if steady.looked_at.is_empty() => Err(error),
+        _ => Ok(steady),
     }
 }
 
@@ -63,13 +71,14 @@ enum Refused {
     Shot(Error),
 }
 
-/// What the frame of `job` needs.
-fn decide_frame(job: &Job) -> Result<Decisions, Refused> {
+/// What frame `number` needs.
+fn look_at(number: i64, job: &Job) -> Result<LookedAt, Refused> {
     let mut prepared = render::prepare(job).map_err(Refused::Frame)?;
     check_focus(&prepared.settings.lens.focus.value).map_err(Refused::Shot)?;
     let calibration = prepared.calibration().map_err(Refused::Frame)?;
     prepared.decide_views(&calibration).map_err(Refused::Frame)?;
-    Ok(Decisions::of(&prepared.plan, None))
+    let read_seconds = prepared.clock.seconds().read;
+    Ok(LookedAt { number, read_seconds, stats: prepared.stats, plan: prepared.plan })
 }
 
 /// Refuses a focus that nobody chose: what the centre of the picture shows changes from frame to frame, and focus would jump with it.
@@ -98,16 +107,18 @@ fn samples(count: usize) -> Vec<usize> {
     (0..number).map(|i| if number < 2 { 0 } else { i * (count - 1) / (number - 1) }).collect()
 }
 
-/// `decisions`, taken from the frames `looked_at`, in words.
-fn findings(decisions: &Decisions, looked_at: &[i64]) -> Vec<Finding> {
-    let Decisions { method, views, force, .. } = decisions;
-    let method = method.as_deref().unwrap_or("auto");
-    let views = views.map(|views| format!(", {views} views")).unwrap_or_default();
-    let effects: Vec<&str> = force.iter().copied().map(EffectKind::name).collect();
-    let effects = if effects.is_empty() { "no effect".to_owned() } else { effects.join(", ") };
-    let frames: Vec<String> = looked_at.iter().map(ToString::to_string).collect();
-    let text = format!("{method}{views}, with {effects}: for all frames, from frames {}", frames.join(", "));
-    vec![Finding::note("shot", text)]
+impl Steady {
+    /// The decisions in words.
+    pub fn finding(&self) -> Finding {
+        let Decisions { method, views, force, .. } = &self.decisions;
+        let method = method.as_deref().unwrap_or("auto");
+        let views = views.map(|views| format!(", {views} views")).unwrap_or_default();
+        let effects: Vec<&str> = force.iter().copied().map(EffectKind::name).collect();
+        let effects = if effects.is_empty() { "no effect".to_owned() } else { effects.join(", ") };
+        let frames: Vec<String> = self.looked_at.iter().map(|frame| frame.number.to_string()).collect();
+        let text = format!("{method}{views}, with {effects}: for all frames, from {}", frames.join(", "));
+        Finding::note("shot", text)
+    }
 }
 
 /// Reads decisions from the file `path`, where [`save`] has written them.

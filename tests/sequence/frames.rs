@@ -40,7 +40,8 @@ fn names_are_patterns_of_every_notation_and_negative_frames_keep_their_sign() {
         let (input, output) = (format!("s.{notation}.exr"), format!("{name}.{notation}.png"));
         let arguments = ["render", &input, "-o", &output, "--focus", "6", "--views", "1"];
         ended_with(&run(folder.path(), &arguments), 0);
-        let written: Vec<_> = names(folder.path()).into_iter().filter(|file| file.starts_with(name)).collect();
+        let written: Vec<_> =
+            names(folder.path()).into_iter().filter(|file| file.starts_with(name)).collect();
         assert_eq!(written.len(), 2, "{notation}: {written:?}");
         assert!(written.contains(&format!("{name}.0003.png")), "{written:?}");
     }
@@ -74,7 +75,8 @@ fn files_that_the_shell_lists_are_frames_where_the_output_is_a_pattern() {
 #[test]
 fn a_report_a_preview_and_a_mask_of_every_frame_have_patterns_and_a_report_without_is_of_the_shot() {
     let folder = shot(&[1, 2]);
-    let more = ["--preview", "out/p.####.png", "--confidence", "out/m.####.png", "--report", "out/r.####.json"];
+    let more =
+        ["--preview", "out/p.####.png", "--confidence", "out/m.####.png", "--report", "out/r.####.json"];
     ended_with(&render(folder.path(), &more), 0);
     let files = names(&folder.path().join("out"));
     assert_eq!(files.len(), 8, "{files:?}");

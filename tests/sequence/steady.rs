@@ -23,7 +23,10 @@ fn a_static_shot_gives_the_same_bits_in_every_frame_and_as_a_single_render() {
     for number in 2..=7 {
         assert!(bits(&folder.path().join(format!("out/f.{number:04}.exr"))) == first, "frame {number}");
     }
-    ended_with(&run(folder.path(), &["render", STACK, "-o", "a.exr", "--focus", "6", "--quality", "draft"]), 0);
+    ended_with(
+        &run(folder.path(), &["render", STACK, "-o", "a.exr", "--focus", "6", "--quality", "draft"]),
+        0,
+    );
     assert!(bits(&folder.path().join("a.exr")) == first, "a single render");
 }
 
@@ -58,7 +61,8 @@ fn all_frames_have_the_number_of_views_of_the_hardest() {
         let far = thinlens::image::Plane::filled(96, 64, 8.0);
         let planes = std::array::from_fn(|_| far.clone());
         let options = ExrOptions::new(Precision::Float);
-        exr::write(path, &Image { planes }, &Frame::from_size(96, 64), &Carried::default(), &options).unwrap();
+        exr::write(path, &Image { planes }, &Frame::from_size(96, 64), &Carried::default(), &options)
+            .unwrap();
     };
     depth(&folder.path().join("depth.exr"));
     for (number, strength) in [(1, 0.01), (2, 1.0), (3, 0.01)] {
@@ -95,7 +99,8 @@ fn decisions_of_a_plan_are_those_of_every_part_of_the_shot() {
     ended_with(&run(folder.path(), &[&plan[..], &lens].concat()), 0);
     let decisions = fs::read_to_string(folder.path().join("shot.toml")).unwrap();
     assert!(decisions.contains("views = "), "{decisions}");
-    let kept = decisions.replace(decisions.lines().find(|line| line.starts_with("views")).unwrap(), "views = 7");
+    let kept =
+        decisions.replace(decisions.lines().find(|line| line.starts_with("views")).unwrap(), "views = 7");
     fs::write(folder.path().join("shot.toml"), kept).unwrap();
     let arguments = ["render", "shot.####.exr", "-o", "out/f.####.exr", "--decisions", "shot.toml"];
     let parts = ["--frames", "1-2", "--report", "r.####.json"];
@@ -109,7 +114,8 @@ fn keys_of_a_preset_are_those_of_each_frame() {
     let folder = shot(&[1, 3]);
     let keys = "[[lens.focus_keys]]\nframe = 1\ndistance = 4\n[[lens.focus_keys]]\nframe = 3\ndistance = 8\n";
     fs::write(folder.path().join("pull.toml"), keys).unwrap();
-    let arguments = ["render", "shot.####.exr", "-o", "out/f.####.exr", "--preset", "pull.toml", "--views", "4"];
+    let arguments =
+        ["render", "shot.####.exr", "-o", "out/f.####.exr", "--preset", "pull.toml", "--views", "4"];
     ended_with(&run(folder.path(), &[&arguments[..], &["--report", "r.####.json"]].concat()), 0);
     for (number, distance) in [(1, 4.0), (3, 8.0)] {
         let report = fs::read_to_string(folder.path().join(format!("r.{number:04}.json"))).unwrap();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::output::digest_of;
 use thinlens::render::{Decisions, Job, digest};
-use thinlens::sequence::{Pattern, ShotFrame};
+use thinlens::sequence::Pattern;
 use thinlens::stack::Source;
 
 /// A frame: its job and the files that it writes.
@@ -20,18 +20,18 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The frame `shot` of a run in which all others have `job` and `outputs` too: the names of their files are patterns.
+    /// The frame `number`, whose stack is in `inputs`, of a run in which all others have `job` and `outputs` too: the names of other files
+    /// are patterns.
     ///
     /// # Errors
     /// A pattern that cannot be read.
-    pub(super) fn new(shot: &ShotFrame, job: &Job, outputs: &OutputArgs) -> Result<Self, Error> {
-        let number = shot.number;
-        let sources = shot.inputs.iter().map(Source::file).collect();
-        let mut job = Job { frame: Some(number), sources, ..job.clone() };
-        for file in [&mut job.read_options.depth_file, &mut job.flags.beauty].into_iter().flatten() {
-            *file = at(file, number)?;
-        }
-        Ok(Self { number, job, outputs: outputs.at(number)? })
+    pub(super) fn new(
+        number: i64,
+        inputs: Vec<PathBuf>,
+        job: &Job,
+        outputs: &OutputArgs,
+    ) -> Result<Self, Error> {
+        Ok(Self { number, job: job_at(number, inputs, job)?, outputs: outputs.at(number)? })
     }
 
     /// The frame with what was decided for its shot.
@@ -48,6 +48,19 @@ impl Frame {
         let written = self.outputs.files()?.all(|file| file.is_file());
         Ok(written && digest_of(&self.outputs.output).is_some_and(|of_file| of_file == digest))
     }
+}
+
+/// The job of frame `number`, whose stack is in `inputs`: `job` with the files that the names in it are patterns of.
+///
+/// # Errors
+/// A pattern that cannot be read.
+pub(super) fn job_at(number: i64, inputs: Vec<PathBuf>, job: &Job) -> Result<Job, Error> {
+    let sources = inputs.into_iter().map(Source::File).collect();
+    let mut job = Job { frame: Some(number), sources, ..job.clone() };
+    for file in [&mut job.read_options.depth_file, &mut job.flags.beauty].into_iter().flatten() {
+        *file = at(file, number)?;
+    }
+    Ok(job)
 }
 
 /// The file of frame `number` where `path` is a pattern, else `path`.

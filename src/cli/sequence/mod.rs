@@ -1,11 +1,13 @@
 //! `thinlens render` of a sequence: which frames there are, what the shot decides, and the run.
 
 mod frames;
+mod plan;
 mod progress;
 mod tally;
 mod work;
 
 pub(super) use frames::at;
+pub(super) use plan::run as plan;
 
 use super::console::{Console, print_json_line};
 use super::failure::{Failure, usage_error};
@@ -14,13 +16,13 @@ use clap::Args;
 use clap::error::ErrorKind;
 use frames::Frame;
 use progress::Protocol;
-use std::path::{Path, PathBuf};
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 use tally::{Summary, Tally};
 use thinlens::error::Error;
-use thinlens::render::{Decisions, Job};
 use thinlens::output::report::write_json;
-use thinlens::sequence::{self, FrameSet, Limits, Shot};
+use thinlens::render::{Decisions, Job};
+use thinlens::sequence::{self, FrameSet, Limits, Shot, Steady};
 use work::Run;
 
 /// Frames of a sequence.
@@ -81,6 +83,16 @@ impl FramesArgs {
         }
     }
 
+    /// The numbers of the frames of `shot`, in their order: also of those that are not there, which fail or are waited for.
+    fn numbers(&self, shot: &Shot) -> Vec<i64> {
+        match &self.frames {
+            Some(frames) => frames.iter().collect(),
+            None => {
+                shot.frames.iter().map(|frame| frame.number).chain(shot.missing.iter().copied()).collect()
+            }
+        }
+    }
+
     /// What is decided for the shot of `frames`: by the file that is given, or from some of the frames.
     ///
     /// # Errors
@@ -89,9 +101,8 @@ impl FramesArgs {
         if let Some(file) = &self.decisions {
             return sequence::load_decisions(file);
         }
-        let jobs: Vec<(i64, &Job)> = frames.iter().map(|frame| (frame.number, &frame.job)).collect();
-        let steady = sequence::decide(&jobs)?;
-        console.findings(&steady.findings);
+        let steady = decide(frames)?;
+        console.findings(&[steady.finding()]);
         Ok(steady.decisions)
     }
 }
@@ -130,7 +141,9 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     outputs.check_varies()?;
     console.findings(&shot.findings);
-    let all: Vec<Frame> = shot.frames.iter().map(|shot| Frame::new(shot, job, outputs)).collect::<Result<_, _>>()?;
+    let numbers = frames.numbers(shot);
+    let of = |number| Frame::new(number, shot.inputs_at(number), job, outputs);
+    let all: Vec<Frame> = numbers.into_iter().map(of).collect::<Result<_, _>>()?;
     if let Some(first) = all.first() {
         first.outputs.check(&first.job)?;
     }
@@ -140,13 +153,12 @@ pub(super) fn run(
     let decisions = frames.decisions(&all, console)?;
     let all: Vec<Frame> = all.into_iter().map(|frame| frame.pinned(&decisions)).collect();
     let limits = Limits {
-        memory_bytes: job.memory_bytes(),
+        memory_bytes: job.memory_limit_bytes(),
         frames: rayon::current_num_threads(),
         fail_fast: run.fail_fast,
     };
-    let tally = Tally::new(console, run.progress, outputs.json, all.len() + shot.missing.len());
+    let tally = Tally::new(console, run.progress, outputs.json, all.len());
     let work = Run::new(run, tally);
-    work.missing(&shot.missing);
     let not_started = sequence::run(all, limits, &work).len();
     let summary = work.into_tally().finish(not_started);
     if let Some(path) = outputs.report_of_shot()? {
@@ -167,6 +179,12 @@ struct Shots<'a> {
     shot: &'a Summary,
 }
 
+/// The decisions of the shot of `frames`.
+fn decide(frames: &[Frame]) -> Result<Steady, Error> {
+    let jobs: Vec<(i64, &Job)> = frames.iter().map(|frame| (frame.number, &frame.job)).collect();
+    sequence::decide(&jobs)
+}
+
 /// Parses a list of frames.
 fn parse_frames(text: &str) -> Result<FrameSet, String> {
     FrameSet::parse(text).map_err(|error| error.on_one_line())
@@ -175,11 +193,12 @@ fn parse_frames(text: &str) -> Result<FrameSet, String> {
 /// The files that are listed in `list`, a line each; `-` is standard input. Empty lines are skipped.
 fn listed(list: &Path) -> Result<Vec<PathBuf>, Error> {
     let is_stdin = list == Path::new("-");
-    let text = if is_stdin { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(list) };
-    let text = text.map_err(|cause| {
-        Error::input("the list of files cannot be read").in_file(list).caused_by(cause)
-    })?;
-    let files: Vec<PathBuf> = text.lines().filter(|line| !line.trim().is_empty()).map(PathBuf::from).collect();
+    let text =
+        if is_stdin { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(list) };
+    let text = text
+        .map_err(|cause| Error::input("the list of files cannot be read").in_file(list).caused_by(cause))?;
+    let files: Vec<PathBuf> =
+        text.lines().filter(|line| !line.trim().is_empty()).map(PathBuf::from).collect();
     if files.is_empty() {
         return Err(Error::input("the list of files is empty")
             .in_file(list)

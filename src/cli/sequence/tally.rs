@@ -2,8 +2,8 @@
 
 use super::progress::{Line, Protocol};
 use crate::cli::console::{self, Console, print_json_line};
-use crate::cli::flags::keys_to_flags;
 use crate::cli::failure::with_flags;
+use crate::cli::flags::keys_to_flags;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -202,7 +202,9 @@ impl Summary {
     fn print(&self, console: Console) {
         let Self { frames, rendered, skipped, failed, not_started, seconds, cpu_seconds, .. } = self;
         let mut text = format!("{rendered} of {frames} frames rendered");
-        for (count, what) in [(skipped, "were up to date"), (failed, "failed"), (not_started, "did not start")] {
+        for (count, what) in
+            [(skipped, "were up to date"), (failed, "failed"), (not_started, "did not start")]
+        {
             if *count > 0 {
                 text += &format!(", {count} {what}");
             }
@@ -250,7 +252,7 @@ fn list(frames: impl IntoIterator<Item = i64>) -> String {
 }
 
 /// A duration in its two largest units.
-fn in_words(seconds: f64) -> String {
+pub(super) fn in_words(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match (whole / 3600, whole / 60 % 60, whole % 60) {
         (0, 0, _) => format!("{seconds:.1} s"),
@@ -281,9 +283,10 @@ mod tests {
 
     #[test]
     fn a_duration_has_its_two_largest_units() {
-        assert_eq!([0.04, 59.9, 60.0, 61.0, 3599.9, 7322.0].map(in_words), [
-            "0.0 s", "59.9 s", "1 min 00 s", "1 min 01 s", "1 h 00 min", "2 h 02 min"
-        ]);
+        assert_eq!(
+            [0.04, 59.9, 60.0, 61.0, 3599.9, 7322.0].map(in_words),
+            ["0.0 s", "59.9 s", "1 min 00 s", "1 min 01 s", "1 h 00 min", "2 h 02 min"]
+        );
     }
 
     #[test]

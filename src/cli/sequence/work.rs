@@ -5,7 +5,6 @@ use super::frames::Frame;
 use super::tally::{Ending, Tally};
 use crate::cli::console::Console;
 use crate::cli::drivers::prepare;
-use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use thinlens::error::Error;
@@ -62,7 +61,10 @@ impl Work for Run<'_> {
         if self.args.watch && !is_ready(frame) {
             return Readiness::Waiting;
         }
-        Readiness::Ready(frame.job.memory_bytes_needed())
+        // A frame that cannot be read fails when it is rendered, and says why.
+        Readiness::Ready(
+            frame.job.footprint().map_or(0, |footprint| footprint.render_bytes(footprint.height)),
+        )
     }
 
     fn render(&self, frame: &Frame) -> Result<Ending, Error> {
