@@ -1,5 +1,7 @@
 //! Reading: naming schemes, depth conventions, and invalid files.
 
+#[path = "reading/completeness.rs"]
+mod completeness;
 mod fixtures;
 
 use exr::image::FlatSamples;

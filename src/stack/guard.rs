@@ -18,6 +18,8 @@ const MAX_DISPLAY_RATIO: u64 = 4096;
 const DAMAGED: &str = "the header is damaged: render or copy the file again";
 /// Maximum size of an attribute value that is read here; larger ones are skipped.
 const MAX_VALUE_BYTES: u64 = 16 << 20;
+/// Maximum size of a name, with the null that ends it.
+const MAX_TEXT_BYTES: u64 = 257;
 /// Maximum tile size; no known program writes larger tiles.
 const MAX_TILE_SIZE: u32 = 1 << 16;
 /// Deflate expands by at most 1032; PXR24 adds a fourth byte to every three.
@@ -27,14 +29,37 @@ const RLE_RATIO: u64 = 64;
 /// Minimum size of a chunk: its offset, its own header, one byte of content.
 const MIN_CHUNK_BYTES: u64 = 17;
 
-/// The fields of a part's header that the guard checks.
+/// The headers of a file, before anything in them is believed.
+#[derive(Debug)]
+pub(super) struct RawHeader {
+    /// The version of the format.
+    pub(super) version: u32,
+    /// Whether there may be several parts; every chunk then begins with the number of its part.
+    pub(super) multi_part: bool,
+    /// Whether the only part is tiled.
+    pub(super) tiled: bool,
+    /// Whether any part is deep.
+    pub(super) deep: bool,
+    /// The parts.
+    pub(super) parts: Vec<RawPart>,
+}
+
+/// The fields of a part's header that are read here.
 #[derive(Debug, Default)]
-struct RawPart {
-    kind: Option<String>,
-    compression: Option<u8>,
-    data_window: Option<[i32; 4]>,
+pub(super) struct RawPart {
+    /// The type: `scanlineimage`, `tiledimage`, `deepscanline` or `deeptile`. A file of one part may have none.
+    pub(super) kind: Option<String>,
+    /// The number of the codec.
+    pub(super) compression: Option<u8>,
+    /// The inclusive corners of the data window.
+    pub(super) data_window: Option<[i32; 4]>,
     display_window: Option<[i32; 4]>,
-    tile: Option<[u32; 2]>,
+    /// Width and height of a tile.
+    pub(super) tile: Option<[u32; 2]>,
+    /// The byte that says which resolution levels there are, and how their sizes are rounded.
+    pub(super) level_mode: u8,
+    /// The number of chunks, which files of several parts and deep files state.
+    pub(super) chunk_count: Option<u32>,
     channels: Vec<RawChannel>,
 }
 
@@ -52,7 +77,10 @@ struct RawChannel {
 /// Deep data, unknown codecs and subsampled channels are [`Error::unsupported`], impossible sizes and
 /// anything that is not a header [`Error::input`].
 pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
-    let found = scan(opened).and_then(|(deep, parts)| {
+    let found = scan(opened).map_err(cut_short).and_then(|RawHeader { version, deep, parts, .. }| {
+        if version != 2 {
+            return Err(unknown_version(version));
+        }
         if deep {
             return Err(deep_data());
         }
@@ -79,33 +107,36 @@ fn deep_data() -> Error {
         )
 }
 
-/// Whether any part is deep, and the headers of all parts.
-fn scan(opened: &mut Opened) -> Result<(bool, Vec<RawPart>), Error> {
-    let read = |opened: &mut Opened| -> io::Result<(u32, Vec<RawPart>)> {
-        let input = &mut opened.input;
-        let mut words = [0; 8];
-        input.read_exact(&mut words)?;
-        let flags = u32::from_le_bytes([words[4], words[5], words[6], words[7]]);
-        let mut parts = Vec::new();
-        let multi_part = flags & (1 << 12) != 0;
-        while let Some(part) = scan_part(opened)? {
-            parts.push(part);
-            if !multi_part {
-                break;
-            }
+pub(super) fn unknown_version(version: u32) -> Error {
+    let found = format!("format version {version}");
+    Error::unsupported("this is not an OpenEXR 2 file").with("found", found)
+}
+
+/// Reads the headers of all parts; leaves the position at the first byte after them.
+///
+/// # Errors
+/// `UnexpectedEof` for a file that ends within its headers, `InvalidData` for what is no header, and those of the system.
+pub(super) fn scan(opened: &mut Opened) -> io::Result<RawHeader> {
+    let mut words = [0; 8];
+    opened.input.read_exact(&mut words)?;
+    let flags = u32::from_le_bytes([words[4], words[5], words[6], words[7]]);
+    let mut parts = Vec::new();
+    let multi_part = flags & (1 << 12) != 0;
+    while let Some(part) = scan_part(opened)? {
+        parts.push(part);
+        if !multi_part {
+            break;
         }
-        Ok((flags, parts))
-    };
-    let (flags, parts) = read(opened).map_err(cut_short)?;
-    if flags & 0xff != 2 {
-        let found = format!("format version {}", flags & 0xff);
-        return Err(Error::unsupported("this is not an OpenEXR 2 file").with("found", found));
     }
     let deep = flags & (1 << 11) != 0;
-    Ok((
-        deep || parts.iter().any(|part| part.kind.as_deref().is_some_and(|kind| kind.starts_with("deep"))),
+    let is_deep = |part: &RawPart| part.kind.as_deref().is_some_and(|kind| kind.starts_with("deep"));
+    Ok(RawHeader {
+        version: flags & 0xff,
+        multi_part,
+        tiled: flags & (1 << 9) != 0,
+        deep: deep || parts.iter().any(is_deep),
         parts,
-    ))
+    })
 }
 
 /// One part's header; `None` at the empty header that ends a multi-part list.
@@ -128,7 +159,7 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
         }
         let known = matches!(
             name.as_str(),
-            "channels" | "compression" | "dataWindow" | "displayWindow" | "tiles" | "type"
+            "channels" | "chunkCount" | "compression" | "dataWindow" | "displayWindow" | "tiles" | "type"
         );
         if known && size <= MAX_VALUE_BYTES {
             let mut value = Vec::new();
@@ -143,11 +174,12 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
 /// A null-terminated text.
 fn text(input: &mut impl BufRead) -> io::Result<String> {
     let mut bytes = Vec::new();
-    input.take(257).read_until(0, &mut bytes)?;
+    input.take(MAX_TEXT_BYTES).read_until(0, &mut bytes)?;
+    let length = bytes.len() as u64;
     match bytes.pop() {
         Some(0) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
-        Some(_) => Err(io::ErrorKind::InvalidData.into()),
-        None => Err(io::ErrorKind::UnexpectedEof.into()),
+        Some(_) if length == MAX_TEXT_BYTES => Err(io::ErrorKind::InvalidData.into()),
+        _ => Err(io::ErrorKind::UnexpectedEof.into()),
     }
 }
 
@@ -158,7 +190,11 @@ impl RawPart {
             "type" => self.kind = Some(String::from_utf8_lossy(value).into_owned()),
             "dataWindow" => self.data_window = Some(corners(&mut value)?),
             "displayWindow" => self.display_window = Some(corners(&mut value)?),
-            "tiles" => self.tile = Some([read_u32(&mut value)?, read_u32(&mut value)?]),
+            "chunkCount" => self.chunk_count = Some(read_u32(&mut value)?),
+            "tiles" => {
+                self.tile = Some([read_u32(&mut value)?, read_u32(&mut value)?]);
+                self.level_mode = value.first().copied().unwrap_or(0);
+            }
             _ => {
                 self.channels.clear();
                 while value.first().is_some_and(|&byte| byte != 0) {
@@ -190,7 +226,7 @@ fn corners(value: &mut &[u8]) -> io::Result<[i32; 4]> {
 }
 
 /// Rows per chunk and best compression ratio of a codec; `None` if it is not supported.
-fn codec(number: u8) -> Option<(u64, u64)> {
+pub(super) fn codec(number: u8) -> Option<(u64, u64)> {
     Some(match number {
         0 => (1, 1),
         1 => (1, RLE_RATIO),
@@ -248,7 +284,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
 }
 
 /// Width and height of the window between two inclusive corners. Their product fits into 64 bits.
-fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
+pub(super) fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
     let [x0, y0, x1, y1] = corners.map(i64::from);
     if corners.iter().any(|c| i64::from(*c).abs() >= COORDINATE_LIMIT) || x1 < x0 || y1 < y0 {
         return Err(Error::input(format!("the {which} window is invalid"))
@@ -258,12 +294,12 @@ fn window_size(corners: [i32; 4], which: &str) -> Result<[u64; 2], Error> {
     Ok([(x1 - x0 + 1) as u64, (y1 - y0 + 1) as u64])
 }
 
-fn missing(attribute: &str) -> Error {
+pub(super) fn missing(attribute: &str) -> Error {
     Error::input(format!("the header has no {attribute}"))
         .help("the file is damaged: render or copy it again")
 }
 
-fn unknown_codec(number: u8) -> Error {
+pub(super) fn unknown_codec(number: u8) -> Error {
     let found = match number {
         10 | 11 => "HTJ2K".to_owned(),
         12 => "ZSTD".to_owned(),

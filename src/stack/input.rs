@@ -65,19 +65,27 @@ impl Seek for Input {
 }
 
 impl Opened {
-    /// Opens `source`.
+    /// Opens `source`, which may be empty.
     ///
     /// # Errors
-    /// A missing file, a folder, an empty file, no permission.
-    pub(super) fn open(source: &Source) -> Result<Self, Error> {
-        let opened = match source {
-            Source::File(path) => open_file(path)?,
-            Source::Memory { name, bytes } => Self {
+    /// A missing file, a folder, no permission.
+    pub(super) fn open_even_empty(source: &Source) -> Result<Self, Error> {
+        match source {
+            Source::File(path) => open_file(path),
+            Source::Memory { name, bytes } => Ok(Self {
                 name: PathBuf::from(name),
                 len: bytes.len() as u64,
                 input: Input::Memory(Cursor::new(Arc::clone(bytes))),
-            },
-        };
+            }),
+        }
+    }
+
+    /// Opens `source`.
+    ///
+    /// # Errors
+    /// As [`Opened::open_even_empty`], and an empty file.
+    pub(super) fn open(source: &Source) -> Result<Self, Error> {
+        let opened = Self::open_even_empty(source)?;
         if opened.len == 0 {
             let help = "the program that wrote it may have failed or may still be writing: render it again";
             return Err(Error::input("the file is empty").in_file(&opened.name).help(help));

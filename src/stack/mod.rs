@@ -10,6 +10,7 @@ mod beauty;
 mod camera;
 mod carried;
 mod chunks;
+mod completeness;
 mod convention;
 mod cryptomatte;
 mod decode;
@@ -39,6 +40,7 @@ mod silhouettes;
 pub use antialiasing::Antialiasing;
 #[doc(hidden)]
 pub use camera::camera_attributes;
+pub use completeness::is_complete;
 #[cfg(feature = "cli")]
 pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
