@@ -239,11 +239,11 @@ impl OutputArgs {
 
     /// Writes the pictures; returns findings about what could not be written.
     fn write_pictures(&self, rendered: &Rendered) -> Result<Vec<Finding>, Error> {
-        let Rendered { image, frame, stack, .. } = rendered;
+        let Rendered { image, frame, stack, made, .. } = rendered;
         let encoding = self.encoding();
         let (options, exposure) = (encoding.exr_options(stack.precision), encoding.exposure_stops);
         if let Some(preview) = &self.preview {
-            png::write(preview, image, exposure)?;
+            png::write_made(preview, image, exposure, made)?;
         }
         if let Some((path, known)) = self.mask(rendered) {
             match mask_target(path)? {
@@ -257,7 +257,7 @@ impl OutputArgs {
         }
         match target(&self.output)? {
             Target::Exr | Target::Stdout => exr::write(&self.output, image, frame, &stack.carried, &options),
-            Target::Png => png::write(&self.output, image, exposure).map(|()| Vec::new()),
+            Target::Png => png::write_made(&self.output, image, exposure, made).map(|()| Vec::new()),
         }
     }
 

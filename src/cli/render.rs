@@ -10,7 +10,7 @@ use clap::Args;
 use thinlens::error::Error;
 use thinlens::methods::Registry;
 use thinlens::probes::MIN_PROBES;
-use thinlens::render::Job;
+use thinlens::render::{Job, digest};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -55,6 +55,8 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     run.check_single(frames)?;
     let job = args.job(methods)?;
     output.check(&job)?;
+    // Of the files as they are before they are read.
+    let digest = digest(&job, &output.encoding());
     let prepared = prepare(&job)?;
     console.findings(&prepared.stack.findings);
     console.plan(&prepared.plan);
@@ -63,6 +65,7 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let bar = console.progress("blurring");
     let mut rendered = prepared.blur(&|share| bar.set(share))?;
     drop(bar);
+    rendered.set_digest(digest?);
     console.findings(&rendered.stack.findings[printed..]);
     if let Some(estimate) = &rendered.probe {
         console.estimate(estimate);

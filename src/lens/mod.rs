@@ -3,7 +3,7 @@
 
 mod aperture;
 mod field;
-mod focus_pull;
+mod pull;
 mod image;
 mod optics;
 mod radial;
@@ -15,10 +15,10 @@ pub use aperture::Aperture;
 pub(crate) use aperture::Outline;
 pub(crate) use barrel::{BarrelShares, Falloff};
 pub use field::Field;
-pub(crate) use focus_pull::FocusPull;
 pub use glam::Vec2;
 pub use image::ApertureImage;
 pub use optics::{Optics, Rays};
+pub(crate) use pull::Pull;
 pub(crate) use radial::{Landing, Radial};
 pub use sharpness::{SHARP_COC_PX, Sharpness};
 pub(crate) use views::ROW_SETS;

@@ -31,5 +31,5 @@ pub(crate) use execute::cpu_only_reason;
 pub use execute::{render, render_on};
 pub use laws::{Deviation, Law};
 pub use registry::{METHODS, Registry};
-pub(crate) use switches::requested;
+pub(crate) use switches::{joined, requested};
 pub use target::Target;

@@ -21,6 +21,17 @@ pub(crate) fn requested(switches: &Switches) -> Result<Vec<(EffectKind, bool)>, 
     Ok(on.chain(without.into_iter().map(|kind| (kind, false))).collect())
 }
 
+/// The switches `over`, and of `under` those that they say nothing of.
+pub(crate) fn joined(under: &Switches, over: &Switches) -> Switches {
+    let kind = |name: &String| EffectKind::by_name(name).ok();
+    let said: Vec<_> = over.force.iter().chain(&over.without).map(kind).collect();
+    let rest = |names: &[String], own: &[String]| -> Vec<String> {
+        let under = names.iter().filter(|name| !said.contains(&kind(name)));
+        under.chain(own).cloned().collect()
+    };
+    Switches { force: rest(&under.force, &over.force), without: rest(&under.without, &over.without) }
+}
+
 /// Applies `switches` to `plan`, for a scene with the statistics `stats`.
 ///
 /// # Errors

@@ -10,8 +10,10 @@ mod digest_of;
 mod encoding;
 pub mod exr;
 pub mod focus_map;
+mod made;
 pub mod png;
 pub mod report;
 
 pub use digest_of::digest_of;
 pub use encoding::Encoding;
+pub use made::Made;

@@ -1,10 +1,9 @@
 //! PNG: 8-bit sRGB previews for viewing. Pipelines read the EXR.
 
-use super::atomic;
+use super::{Made, atomic};
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder as _};
+use png::{BitDepth, ColorType, Compression, EncodingError, Filter};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -25,11 +24,14 @@ pub(crate) struct Rgb8 {
     pub(crate) bytes: Vec<u8>,
 }
 
+/// Keyword and text of a text chunk.
+type Chunk = (&'static str, String);
+
 /// 8-bit pixels to encode.
 struct Pixels {
     width: usize,
     height: usize,
-    color: ExtendedColorType,
+    color: ColorType,
     bytes: Vec<u8>,
 }
 
@@ -41,9 +43,21 @@ struct Pixels {
 /// # Errors
 /// As [`atomic::write()`].
 pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Error> {
+    write_with_texts(path, image, exposure_stops, &[])
+}
+
+/// As [`write()`], with text chunks that say how the picture was made ([`Made::texts`]).
+///
+/// # Errors
+/// As [`atomic::write()`].
+pub fn write_made(path: &Path, image: &Image, exposure_stops: f32, made: &Made) -> Result<(), Error> {
+    write_with_texts(path, image, exposure_stops, &made.texts())
+}
+
+fn write_with_texts(path: &Path, image: &Image, exposure_stops: f32, texts: &[Chunk]) -> Result<(), Error> {
     let gain = exposure_stops.exp2();
     let opaque = image.planes[3].values().iter().all(|&alpha| to_8_bit(alpha) == u8::MAX);
-    let (color, channels) = if opaque { (ExtendedColorType::Rgb8, 3) } else { (ExtendedColorType::Rgba8, 4) };
+    let (color, channels) = if opaque { (ColorType::Rgb, 3) } else { (ColorType::Rgba, 4) };
     let mut bytes = vec![0; image.width() * image.height() * channels];
     fill_rows(&mut bytes, image.width() * channels, image.height(), |y, row| {
         for (x, out) in row.chunks_exact_mut(channels).enumerate() {
@@ -53,7 +67,8 @@ pub fn write(path: &Path, image: &Image, exposure_stops: f32) -> Result<(), Erro
             out.copy_from_slice(&pixel[..channels]);
         }
     });
-    write_pixels(path, &Pixels { width: image.width(), height: image.height(), color, bytes })
+    let pixels = Pixels { width: image.width(), height: image.height(), color, bytes };
+    write_chunks(path, &pixels, texts)
 }
 
 /// Writes `images` from left to right, over black, aligned at the top, with a narrow grey strip between them.
@@ -78,7 +93,7 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
             left += image.width() + GAP_PX;
         }
     });
-    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
+    write_pixels(path, &Pixels { width, height, color: ColorType::Rgb, bytes })
 }
 
 /// Writes `plane`, 0 … 1, in false colour: from black for 0 through purple and orange to pale yellow for 1
@@ -89,7 +104,7 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
 #[cfg(feature = "cli")]
 pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
-    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes: false_color(plane) })
+    write_pixels(path, &Pixels { width, height, color: ColorType::Rgb, bytes: false_color(plane) })
 }
 
 /// Writes `plane`, 0 … 1, as a grey mask: 8 bits per value, linear, not sRGB.
@@ -99,7 +114,7 @@ pub fn write_false_color(path: &Path, plane: &Plane) -> Result<(), Error> {
 pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
     let (width, height) = (plane.width(), plane.height());
     let bytes = plane.values().iter().copied().map(to_8_bit).collect();
-    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::L8, bytes })
+    write_pixels(path, &Pixels { width, height, color: ColorType::Grayscale, bytes })
 }
 
 /// Writes `picture` unchanged.
@@ -108,7 +123,7 @@ pub fn write_mask(path: &Path, plane: &Plane) -> Result<(), Error> {
 /// As [`atomic::write()`], and for a picture without pixels.
 pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
     let Rgb8 { width, height, bytes } = picture;
-    write_pixels(path, &Pixels { width, height, color: ExtendedColorType::Rgb8, bytes })
+    write_pixels(path, &Pixels { width, height, color: ColorType::Rgb, bytes })
 }
 
 /// The colours of [`write_false_color`]: 8-bit red, green and blue of each pixel, row by row.
@@ -131,6 +146,10 @@ fn fill_rows(bytes: &mut [u8], row_bytes: usize, height: usize, fill: impl Fn(us
 }
 
 fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
+    write_chunks(path, pixels, &[])
+}
+
+fn write_chunks(path: &Path, pixels: &Pixels, texts: &[Chunk]) -> Result<(), Error> {
     let side = |length: usize| {
         u32::try_from(length).ok().filter(|&length| length > 0).ok_or_else(|| {
             Error::unsupported("PNG cannot hold a picture of this size")
@@ -138,17 +157,38 @@ fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {
                 .with("size", format!("{}×{}", pixels.width, pixels.height))
         })
     };
-    let (width, height) = (side(pixels.width)?, side(pixels.height)?);
+    let size = (side(pixels.width)?, side(pixels.height)?);
     atomic::write(path, |target| {
-        PngEncoder::new(target).write_image(&pixels.bytes, width, height, pixels.color).map_err(|error| {
-            match error {
-                image::ImageError::IoError(error) => atomic::failed(path, error),
-                other => {
-                    Error::unsupported("the picture cannot be written as PNG").in_file(path).caused_by(other)
-                }
-            }
+        encode_chunks(target, size, pixels, texts).map_err(|error| match error {
+            EncodingError::IoError(error) => atomic::failed(path, error),
+            other => Error::unsupported("the picture cannot be written as PNG").in_file(path).caused_by(other),
         })
     })
+}
+
+/// Writes the chunks of a picture of this width and height, texts before pixels.
+fn encode_chunks(
+    target: &mut dyn atomic::Target,
+    (width, height): (u32, u32),
+    pixels: &Pixels,
+    texts: &[Chunk],
+) -> Result<(), EncodingError> {
+    let mut encoder = png::Encoder::new(target, width, height);
+    encoder.set_color(pixels.color);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_compression(Compression::Fast);
+    encoder.set_filter(Filter::Adaptive);
+    for (keyword, text) in texts.iter().map(|(keyword, text)| ((*keyword).to_owned(), text.clone())) {
+        // A tEXt chunk is ASCII here, because programs decode other bytes of it differently; an iTXt chunk is UTF-8.
+        if text.is_ascii() {
+            encoder.add_text_chunk(keyword, text)?;
+        } else {
+            encoder.add_itxt_chunk(keyword, text)?;
+        }
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels.bytes)?;
+    writer.finish()
 }
 
 /// Encodes a linear value as 8-bit sRGB.

@@ -13,6 +13,7 @@ use siphasher::sip128::{Hasher128 as _, SipHasher13};
 use std::fmt::Debug;
 use std::fs;
 use std::hash::Hasher as _;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -117,7 +118,11 @@ impl Fields {
     }
 
     fn file(&mut self, path: &Path) -> Result<(), Error> {
-        let fail = |error| Error::input("the file cannot be examined").in_file(path).caused_by(error);
+        let fail = |error: io::Error| {
+            let missing = error.kind() == io::ErrorKind::NotFound;
+            let what = if missing { "no such file" } else { "the file cannot be examined" };
+            Error::input(what).in_file(path).caused_by(error)
+        };
         let metadata = fs::metadata(path).map_err(fail)?;
         let modified = metadata.modified().map_err(fail)?;
         self.add("file", &base_name(path));

@@ -1,12 +1,13 @@
 //! A job: everything that determines one picture, and the settings that follow from it.
 
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::gpu::DeviceChoice;
 use crate::image::Image;
 use crate::memory::memory_limit_bytes;
 use crate::methods::{self, Registry};
-use crate::scene::FrameNumber;
-use crate::settings::{Focus, Mask, Origin, Preset, Settings, Switches, Values};
+use crate::scene::{self, FrameNumber};
+use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Settings, Switches, Value, Values};
 use crate::stack::{self, Footprint, ReadOptions, Source};
 use std::path::Path;
 use std::sync::Arc;
@@ -27,7 +28,7 @@ pub struct NamedPreset {
 pub struct Job {
     /// The stack's files.
     pub sources: Vec<Source>,
-    /// Frame number, for focus keys; taken from the first file's name if `None`.
+    /// Frame number, for keys; taken from the first file's name if `None`.
     pub frame: Option<i64>,
     /// How to read them; what the preset or `flags` say about depth is added.
     pub read_options: ReadOptions,
@@ -39,7 +40,7 @@ pub struct Job {
     pub flags: Values,
     /// Parameters of the method that outrank the preset's, `KEY=VALUE` each.
     pub parameters: Vec<String>,
-    /// Effects that are forced on, or left out.
+    /// Effects that are forced on, or left out, whatever the preset says of them.
     pub switches: Switches,
     /// Device that carries out the plan.
     pub device: DeviceChoice,
@@ -107,20 +108,41 @@ pub(super) fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> 
     preset.chain([(Origin::Flag, &job.flags)])
 }
 
-/// Every value with its origin, over the camera data `camera` of the header.
+/// Every value with its origin, over the camera data `camera` of the header, and how those with keys were found.
 ///
 /// # Errors
-/// An unknown method, a parameter that its method does not accept, and an aperture image that cannot be read.
-pub(super) fn resolve(job: &Job, camera: &Values) -> Result<Settings, Error> {
-    let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user_layers(job)).collect();
+/// An unknown method, a parameter that its method does not accept, an aperture image that cannot be read, and keys without a frame
+/// number.
+pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Finding>), Error> {
+    let (user, findings) = user_layers_at_frame(job)?;
+    let user = user.iter().map(|(origin, values)| (origin.clone(), values));
+    let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
-    let mut settings = Settings { switches: job.switches.clone(), ..Settings::resolve(&layers, parameters) };
+    let settings = Settings::resolve(&layers, parameters);
+    let switches = methods::joined(&settings.switches, &job.switches);
+    let mut settings = Settings { switches, ..settings };
     let method = job.methods.chosen(&settings)?;
     for setting in &job.parameters {
         settings.parameters.push(method.parameters().parse(method.name(), setting)?);
     }
     settings.mask = settings.lens.aperture_image.value.as_deref().map(mask).transpose()?.map(Arc::new);
-    Ok(settings)
+    Ok((settings, findings))
+}
+
+/// The layers of values that the user set, lowest first, with the numbers that their keys give at the job's frame in place of the
+/// keys; and how these were found. Keys that a higher layer overrules have no effect and need no frame number.
+fn user_layers_at_frame(job: &Job) -> Result<(Vec<(Origin, Values)>, Vec<Finding>), Error> {
+    let mut layers: Vec<_> = user_layers(job).map(|(origin, values)| (origin, values.clone())).collect();
+    let mut findings = Vec::new();
+    for keyed in &KEYED {
+        let sets = |values: &Values| (keyed.keys)(values).is_some() || keyed.setting().get(values).is_some();
+        let Some((_, values)) = layers.iter_mut().rev().find(|(_, values)| sets(values)) else { continue };
+        if let Some((number, reason)) = scene::number_at(keyed, values, frame_number(job))? {
+            keyed.setting().set(values, &Value::Number(number));
+            findings.push(Finding::note(keyed.name, reason));
+        }
+    }
+    Ok((layers, findings))
 }
 
 /// The aperture image at `path`: transmittance by pixel, 0 where the image is transparent.
@@ -155,6 +177,12 @@ pub(super) fn has_keys(job: &Job) -> bool {
     user_layers(job).any(|(_, values)| values.has_keys())
 }
 
+/// What the job sets about the file, as a layer of values.
+pub(super) fn reading(job: &Job) -> Values {
+    let ReadOptions { convention, supersample, kind, beauty, .. } = read_options(job);
+    Values { convention, supersample, kind, beauty, ..Values::default() }
+}
+
 /// The frame number of the job, if it is known.
 pub(super) fn frame_number(job: &Job) -> Option<FrameNumber> {
     let given = job.frame.map(|number| FrameNumber { number, from: "`frame`" });
@@ -172,7 +200,8 @@ pub(super) fn check(job: &Job) -> Result<(), Error> {
         .filter_map(|(_, values)| values.method.as_deref())
         .try_for_each(|name| job.methods.by_name(name).map(drop))?;
     job.preset.iter().try_for_each(|named| job.methods.check(&named.preset.parameters))?;
-    methods::requested(&job.switches).map(drop)
+    let switches = user_layers(job).filter_map(|(_, values)| values.switches.as_ref());
+    switches.chain([&job.switches]).try_for_each(|switches| methods::requested(switches).map(drop))
 }
 
 #[cfg(test)]
@@ -192,7 +221,7 @@ mod tests {
             flags: Values { f_number: Some(4.0), ..Values::default() },
             ..Job::default()
         };
-        let settings = resolve(&job, &camera).unwrap();
+        let (settings, _) = resolve(&job, &camera).unwrap();
         assert_eq!((settings.lens.f_number.value, settings.lens.f_number.origin), (4.0, Origin::Flag));
         assert_eq!(
             (settings.lens.blades.value, settings.lens.blades.origin),

@@ -21,12 +21,13 @@ use crate::finding::Finding;
 use crate::gpu::{self, Device, Gpu};
 use crate::lens::{Sharpness, ThinLens};
 use crate::methods::{Plan, Progress, Registry, Target};
+use crate::output::Made;
 use crate::output::report::StackReport;
 use crate::probes;
 use crate::sample_budget::{self, Outcome};
 use crate::scene::{EffectKind, Scene, SceneStats};
-use crate::settings::Settings;
-use crate::stack::{self, Stack};
+use crate::settings::{Settings, Values};
+use crate::stack::{self, Source, Stack};
 use crate::usage::{Stage, StageClock};
 use crate::{confidence, finish};
 use paint::Painted;
@@ -63,6 +64,10 @@ pub struct Prepared {
     pub confidence: bool,
     /// Time by stage.
     pub clock: StageClock,
+    /// The files that the job names.
+    sources: Vec<Source>,
+    /// How the job reads them.
+    reading: Values,
 }
 
 /// Reads the job's stack, analyzes it and decides what to simulate.
@@ -91,7 +96,7 @@ pub(crate) fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, E
 /// Decides what to simulate for `stack`, which was read before or made of planes in memory ([`Stack::from_peels`]).
 ///
 /// What `job` sets for reading has no effect: its sources, its read options, and the values `convention`, `supersample`,
-/// `kind` and `beauty`; the stack has its own. Focus keys need [`Job::frame`].
+/// `kind` and `beauty`; the stack has its own. Keys need [`Job::frame`].
 ///
 /// # Errors
 /// Those of the lens and of the plan; a setting out of its range, an unknown method or effect.
@@ -110,7 +115,8 @@ fn plan_stack(
     (demanded, open): (Option<Gpu>, gpu::Open<'_>),
 ) -> Result<Prepared, Error> {
     clock.skip();
-    let settings = job::resolve(job, &stack.camera)?;
+    let (settings, findings) = job::resolve(job, &stack.camera)?;
+    stack.findings.extend(findings);
     let summary = StackReport::from(&stack);
     let (lens, sharpness) = stages::lens(&mut stack, &settings, job::frame_number(job))?;
     if !job.read_options.objects {
@@ -139,6 +145,8 @@ fn plan_stack(
         verify,
         confidence,
         clock,
+        sources: job.sources.clone(),
+        reading: job::reading(job),
     })
 }
 
@@ -181,6 +189,7 @@ impl Prepared {
         let Self {
             mut stack, summary, settings, lens, scene, stats, plan, mut device, gpu, mut clock, ..
         } = self;
+        let (sources, reading) = (self.sources, self.reading);
         let outside_px = scene.outside_px;
         let calibration = calibration(&plan, &mut stack)?;
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
@@ -217,6 +226,9 @@ impl Prepared {
             clock.lap(Stage::Confidence);
         }
         let frame = stack.picture_frame();
+        let made = Made::new(&settings, &lens, &plan, reading).of(&sources);
+        let corrected = made.apply(&mut stack.carried.attributes);
+        stack.findings.extend(corrected);
         Ok(Rendered {
             image: image.trimmed(outside_px),
             frame,
@@ -230,6 +242,7 @@ impl Prepared {
             outcome,
             probe,
             confidence: known.map(|known| known.trimmed(outside_px)),
+            made,
             clock,
         })
     }

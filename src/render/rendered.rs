@@ -4,8 +4,8 @@ use crate::gpu::{Device, GpuUsage};
 use crate::image::{Image, Plane};
 use crate::lens::ThinLens;
 use crate::methods::Plan;
-use crate::output;
 use crate::output::report::{LensReport, PlanReport, Report, StackReport};
+use crate::output::{self, Made};
 use crate::probes::ErrorEstimate;
 use crate::sample_budget::Outcome;
 use crate::settings::Settings;
@@ -40,11 +40,20 @@ pub struct Rendered {
     pub probe: Option<ErrorEstimate>,
     /// The confidence mask, if it was requested: the share of each pixel's light that comes from surfaces of the stack.
     pub confidence: Option<Plane>,
+    /// How the picture was made; the attributes of [`Stack::carried`] say the same.
+    pub made: Made,
     /// Time by stage; the caller adds writing.
     pub clock: StageClock,
 }
 
 impl Rendered {
+    /// Adds the digest of the job and of the encoding ([`super::digest`]) to what the headers of outputs say.
+    pub fn set_digest(&mut self, digest: String) {
+        self.made.digest = Some(digest);
+        // The camera was corrected before: there is nothing new to report.
+        self.made.apply(&mut self.stack.carried.attributes);
+    }
+
     /// The sampling error, where it was measured: on request, or to find the number of lens samples.
     pub fn sampling_error(&self) -> Option<ErrorEstimate> {
         self.probe.or_else(|| self.outcome.as_ref()?.estimate())

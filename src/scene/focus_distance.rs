@@ -4,11 +4,11 @@
 //! that dust and glass before a surface do not count. Where all fragments together stay below a half, it is the one that adds most to the
 //! pixel, because nothing else is there to focus on. The distance of an object is the median over its pixels: those that it covers at least
 //! by half, weighted by its coverage, so that neither its edges nor surfaces seen through it count. A focus pull takes the distances of its
-//! two keys in this frame's stack and interpolates between them as [`FocusPull`] says.
+//! two keys in this frame's stack and interpolates between them as [`crate::lens::Pull`] says.
 
+use super::key_frames::{FrameNumber, no_frame_number, value_at};
 use crate::error::Error;
-use crate::lens::FocusPull;
-use crate::settings::{Focus, FocusKey};
+use crate::settings::{Focus, FocusKey, Interpolation};
 use crate::stack::depth::DepthScale;
 use crate::stack::{ObjectMatte, Stack, Window};
 
@@ -18,15 +18,6 @@ const VISIBLE_ALPHA: f32 = 0.5;
 const OBJECT_COVERAGE: f32 = 0.5;
 /// For an object that covers no pixel by [`OBJECT_COVERAGE`]: the share of its largest coverage from which on pixels belong to it.
 const SHARE_OF_MAX_COVERAGE: f32 = 0.9;
-
-/// A frame of a sequence.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FrameNumber {
-    /// Its number.
-    pub number: i64,
-    /// Where the number comes from, in words.
-    pub from: &'static str,
-}
 
 /// A focus distance, and how it was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +51,7 @@ pub fn focus_distance(
         }
         Focus::Object(name) => distance_of_object(stack, scale, name),
         Focus::Keys(keys) => {
-            let frame = frame.ok_or_else(no_frame_number)?;
+            let frame = frame.ok_or_else(|| no_frame_number("focus"))?;
             distance_of_pull(keys, frame, |focus| focus_distance(stack, scale, focus, Some(frame)))
         }
     }
@@ -157,36 +148,14 @@ fn distance_of_pull(
     frame: FrameNumber,
     find: impl Fn(&Focus) -> Result<Focused, Error>,
 ) -> Result<Focused, Error> {
-    let Some(pull) = FocusPull::at(keys, frame.number) else {
-        return Err(Error::settings("there are no focus keys").help("give at least one [[lens.focus_keys]]"));
-    };
     let at_key = |place: usize| {
         let FocusKey { frame, focus, .. } = &keys[place];
         let found = find(focus).map_err(|error| error.with("focus key", format!("of frame {frame}")))?;
         let how = found.reason.map(|reason| format!("; frame {frame} has {reason}")).unwrap_or_default();
         Ok((found.distance, how))
     };
-    let (from, how_from) = at_key(pull.from)?;
-    let (to, how_to) = if pull.from == pull.to { (from, String::new()) } else { at_key(pull.to)? };
-    let distance = pull.distance(from, to);
-    let FrameNumber { number, from: source } = frame;
-    let [first, second] = [pull.from, pull.to].map(|place| keys[place].frame);
-    let place = if pull.from == pull.to {
-        format!("at the key of frame {first}")
-    } else {
-        format!("between keys {first} and {second}, eased {:.2} of the way from {from} to {to}", pull.eased)
-    };
-    let reason = format!("frame {number}, from {source}; {place}: {distance}{how_from}{how_to}");
+    let (distance, reason) = value_at(keys, frame, Interpolation::Reciprocal, at_key)?;
     Ok(Focused { distance, reason: Some(reason) })
-}
-
-fn no_frame_number() -> Error {
-    Error::settings("focus keys need the number of the frame, which is not known")
-        .with(
-            "looked for",
-            "`frame`, or digits before the extension of the input's name, as in shot.0042.exr",
-        )
-        .help("give the frame number: `frame = N`")
 }
 
 #[cfg(test)]

@@ -146,6 +146,12 @@ macro_rules! settings {
             pub method: Option<String>,
             /// The sample budget: what decides the number of lens samples.
             pub effort: Option<Effort>,
+            /// Keys of the f-number along a sequence of frames, in rising order of frame, in place of [`Self::f_number`].
+            pub f_number_keys: Option<Vec<NumberKey>>,
+            /// Keys of the focal length in mm, in rising order of frame, in place of [`Self::focal_length_mm`].
+            pub focal_length_keys: Option<Vec<NumberKey>>,
+            /// Effects that are forced on or left out.
+            pub switches: Option<Switches>,
         }
 
         group! {

@@ -1,5 +1,6 @@
 //! What the lens is focused on: one target, or keys of a focus pull along a sequence of frames.
 
+use super::keys::{Easing, Keyed};
 use serde::{Deserialize, Serialize};
 
 /// What the lens is focused on.
@@ -30,24 +31,14 @@ pub struct FocusKey {
     pub easing: Easing,
 }
 
-/// Interpolation of the focus from one key to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum Easing {
-    /// Constant speed.
-    Linear,
-    /// Slow at both ends.
-    #[default]
-    Smooth,
-    /// Constant focus until the next key.
-    Hold,
-}
+impl Keyed for FocusKey {
+    fn frame(&self) -> i64 {
+        self.frame
+    }
 
-impl Easing {
-    /// Every easing, by its name in presets.
-    pub const ALL: [(&str, Self); 3] =
-        [("linear", Self::Linear), ("smooth", Self::Smooth), ("hold", Self::Hold)];
+    fn easing(&self) -> Easing {
+        self.easing
+    }
 }
 
 impl Focus {

@@ -10,15 +10,19 @@ mod choices;
 mod declare;
 mod effort;
 mod focus;
+mod keys;
 mod origin;
 mod parameters;
 mod preset;
 mod setting;
+mod switches;
 mod table;
 
 pub use choices::{Border, DepthConvention, SensorDistance, StackKind};
 pub use effort::{Effort, Quality};
-pub use focus::{Easing, Focus, FocusKey};
+pub use focus::{Focus, FocusKey};
+pub(crate) use keys::Keyed;
+pub use keys::{Easing, NumberKey};
 pub use origin::{Origin, Sourced};
 pub use parameters::{
     Declared, Parameter, ParameterKind, ParameterTable, ParameterValue, ParameterValues, Parameters,
@@ -29,6 +33,8 @@ pub use preset::{BUILT_IN, BuiltIn, Preset};
 pub use serde;
 pub use serde_json::Value as Json;
 pub use setting::{CommandLine, Kind, Range, Setting, Value, Word};
+pub use switches::Switches;
+pub(crate) use table::{Interpolation, KEYED, KeyedSetting};
 pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
 
 use declare::pick;
@@ -69,15 +75,6 @@ pub struct Settings {
     pub mask: Option<Arc<Mask>>,
 }
 
-/// Effects that the user switches, by their names in reports.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Switches {
-    /// Effects that are forced on.
-    pub force: Vec<String>,
-    /// Effects that are left out.
-    pub without: Vec<String>,
-}
-
 /// The candidate that `word` most likely stands for; `None` if none is similar.
 pub(crate) fn nearest<'a>(word: &str, candidates: &'a [impl AsRef<str>]) -> Option<&'a str> {
     /// Jaro-Winkler similarity from which a word counts as a misspelling of another.
@@ -101,7 +98,7 @@ impl Settings {
             method: pick(layers, |values| &values.method).unwrap_or(Sourced::from_default("auto".to_owned())),
             effort: effort.map_or(Sourced::from_default(None), Sourced::into_option),
             parameters,
-            switches: Switches::default(),
+            switches: pick(layers, |values| &values.switches).map(|s| s.value).unwrap_or_default(),
             mask: None,
         }
     }

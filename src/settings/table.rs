@@ -10,8 +10,10 @@ use super::choices::{Border, DepthConvention, SensorDistance, StackKind};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
+use super::keys::NumberKey;
 use super::origin::{Origin, Sourced};
 use super::setting::{Kind, Range, Setting, SettingType, Value};
+use super::switches::Switches;
 use crate::error::Error;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -196,6 +198,83 @@ settings! {
     }
 }
 
+/// How a number gets from one key to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Interpolation {
+    /// The number changes evenly.
+    Linear,
+    /// Its reciprocal changes evenly.
+    Reciprocal,
+}
+
+/// A setting that may have keys along a sequence of frames.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KeyedSetting {
+    /// The key of the setting.
+    pub(crate) key: &'static str,
+    /// The key of the list in a preset's `[lens]`.
+    pub(crate) list: &'static str,
+    /// The same with its table.
+    pub(crate) path: &'static str,
+    /// The setting in words.
+    pub(crate) name: &'static str,
+    /// How its number gets from one key to the next.
+    pub(crate) interpolation: Interpolation,
+    /// Its keys in a layer.
+    pub(crate) keys: fn(&Values) -> &Option<Vec<NumberKey>>,
+    /// The same, to be changed.
+    pub(crate) keys_mut: fn(&mut Values) -> &mut Option<Vec<NumberKey>>,
+}
+
+/// Every setting that may have keys, apart from the focus.
+///
+/// The reciprocal of an f-number is the diameter of the aperture, in focal lengths: with it, blur changes evenly, from and to a pinhole
+/// (f/inf) too.
+pub(crate) static KEYED: [KeyedSetting; 2] = [
+    KeyedSetting {
+        key: "f_number",
+        list: "f_number_keys",
+        path: "lens.f_number_keys",
+        name: "f-number",
+        interpolation: Interpolation::Reciprocal,
+        keys: |values| &values.f_number_keys,
+        keys_mut: |values| &mut values.f_number_keys,
+    },
+    KeyedSetting {
+        key: "focal_length_mm",
+        list: "focal_length_keys",
+        path: "lens.focal_length_keys",
+        name: "focal length",
+        interpolation: Interpolation::Linear,
+        keys: |values| &values.focal_length_keys,
+        keys_mut: |values| &mut values.focal_length_keys,
+    },
+];
+
+impl KeyedSetting {
+    /// The setting.
+    pub(crate) fn setting(&self) -> &'static Setting {
+        Setting::by_key(self.key).expect("each keyed setting is in the table")
+    }
+
+    /// Checks its keys in `values`.
+    fn check(&self, values: &Values) -> Result<(), Error> {
+        let Some(keys) = (self.keys)(values) else { return Ok(()) };
+        if self.setting().get(values).is_some() {
+            let what = format!("`{}` and `{}` exclude one another", self.key, self.list);
+            return Err(Error::settings(what).help("keep one of them"));
+        }
+        if keys.is_empty() || keys.windows(2).any(|pair| pair[0].frame >= pair[1].frame) {
+            let what = format!("`{}` must be one key or more, in rising order of frame", self.list);
+            return Err(Error::settings(what));
+        }
+        keys.iter().try_for_each(|key| {
+            let checked = self.setting().check(&Value::Number(key.value));
+            checked.map_err(|error| error.with("key", format!("of frame {}", key.frame)))
+        })
+    }
+}
+
 /// A setting with its value and the value's origin.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -232,6 +311,7 @@ impl Values {
         for (setting, value) in set {
             setting.check(&value)?;
         }
+        KEYED.iter().try_for_each(|keyed| keyed.check(self))?;
         let keys = self.focus.iter().filter_map(|focus| match focus {
             Focus::Keys(keys) => Some(keys),
             _ => None,
@@ -244,7 +324,7 @@ impl Values {
 
     /// Whether any value has keys along a sequence of frames.
     pub fn has_keys(&self) -> bool {
-        matches!(self.focus, Some(Focus::Keys(_)))
+        matches!(self.focus, Some(Focus::Keys(_))) || KEYED.iter().any(|keyed| (keyed.keys)(self).is_some())
     }
 
     /// The attributes of these values in a file's header, by name; [`crate::stack`] reads them back.

@@ -9,7 +9,7 @@ use exr::meta::attribute::{AttributeValue, Text};
 
 /// Standard attributes that are used if the `thinlens.…` attribute is missing, in order of preference, by the key of the setting. The
 /// standard `focus` is in metres and is read separately.
-const STANDARD: [(&str, &[&str]); 3] = [
+pub(super) const STANDARD: [(&str, &[&str]); 3] = [
     ("focal_length_mm", &["effectiveFocalLength", "nominalFocalLength"]),
     ("f_number", &["aperture"]),
     ("sensor_width_mm", &["sensorOverallDimensions"]),
@@ -110,7 +110,7 @@ impl Lookup<'_> {
 }
 
 /// The number that an attribute holds.
-fn number(value: &AttributeValue) -> Option<f32> {
+pub(super) fn number(value: &AttributeValue) -> Option<f32> {
     match value {
         AttributeValue::F32(number) => Some(*number),
         AttributeValue::F64(number) => Some(*number as f32),

@@ -9,7 +9,7 @@ use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 
 /// Attributes that describe the storage of the input file, or that are not valid for the output.
-const NOT_CARRIED: [&str; 20] = [
+const NOT_CARRIED: [&str; 27] = [
     "channels",
     "chunkCount",
     "compression",
@@ -25,8 +25,15 @@ const NOT_CARRIED: [&str; 20] = [
     "preview",
     "screenWindowCenter",
     "screenWindowWidth",
+    "thinlens.digest",
+    "thinlens.effects",
     "thinlens.kind",
+    "thinlens.method",
+    "thinlens.settings",
+    "thinlens.source",
     "thinlens.supersample",
+    "thinlens.version",
+    "thinlens.views",
     "tiles",
     "type",
     "version",

@@ -8,6 +8,7 @@ mod antialiasing;
 mod background_share;
 mod beauty;
 mod camera;
+mod camera_used;
 mod carried;
 mod chunks;
 mod completeness;
@@ -40,6 +41,7 @@ mod silhouettes;
 pub use antialiasing::Antialiasing;
 #[doc(hidden)]
 pub use camera::camera_attributes;
+pub(crate) use camera_used::correct_camera;
 pub use completeness::is_complete;
 #[cfg(feature = "cli")]
 pub(crate) use cryptomatte::listed;

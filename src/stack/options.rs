@@ -71,6 +71,12 @@ impl Source {
         Self::Memory { name: name.into(), bytes: bytes.into() }
     }
 
+    /// The name without folders.
+    pub(crate) fn base_name(&self) -> String {
+        let name = self.name();
+        name.file_name().unwrap_or(name.as_os_str()).to_string_lossy().into_owned()
+    }
+
     /// The path or name to show.
     pub(super) fn name(&self) -> &Path {
         match self {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::output::digest_of;
 use thinlens::render::{Decisions, Job, digest};
-use thinlens::sequence::Pattern;
+use thinlens::sequence::{Pattern, is_finished};
 use thinlens::stack::Source;
 
 /// A frame: its job and the files that it writes.
@@ -39,14 +39,20 @@ impl Frame {
         Self { job: decisions.pin(&self.job), ..self }
     }
 
-    /// Whether all its files are there, and its picture is that of the same settings, version and inputs.
+    /// What determines its picture: see [`digest`].
     ///
     /// # Errors
     /// An input that cannot be examined.
-    pub(super) fn is_up_to_date(&self) -> Result<bool, Error> {
-        let digest = digest(&self.job, &self.outputs.encoding())?;
-        let written = self.outputs.files()?.all(|file| file.is_file());
-        Ok(written && digest_of(&self.outputs.output).is_some_and(|of_file| of_file == digest))
+    pub(super) fn digest(&self) -> Result<String, Error> {
+        digest(&self.job, &self.outputs.encoding())
+    }
+
+    /// Whether all its files are there as a whole, and its picture has this `digest`.
+    pub(super) fn is_up_to_date(&self, digest: &str) -> bool {
+        let picture = &self.outputs.output;
+        let is_there = |file: &PathBuf| file.is_file();
+        let all = self.outputs.files().is_ok_and(|mut files| files.all(is_there));
+        all && is_finished(picture) && digest_of(picture).is_some_and(|written| written == digest)
     }
 }
 

@@ -68,12 +68,15 @@ impl Work for Run<'_> {
     }
 
     fn render(&self, frame: &Frame) -> Result<Ending, Error> {
-        if self.args.resume && frame.is_up_to_date()? {
+        // Of the files as they are before they are read.
+        let digest = frame.digest()?;
+        if self.args.resume && frame.is_up_to_date(&digest) {
             return Ok(Ending::Skipped);
         }
         let prepared = prepare(&frame.job)?;
         check_focus(&prepared.settings.lens.focus.value)?;
         let mut rendered = prepared.blur(&|_| {})?;
+        rendered.set_digest(digest);
         frame.outputs.write(&frame.job, &mut rendered)?;
         Ok(Ending::Rendered { seconds: rendered.clock.seconds().total, findings: rendered.stack.findings })
     }

@@ -82,6 +82,16 @@ impl<'a> Entry<'a> {
         self.value.get_ref().as_str().ok_or_else(|| self.unsuitable("a text in quotes"))
     }
 
+    /// A list of texts.
+    pub(super) fn names(&self) -> Result<Vec<String>, Error> {
+        let items = self.value.get_ref().as_array();
+        let names = items.and_then(|items| {
+            let name = |item: &Spanned<DeValue<'_>>| item.get_ref().as_str().map(str::to_owned);
+            items.iter().map(name).collect()
+        });
+        names.ok_or_else(|| self.unsuitable("a list of texts in quotes"))
+    }
+
     /// A whole number, 0 or more.
     fn natural(&self) -> Option<u32> {
         match self.value.get_ref() {

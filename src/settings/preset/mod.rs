@@ -1,10 +1,12 @@
 //! Presets: a TOML file becomes a layer of [`Values`].
 //!
-//! [`entry`] reads values and makes errors with their location, [`focus_keys`] reads a focus pull, and [`schema`] has the known keys.
+//! [`entry`] reads values and makes errors with their location, [`keys`] reads lists of keys along a sequence, [`schema`] has the known keys,
+//! and [`written`] writes a preset that reads back as the same.
 
 mod entry;
-mod focus_keys;
+mod keys;
 mod schema;
+mod written;
 
 use super::{ParameterValues, Values, nearest};
 use crate::error::Error;

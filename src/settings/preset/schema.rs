@@ -2,10 +2,11 @@
 //! methods declare and check, so that a new method needs no change here.
 
 use super::super::{
-    Effort, Focus, ParameterValue, ParameterValues, Place, Quality, SETTINGS, Setting, Values, nearest,
+    Effort, Focus, KEYED, KeyedSetting, ParameterValue, ParameterValues, Place, Quality, SETTINGS, Setting,
+    Switches, Values, nearest,
 };
 use super::entry::{Entry, json};
-use super::focus_keys::{FOCUS_KEY_PARTS, focus_keys};
+use super::keys::{FOCUS_KEY_PARTS, FOCUS_KEYS, NUMBER_KEY_PARTS, focus_keys, number_keys};
 use crate::error::Error;
 use std::ops::Range;
 use toml::de::DeTable;
@@ -18,7 +19,7 @@ struct Key {
 }
 
 /// Every key outside the `[method.NAME]` tables that is not in [`SETTINGS`].
-static OTHERS: [Key; 6] = {
+static OTHERS: [Key; 8] = {
     const fn key(
         table: &'static str,
         name: &'static str,
@@ -31,6 +32,8 @@ static OTHERS: [Key; 6] = {
             e.first_focus(v)?;
             focus_keys(e, |part| part.unknown()).map(|keys| v.focus = Some(Focus::Keys(keys)))
         }),
+        key("effects", "force", |v, e| e.names().map(|names| switches(v).force = names)),
+        key("effects", "without", |v, e| e.names().map(|names| switches(v).without = names)),
         key("method", "name", |v, e| e.text().map(|x| v.method = Some(x.to_owned()))),
         key("method", "views", |v, e| e.effort(v, Effort::Views(e.count()?))),
         key("method", "target_db", |v, e| e.effort(v, Effort::TargetDb(e.decibels()?))),
@@ -41,6 +44,10 @@ static OTHERS: [Key; 6] = {
     ]
 };
 
+fn switches(values: &mut Values) -> &mut Switches {
+    values.switches.get_or_insert_with(Switches::default)
+}
+
 /// The setting with the key `key` in `table`.
 fn setting(table: &str, key: &str) -> Option<&'static Setting> {
     SETTINGS.iter().find(|setting| setting.table == table && setting.preset_key == key)
@@ -49,7 +56,8 @@ fn setting(table: &str, key: &str) -> Option<&'static Setting> {
 /// Every key outside the `[method.NAME]` tables, with its table.
 fn keys() -> impl Iterator<Item = (&'static str, &'static str)> {
     let settings = SETTINGS.iter().map(|setting| (setting.table, setting.preset_key));
-    settings.chain(OTHERS.iter().map(|key| (key.table, key.name)))
+    let lists = KEYED.iter().map(|keyed| ("lens", keyed.list));
+    settings.chain(lists).chain(OTHERS.iter().map(|key| (key.table, key.name)))
 }
 
 impl<'a> Entry<'a> {
@@ -57,6 +65,9 @@ impl<'a> Entry<'a> {
     pub(super) fn read(&self, values: &mut Values, parameters: &mut ParameterValues) -> Result<(), Error> {
         if let Some(setting) = setting(self.table, self.key) {
             return self.read_setting(setting, values);
+        }
+        if let Some(keyed) = KEYED.iter().find(|keyed| self.table == "lens" && keyed.list == self.key) {
+            return self.read_keys(keyed, values);
         }
         if let Some(key) = OTHERS.iter().find(|key| key.table == self.table && key.name == self.key) {
             return (key.set)(values, self);
@@ -77,8 +88,28 @@ impl<'a> Entry<'a> {
         if setting.field == "focus" {
             self.first_focus(values)?;
         }
+        if let Some(keyed) = KEYED.iter().find(|keyed| keyed.key == setting.key) {
+            self.number_or_keys(keyed, values)?;
+        }
         setting.set(values, &value);
         Ok(())
+    }
+
+    /// Checks the list of keys of `keyed` and stores it.
+    fn read_keys(&self, keyed: &KeyedSetting, values: &mut Values) -> Result<(), Error> {
+        self.number_or_keys(keyed, values)?;
+        let keys = number_keys(self, keyed, |part| part.unknown())?;
+        *(keyed.keys_mut)(values) = Some(keys);
+        Ok(())
+    }
+
+    /// Checks that no other entry has set `keyed` or its keys.
+    fn number_or_keys(&self, keyed: &KeyedSetting, values: &Values) -> Result<(), Error> {
+        if (keyed.keys)(values).is_none() && keyed.setting().get(values).is_none() {
+            return Ok(());
+        }
+        let what = format!("'{}' and '{}' exclude one another", keyed.key, keyed.list);
+        Err(self.document.error(what, self.key_span.clone()).help("keep one of them"))
     }
 
     /// The entry as a parameter of `method`, not yet checked.
@@ -166,7 +197,10 @@ pub(super) fn table_names() -> Vec<&'static str> {
 fn known_keys(table: &str) -> Vec<String> {
     match table {
         "" => table_names().into_iter().map(str::to_owned).collect(),
-        "lens.focus_keys" => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
+        FOCUS_KEYS => FOCUS_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect(),
+        _ if KEYED.iter().any(|keyed| keyed.path == table) => {
+            NUMBER_KEY_PARTS.iter().map(|part| part.name.to_owned()).collect()
+        }
         _ => keys().filter(|(of, _)| *of == table).map(|(_, key)| key.to_owned()).collect(),
     }
 }
