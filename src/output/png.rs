@@ -161,7 +161,9 @@ fn write_chunks(path: &Path, pixels: &Pixels, texts: &[Chunk]) -> Result<(), Err
     atomic::write(path, |target| {
         encode_chunks(target, size, pixels, texts).map_err(|error| match error {
             EncodingError::IoError(error) => atomic::failed(path, error),
-            other => Error::unsupported("the picture cannot be written as PNG").in_file(path).caused_by(other),
+            other => {
+                Error::unsupported("the picture cannot be written as PNG").in_file(path).caused_by(other)
+            }
         })
     })
 }
