@@ -106,6 +106,11 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
 }
 
 impl CompareArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        self.output.iter().cloned().collect()
+    }
+
     /// The candidates to compare.
     fn candidates(&self, methods: &Registry) -> Result<Vec<Candidate>, Error> {
         match self.methods.as_slice() {

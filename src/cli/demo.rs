@@ -58,6 +58,13 @@ pub(super) fn run(args: &DemoArgs, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
+impl DemoArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        vec![self.output.clone()]
+    }
+}
+
 fn job() -> Result<Job, Error> {
     Ok(Job {
         sources: vec![Source::memory(STACK_NAME, STACK)],

@@ -56,6 +56,16 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
+impl ExportArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        let exporters = EXPORTERS.iter().filter(|exporter| exporter.name == self.renderer);
+        let files = exporters.flat_map(|exporter| exporter_files(exporter, &self.output));
+        let below = files.filter_map(|(file, _)| file.parent().map(Path::to_owned));
+        std::iter::once(self.output.clone()).chain(below).collect()
+    }
+}
+
 /// The files of `exporter` below `folder`, with their bytes.
 fn exporter_files(exporter: &Exporter, folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let path = |below: &str| below.split('/').fold(folder.join(exporter.name), |path, part| path.join(part));

@@ -13,8 +13,8 @@ use std::path::PathBuf;
 use thinlens::gpu::Device;
 use thinlens::lens::{Sharpness, ThinLens};
 use thinlens::methods::{Plan, Registry};
-use thinlens::output::focus_map;
 use thinlens::output::report::{LensReport, StackReport};
+use thinlens::output::{atomic, focus_map};
 use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Job, Prepared};
 use thinlens::scene::{FocusShares, PeelStats, SceneStats};
@@ -80,6 +80,13 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
         print(&keys_to_flags(&text))?;
     }
     Ok(())
+}
+
+impl InspectArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        self.overlay.iter().filter_map(|file| atomic::temporary_folder(file)).collect()
+    }
 }
 
 fn to_json(Inspected { prepared, focus, peels, objects }: &Inspected) -> serde_json::Value {

@@ -23,15 +23,20 @@ mod presets;
 mod render;
 mod score;
 mod sequence;
+mod signals;
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
 use failure::Failure;
+use signals::Signals;
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use thinlens::cost::cache_folder;
 use thinlens::error::Error;
 use thinlens::methods::Registry;
+use thinlens::output::temporary;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -92,7 +97,13 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches)).map_err(Failure::Usage);
     let outcome = parsed.and_then(|cli| {
         let console = Console::new(cli.global.quiet);
-        with_threads(cli.global.threads, || cli.command.run(&console, methods))
+        let folders = cli.command.folders();
+        remove_stale(&folders, console);
+        let signals = Signals::handle(folders)
+            .map_err(|cause| Error::limits("signals cannot be handled").caused_by(cause))?;
+        let outcome = with_threads(cli.global.threads, || cli.command.run(&console, methods));
+        signals.wait_if_ending();
+        outcome
     });
     match outcome {
         Ok(()) | Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
@@ -130,7 +141,41 @@ fn with_threads(
     pool.install(work)
 }
 
+/// Removes what runs that were killed left in `folders`.
+fn remove_stale(folders: &[PathBuf], console: Console) {
+    for folder in folders {
+        let removed = temporary::remove_stale(folder);
+        if removed > 0 {
+            console.note(format_args!(
+                "removed {removed} temporary files that earlier runs left in {}",
+                folder.display()
+            ));
+        }
+    }
+}
+
 impl Command {
+    /// The folders that temporary files are made in.
+    fn folders(&self) -> Vec<PathBuf> {
+        let mut folders = match self {
+            Self::Render(args) => args.folders(),
+            Self::Inspect(args) => args.folders(),
+            Self::Plan(_) => Vec::new(),
+            Self::Compare(args) => args.folders(),
+            Self::Score(args) => args.folders(),
+            Self::Demo(args) => args.folders(),
+            Self::Export(args) => args.folders(),
+            Self::Methods(_) | Self::Presets(_) | Self::Devices(_) | Self::Completions(_) | Self::Man(_) => {
+                return Vec::new();
+            }
+        };
+        // Where the speed of this machine is kept.
+        folders.extend(cache_folder());
+        folders.sort_unstable();
+        folders.dedup();
+        folders
+    }
+
     fn run(self, console: &Console, methods: &Registry) -> Result<(), Failure> {
         match self {
             Self::Render(args) => render::run(&args, console, methods),

@@ -14,7 +14,7 @@ use thinlens::image::{Image, Plane};
 use thinlens::output::Encoding;
 use thinlens::output::exr::Codec;
 use thinlens::output::report::{Confidence, Report};
-use thinlens::output::{exr, png, report};
+use thinlens::output::{atomic, exr, png, report};
 use thinlens::render::{Job, Rendered};
 use thinlens::sequence::Pattern;
 use thinlens::stack::{Carried, Carry, Precision};
@@ -219,6 +219,13 @@ impl OutputArgs {
     pub(super) fn files(&self) -> Result<impl Iterator<Item = &PathBuf>, Error> {
         let picture = (target(&self.output)? != Target::Stdout).then_some(&self.output);
         Ok(picture.into_iter().chain(&self.preview).chain(&self.confidence).chain(&self.report))
+    }
+
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        let files =
+            [Some(&self.output), self.preview.as_ref(), self.confidence.as_ref(), self.report.as_ref()];
+        files.into_iter().flatten().filter_map(|file| atomic::temporary_folder(file)).collect()
     }
 
     /// Writes the pictures of `job`, and its report; returns findings about what could not be written. The picture comes last: where it

@@ -7,6 +7,7 @@ use super::failure::Failure;
 use super::outputs::OutputArgs;
 use super::sequence::{self, FramesArgs, RunArgs};
 use clap::Args;
+use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::methods::Registry;
 use thinlens::probes::MIN_PROBES;
@@ -79,6 +80,11 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
 }
 
 impl RenderArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        self.frames.folders(&self.output)
+    }
+
     /// The job of the picture, or what the jobs of all frames have in common.
     fn job(&self, methods: &Registry) -> Result<Job, Error> {
         Ok(Job {

@@ -6,7 +6,7 @@ use super::failure::Failure;
 use clap::Args;
 use std::path::PathBuf;
 use thinlens::metrics::{Pair, Score};
-use thinlens::output::png;
+use thinlens::output::{atomic, png};
 use thinlens::stack::{Window, read_framed_picture};
 
 const EXAMPLES: &str = "\
@@ -69,6 +69,13 @@ pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
         print(&in_words(&report))?;
     }
     Ok(())
+}
+
+impl ScoreArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        self.map.iter().filter_map(|file| atomic::temporary_folder(file)).collect()
+    }
 }
 
 fn in_words(ScoreReport { score, hdr_flip, .. }: &ScoreReport) -> String {

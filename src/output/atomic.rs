@@ -4,13 +4,15 @@
 //! never sees an incomplete picture and a failed run does not change the previous one. Destinations that cannot be replaced by a rename
 //! (standard output, named `-`; devices and pipes) are written to memory first and then sent as a whole.
 //!
-//! Limits: no `fsync`; a power failure may lose the newest file. A killed process leaves `.thinlens-*.tmp`.
+//! The content is on the disk before the rename: after a failure of power or of the machine there is the old file or the new one, and
+//! a disk that is full only when it takes the data is noticed. The rename itself is left to the system, so the newest file may be the old
+//! one then. A killed process leaves a temporary file, which [`temporary::remove_stale`] removes.
 
+use super::temporary;
 use crate::error::Error;
 use std::fs::{self, File, Metadata, OpenOptions, Permissions};
 use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
 
 /// The output that a writer writes to.
 pub trait Target: Write + Seek {}
@@ -76,8 +78,16 @@ pub fn check_writable(path: &Path) -> Result<(), Error> {
     match destination(path)? {
         Destination::Stdout | Destination::Device => Ok(()),
         Destination::File { path: file, .. } => {
-            temporary(&file).map(drop).map_err(|error| failed(path, error))
+            temporary::create(folder(&file)).map(drop).map_err(|error| failed(path, error))
         }
+    }
+}
+
+/// The folder of the temporary file that [`write()`] makes for `path`; `None` for what is not written by way of one.
+pub fn temporary_folder(path: &Path) -> Option<PathBuf> {
+    match destination(path) {
+        Ok(Destination::File { path: file, .. }) => Some(folder(&file).to_owned()),
+        _ => None,
     }
 }
 
@@ -90,6 +100,10 @@ pub fn failed(path: &Path, error: io::Error) -> Error {
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => (
             "no permission to write the output file",
             Some("write to another folder, or change the folder's permissions"),
+        ),
+        io::ErrorKind::FileTooLarge => (
+            "the output file is larger than the system allows",
+            Some("raise the limit of the shell (`ulimit -f`), or write to another disk"),
         ),
         io::ErrorKind::BrokenPipe => ("the reader of the output has closed it", None),
         _ => ("the output file cannot be written", None),
@@ -108,7 +122,7 @@ fn replace(
     replaced: Option<Permissions>,
     fill: impl FnOnce(&mut dyn Target) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let mut temporary = temporary(file).map_err(|error| failed(path, error))?;
+    let mut temporary = temporary::create(folder(file)).map_err(|error| failed(path, error))?;
     let mut writer = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
     fill(&mut writer)?;
     writer.flush().map_err(|error| failed(path, error))?;
@@ -116,17 +130,18 @@ fn replace(
     if let Some(permissions) = replaced {
         temporary.as_file().set_permissions(permissions).map_err(|error| failed(path, error))?;
     }
+    synchronise(temporary.as_file()).map_err(|error| failed(path, error))?;
     temporary.persist(file).map(|_: File| ()).map_err(|error| failed(path, error.error))
 }
 
-/// An empty temporary file in the folder of `path`, removed when dropped.
-fn temporary(path: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".thinlens-").suffix(".tmp");
-    // The default of `tempfile` is 0600, but other users of a render farm must be able to read the frame.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder(path))
+/// Waits until the content of `file` is on the disk, where the file system can tell.
+fn synchronise(file: &File) -> io::Result<()> {
+    match file.sync_data() {
+        Err(error) if matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
+            Ok(())
+        }
+        outcome => outcome,
+    }
 }
 
 fn destination(path: &Path) -> Result<Destination, Error> {

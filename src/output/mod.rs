@@ -17,3 +17,5 @@ pub mod report;
 pub use digest_of::digest_of;
 pub use encoding::Encoding;
 pub use made::Made;
+#[doc(hidden)]
+pub mod temporary;

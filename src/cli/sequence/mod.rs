@@ -17,6 +17,7 @@ use clap::error::ErrorKind;
 use frames::Frame;
 use progress::Protocol;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use tally::{Summary, Tally};
 use thinlens::error::Error;
@@ -81,6 +82,15 @@ impl FramesArgs {
             None if varies || frames.is_some() => Shot::of_files(inputs, frames).map(Some),
             shot => Ok(shot),
         }
+    }
+
+    /// The folders that temporary files of `outputs` are made in: where they vary, those of the frames that are asked for.
+    pub(super) fn folders(&self, outputs: &OutputArgs) -> Vec<PathBuf> {
+        let frames: Vec<i64> = self.frames.iter().flat_map(FrameSet::iter).collect();
+        let at = |frame: &i64| outputs.at(*frame).ok();
+        let all = frames.iter().filter_map(at).chain([outputs.clone()]);
+        let folders: BTreeSet<PathBuf> = all.flat_map(|outputs| outputs.folders()).collect();
+        folders.into_iter().collect()
     }
 
     /// The numbers of the frames of `shot`, in their order: also of those that are not there, which fail or are waited for.
