@@ -43,7 +43,7 @@ pub(super) struct InputArgs {
     /// Name of the depth channel, if it is not recognised
     #[arg(long, value_name = "CHANNEL")]
     depth_channel: Option<String>,
-    /// Frame number, for a preset's focus keys
+    /// Frame number, for a preset's keys
     ///
     /// Default: the last digits of the input's file name before the extension; shot.0042.exr is frame 42. Digits after a v are a
     /// version number and are skipped. With several inputs, all file names must contain the number.
