@@ -45,8 +45,9 @@ pub(super) struct InputArgs {
     depth_channel: Option<String>,
     /// Frame number, for a preset's keys
     ///
-    /// Default: the last digits of the input's file name before the extension; shot.0042.exr is frame 42. Digits after a v are a
-    /// version number and are skipped. With several inputs, all file names must contain the number.
+    /// Default: the last number of the input's file name before the extension; shot.0042.exr is frame 42, shot.-0005.exr frame -5.
+    /// Versions (v003), sizes (4k, 1920x1080), dates, f-numbers and the numbers of scenes, cameras and peels are skipped. With
+    /// several inputs, all file names must contain the number.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frame: Option<i64>,
 }

@@ -9,7 +9,8 @@
 //! | `1-10:3` | every third, then every second, then all that are left: 1, 4, 7, 10, 3, 5, 9, 2, 6, 8 |
 //! | `1-3,8` | several, in this order, each frame once |
 //!
-//! The notation is FileSeq's. Differences: frames are whole numbers, and a text without any frame is an error.
+//! The notation is FileSeq's. Differences: frames are whole numbers; a text without any frame, a space inside a number and `#`
+//! behind a range are errors.
 
 use crate::error::Error;
 use std::collections::HashSet;
@@ -146,8 +147,8 @@ impl Range {
             return Some(Self { first, last, taken: Taken::Every(1) });
         };
         let (step, rest) = number(rest[letter.len_utf8()..].trim_start())?;
-        // A falling range may have its sign in the step too: `10-1x-2`.
-        if !rest.is_empty() || step == 0 || (step < 0 && first <= last) {
+        // The step of a falling range may have the sign, too: `10-1x-2`.
+        if !rest.is_empty() || step == 0 || (step < 0 && first < last) {
             return None;
         }
         let step = step.unsigned_abs();
@@ -266,6 +267,7 @@ mod tests {
         assert_eq!(frames("10-1x4"), [10, 6, 2]);
         assert_eq!(frames("10-1x-4"), [10, 6, 2]);
         assert_eq!(frames("1-3x99"), [1]);
+        assert_eq!(frames("5-5x-1"), [5]);
         let mut both = [frames("-20-35x7"), frames("-20-35y7")].concat();
         both.sort_unstable();
         assert_eq!(both, frames("-20-35"));

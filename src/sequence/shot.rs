@@ -184,3 +184,242 @@ fn no_frames(shot: &Shot) -> Error {
     };
     error.help("a pattern such as shot.####.exr stands for files such as shot.0001.exr; all inputs have the same numbers")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+    use std::fs;
+    use tempfile::TempDir;
+
+    /// A folder with empty files of these names.
+    fn folder_of(names: &[&str]) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        folder
+    }
+
+    /// What `Shot::find` says of these inputs in `folder`.
+    fn find(folder: &TempDir, inputs: &[&str], frames: Option<&str>) -> Result<Option<Shot>, Error> {
+        let inputs: Vec<PathBuf> = inputs.iter().map(|name| folder.path().join(name)).collect();
+        Shot::find(&inputs, frames.map(|text| FrameSet::parse(text).unwrap()).as_ref())
+    }
+
+    /// The shot of these inputs in `folder`.
+    fn shot(folder: &TempDir, inputs: &[&str], frames: Option<&str>) -> Shot {
+        find(folder, inputs, frames).unwrap().unwrap()
+    }
+
+    /// The error of these inputs in `folder`.
+    fn error(folder: &TempDir, inputs: &[&str], frames: Option<&str>) -> Error {
+        find(folder, inputs, frames).unwrap_err()
+    }
+
+    /// The frames of `shot`, each as its number and the names of its files in `folder`.
+    fn frames(folder: &TempDir, shot: &Shot) -> Vec<String> {
+        let name = |path: &PathBuf| path.strip_prefix(folder.path()).unwrap().display().to_string();
+        let frame = |frame: &ShotFrame| {
+            let names: Vec<String> = frame.inputs.iter().map(name).collect();
+            format!("{}: {}", frame.number, names.join(" "))
+        };
+        shot.frames.iter().map(frame).collect()
+    }
+
+    /// The numbers of the frames of `shot`.
+    fn numbers(shot: &Shot) -> Vec<i64> {
+        shot.frames.iter().map(|frame| frame.number).collect()
+    }
+
+    /// All findings of `shot`.
+    fn said(shot: &Shot) -> String {
+        shot.findings.iter().map(|finding| finding.text.as_str()).collect::<Vec<_>>().join("; ")
+    }
+
+    #[test]
+    fn plain_files_without_frames_are_one_frame() {
+        let folder = folder_of(&["peel0.exr", "peel1.exr", "a.####.exr"]);
+        assert!(find(&folder, &["peel0.exr", "peel1.exr"], None).unwrap().is_none());
+        assert!(find(&folder, &["not_there.0001.exr"], None).unwrap().is_none(), "reading says so");
+        assert!(find(&folder, &["a.####.exr"], None).unwrap().is_none(), "a file has this name");
+        assert!(Shot::find(&[], Some(&FrameSet::from_numbers([1]))).unwrap().is_none());
+    }
+
+    #[test]
+    fn without_frames_all_that_are_there_rise() {
+        let folder = folder_of(&["a.0010.exr", "a.0009.exr", "a.-001.exr", "b.0001.exr"]);
+        let shot = shot(&folder, &["a.####.exr"], None);
+        assert_eq!(frames(&folder, &shot), ["-1: a.-001.exr", "9: a.0009.exr", "10: a.0010.exr"]);
+        assert!(shot.missing.is_empty());
+    }
+
+    #[test]
+    fn frames_come_in_the_order_asked_for_and_so_do_the_missing() {
+        let folder = folder_of(&["a.0001.exr", "a.0002.exr", "a.0003.exr"]);
+        let shot = shot(&folder, &["a.####.exr"], Some("5-2,1,9"));
+        assert_eq!(numbers(&shot), [3, 2, 1]);
+        assert_eq!(shot.missing, [5, 4, 9]);
+        assert_eq!(shot.absent(5), [folder.path().join("a.0005.exr")]);
+        assert_eq!(shot.absent(3), [PathBuf::new(); 0]);
+    }
+
+    #[test]
+    fn inputs_advance_together_and_keep_their_order() {
+        let names = ["c.1.exr", "c.2.exr", "c.3.exr", "z/0001.exr", "z/0003.exr", "sky.exr"];
+        let folder = folder_of(&names);
+        let shot = shot(&folder, &["z/####.exr", "sky.exr", "c.@.exr"], None);
+        assert_eq!(
+            frames(&folder, &shot),
+            ["1: z/0001.exr sky.exr c.1.exr", "3: z/0003.exr sky.exr c.3.exr"]
+        );
+        assert_eq!(shot.missing, [2]);
+        assert_eq!(shot.absent(2), [folder.path().join("z/0002.exr")]);
+        let warning = shot.findings.iter().find(|finding| finding.warning).unwrap();
+        assert!(warning.text.contains(": 2;") && warning.text.contains("0002.exr"), "{}", warning.text);
+        assert_eq!(
+            shot.inputs_at(7),
+            ["z/0007.exr", "sky.exr", "c.7.exr"].map(|name| folder.path().join(name))
+        );
+    }
+
+    #[test]
+    fn a_still_is_the_same_for_every_frame() {
+        let folder = folder_of(&["still.0007.exr", "depth.exr"]);
+        let one = shot(&folder, &["still.0007.exr"], Some("3-4"));
+        assert_eq!(frames(&folder, &one), ["3: still.0007.exr", "4: still.0007.exr"]);
+        assert!(said(&one).contains("the same"), "{}", said(&one));
+        let two = shot(&folder, &["still.0007.exr", "depth.exr"], Some("3"));
+        assert_eq!(frames(&folder, &two), ["3: still.0007.exr depth.exr"]);
+    }
+
+    #[test]
+    fn plain_files_that_differ_in_their_number_are_frames_where_frames_are_given() {
+        let folder = folder_of(&[]);
+        let names = ["a.0002.exr", "a.0001.exr"];
+        let of_two = shot(&folder, &names, Some("1-3"));
+        assert_eq!(frames(&folder, &of_two), ["1: a.0001.exr", "2: a.0002.exr"]);
+        assert_eq!(
+            (of_two.missing.clone(), of_two.absent(3)),
+            (vec![3], vec![folder.path().join("a.0003.exr")])
+        );
+        let peels = shot(&folder, &["peel0.exr", "peel1.exr"], Some("1"));
+        assert_eq!(frames(&folder, &peels), ["1: peel0.exr peel1.exr"], "peels are not frames");
+        let two_names = shot(&folder, &["a.0001.exr", "b.0001.exr"], Some("1"));
+        assert_eq!(frames(&folder, &two_names), ["1: a.0001.exr b.0001.exr"]);
+    }
+
+    #[test]
+    fn a_wildcard_is_the_one_sequence_that_it_matches() {
+        let names =
+            ["a.0001.001.exr", "a.0002.001.exr", ".a.0003.001.exr", "a.0009.001.exr/x", "1/c.exr", "2/c.exr"];
+        let folder = folder_of(&names);
+        let of_files = shot(&folder, &["a.*.exr"], None);
+        assert_eq!(frames(&folder, &of_files), ["1: a.0001.001.exr", "2: a.0002.001.exr"]);
+        assert!(said(&of_files).contains("a.####.001.exr (1-2)"), "{}", said(&of_files));
+        assert_eq!(of_files.inputs_at(3), [folder.path().join("a.0003.001.exr")]);
+        let of_folders = shot(&folder, &["?/c.exr"], None);
+        assert_eq!(frames(&folder, &of_folders), ["1: 1/c.exr", "2: 2/c.exr"]);
+        let none = error(&folder, &["b.*.exr"], None);
+        assert_eq!(none.kind(), ErrorKind::Input);
+        assert_eq!(shot(&folder, &["b.*.exr"], Some("4")).missing, [4]);
+    }
+
+    #[test]
+    fn wildcards_in_folders_that_exist_are_letters() {
+        let folder = folder_of(&["take[1]*/a.0001.exr", "take1x/a.0002.exr"]);
+        assert_eq!(numbers(&shot(&folder, &["take[1]*/a.*.exr"], None)), [1]);
+    }
+
+    #[test]
+    fn wildcards_and_a_frame_number_together_are_wrong_use() {
+        let folder = folder_of(&["a.0001.exr"]);
+        assert_eq!(error(&folder, &["*.####.exr"], None).kind(), ErrorKind::Settings);
+        assert_eq!(error(&folder, &["***.exr"], None).kind(), ErrorKind::Settings);
+    }
+
+    #[test]
+    fn a_folder_is_the_one_sequence_in_it() {
+        let folder = folder_of(&["s/a.1.exr", "s/a.2.EXR", "s/notes.txt", "t/a.9.exr", "t/a.10.exr", "u/x"]);
+        assert_eq!(numbers(&shot(&folder, &["t"], None)), [9, 10]);
+        assert_eq!(
+            error(&folder, &["s"], None).kind(),
+            ErrorKind::Settings,
+            "two extensions are two sequences"
+        );
+        assert_eq!(error(&folder, &["u"], None).kind(), ErrorKind::Input, "no pictures");
+    }
+
+    #[test]
+    fn a_folder_of_several_sequences_is_an_error_that_lists_them() {
+        let folder = folder_of(&["b.0001.exr", "b.0002.exr", "d.0001.exr", "d.0002.exr", "still.exr"]);
+        let error = error(&folder, &["."], None);
+        let said = error.to_string();
+        assert_eq!(error.kind(), ErrorKind::Settings);
+        assert!(said.contains("b.####.exr (1-2)") && said.contains("d.####.exr (1-2)"), "{said}");
+        assert!(said.contains("still.exr"), "{said}");
+    }
+
+    #[test]
+    fn gaps_are_said_and_a_regular_step_has_none() {
+        let folder = folder_of(&[
+            "a.1.exr", "a.3.exr", "a.5.exr", "a.11.exr", "b.2.exr", "b.4.exr", "b.5.exr", "b.9.exr",
+        ]);
+        assert_eq!(said(&shot(&folder, &["a.@.exr"], None)), "4 frames, 1 to 11; not there: 7-9x2");
+        assert_eq!(said(&shot(&folder, &["b.@.exr"], None)), "4 frames, 2 to 9; not there: 3,6-8");
+        assert_eq!(said(&shot(&folder, &["b.@.exr"], Some("2,4"))), "", "those asked for are there");
+        fs::remove_file(folder.path().join("a.11.exr")).unwrap();
+        assert_eq!(said(&shot(&folder, &["a.@.exr"], None)), "", "every second frame");
+    }
+
+    #[test]
+    fn the_ends_of_64_bits_are_frames_with_a_gap_between() {
+        let folder = folder_of(&["a.-9223372036854775808.exr", "a.9223372036854775807.exr", "a.0.exr"]);
+        let text = said(&shot(&folder, &["a.@.exr"], None));
+        assert!(text.contains("-9223372036854775807--1,1-9223372036854775806"), "{text}");
+    }
+
+    #[test]
+    fn without_any_frame_the_error_says_what_is_there() {
+        let folder = folder_of(&["beauty.0001.exr", "beauty.0002.exr", "depth.0007.exr"]);
+        let wrong_name = error(&folder, &["beuty.####.exr"], None);
+        assert_eq!(wrong_name.kind(), ErrorKind::Input);
+        assert!(wrong_name.to_string().contains("beauty.####.exr (1-2)"), "{wrong_name}");
+        let nothing_shared = error(&folder, &["beauty.####.exr", "depth.####.exr"], None).to_string();
+        assert!(nothing_shared.contains("(1-2)") && nothing_shared.contains("(7)"), "{nothing_shared}");
+    }
+
+    #[test]
+    fn of_files_numbers_each_by_what_varies() {
+        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let files = paths(&["x/a.0002.001.exr", "x/a.0001.001.exr", "x/a.0001.001.exr"]);
+        let shot = Shot::of_files(&files, None).unwrap();
+        assert_eq!(numbers(&shot), [1, 2], "a file named twice is one frame");
+        assert_eq!(
+            Shot::of_files(&files, Some(&FrameSet::from_numbers([2, 1]))).unwrap().frames[0].number,
+            2
+        );
+        let two_names = Shot::of_files(&paths(&["a.0001.exr", "b.0002.exr"]), None).unwrap();
+        assert_eq!(numbers(&two_names), [1, 2]);
+    }
+
+    #[test]
+    fn two_files_of_one_number_are_an_error_that_names_both() {
+        for names in [["peel0.0005.exr", "peel1.0005.exr"], ["a.5.exr", "a.05.exr"]] {
+            let error = Shot::of_files(&names.map(PathBuf::from), None).unwrap_err();
+            let said = error.to_string();
+            assert_eq!(error.kind(), ErrorKind::Input);
+            assert!(said.contains("frame 5") && names.iter().all(|name| said.contains(name)), "{said}");
+        }
+        let folder = folder_of(&["a.5.exr", "a.05.exr"]);
+        assert!(error(&folder, &["a.*.exr"], None).to_string().contains("frame 5"));
+    }
+
+    #[test]
+    fn a_file_without_a_number_is_no_frame() {
+        let error = Shot::of_files(&["cam1.exr", "cam2.exr"].map(PathBuf::from), None).unwrap_err();
+        assert!(error.to_string().contains("cam1.exr"), "{error}");
+    }
+}
