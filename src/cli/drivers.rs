@@ -5,7 +5,8 @@
 
 use thinlens::error::Error;
 use thinlens::gpu::{self, Gpu, Survey};
-use thinlens::render::{self, Job, Prepared};
+use thinlens::output::exr::Codec;
+use thinlens::render::{self, Bands, Job, Prepared};
 
 /// See [`render::prepare`].
 ///
@@ -13,6 +14,14 @@ use thinlens::render::{self, Job, Prepared};
 /// Those of preparing.
 pub(super) fn prepare(job: &Job) -> Result<Prepared, Error> {
     render::prepare_with(job, &|software| without_noise(|| Gpu::open(software)))
+}
+
+/// See [`render::in_bands`].
+///
+/// # Errors
+/// Those of preparing.
+pub(super) fn in_bands(job: &Job, codec: Codec) -> Result<Option<Bands>, Error> {
+    render::in_bands_with(job, codec, &|software| without_noise(|| Gpu::open(software)))
 }
 
 /// See [`gpu::survey`].

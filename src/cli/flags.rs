@@ -159,7 +159,7 @@ fn kebab(word: &str) -> String {
 }
 
 /// Keys of the library that are no setting, with their flags: fields of a job and of how its files are read.
-pub(super) const OTHER_FLAGS: [(&str, &str); 14] = [
+pub(super) const OTHER_FLAGS: [(&str, &str); 16] = [
     ("color_channel", "color-channel"),
     ("confidence", "confidence"),
     ("depth_channel", "depth-channel"),
@@ -167,11 +167,13 @@ pub(super) const OTHER_FLAGS: [(&str, &str); 14] = [
     ("device", "device"),
     ("force", "force"),
     ("frame", "frame"),
+    ("memory", "memory"),
     ("method", "method"),
     ("quality", "quality"),
     ("set", "set"),
     ("target_db", "target-db"),
     ("time_budget_s", "time-budget"),
+    ("verify", "verify"),
     ("views", "views"),
     ("without", "without"),
 ];

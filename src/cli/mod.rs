@@ -18,6 +18,7 @@ mod inspect;
 mod man;
 mod methods;
 mod outputs;
+mod picture;
 mod plan;
 mod presets;
 mod render;

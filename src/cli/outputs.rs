@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::finding::Finding;
 use thinlens::image::{Image, Plane};
+use thinlens::memory::parse_bytes;
 use thinlens::output::Encoding;
 use thinlens::output::exr::Codec;
 use thinlens::output::report::{Confidence, Report};
@@ -56,6 +57,13 @@ pub(super) struct OutputArgs {
     /// Of a sequence, it is a line of JSON for each frame, and one for the shot at the end.
     #[arg(long)]
     pub(super) json: bool,
+    /// Memory that the run may use; default: 3/4 of what there is
+    ///
+    /// 4GiB, 800MB, or a number of bytes. What there is: the memory of the machine, or less where the control group of the process allows
+    /// less. A frame that does not fit is rendered in bands of rows, if input and output are OpenEXR and the method is shear or accumulate;
+    /// otherwise it is refused, and the error says how much memory is enough. Of a sequence, as many frames are in flight as fit.
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub(super) memory: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -221,6 +229,23 @@ impl OutputArgs {
         Ok(picture.into_iter().chain(&self.preview).chain(&self.confidence).chain(&self.report))
     }
 
+    /// Refuses outputs that need the whole picture, for a frame that does not fit into memory.
+    ///
+    /// # Errors
+    /// A PNG, a preview, or an EXR on standard output.
+    pub(super) fn check_bands(&self) -> Result<(), Error> {
+        let (what, help) = match target(&self.output)? {
+            Target::Png => ("a PNG is written from the whole picture", "name the output out.exr"),
+            Target::Stdout => ("standard output gets the whole picture at once", "name a file"),
+            Target::Exr if self.preview.is_some() => {
+                ("a preview is written from the whole picture", "leave --preview out")
+            }
+            Target::Exr => return Ok(()),
+        };
+        let help = format!("{help}, or allow more memory with --memory");
+        Err(Error::limits(format!("{what}, and the frame does not fit into memory")).help(help))
+    }
+
     /// The folders that temporary files are made in.
     pub(super) fn folders(&self) -> Vec<PathBuf> {
         let files =
@@ -228,20 +253,27 @@ impl OutputArgs {
         files.into_iter().flatten().filter_map(|file| atomic::temporary_folder(file)).collect()
     }
 
-    /// Writes the pictures of `job`, and its report; returns findings about what could not be written. The picture comes last: where it
-    /// is there, all is.
+    /// Writes the pictures; returns findings about what could not be written. The picture comes last: where it is there, all are.
     ///
     /// # Errors
     /// Those of the files.
-    pub(super) fn write(&self, job: &Job, rendered: &mut Rendered) -> Result<Vec<Finding>, Error> {
+    pub(super) fn write(&self, rendered: &mut Rendered) -> Result<Vec<Finding>, Error> {
         rendered.clock.skip();
         let findings = self.write_pictures(rendered)?;
         rendered.clock.lap(Stage::Write);
         rendered.stack.findings.extend(findings.clone());
-        if let Some(path) = &self.report {
-            report::write_json(path, &self.report_of(job, rendered))?;
-        }
         Ok(findings)
+    }
+
+    /// Writes the report, if one is requested.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub(super) fn write_report(&self, job: &Job, rendered: &Rendered) -> Result<(), Error> {
+        match &self.report {
+            Some(path) => report::write_json(path, &self.report_of(job, rendered)),
+            None => Ok(()),
+        }
     }
 
     /// Writes the pictures; returns findings about what could not be written.

@@ -1,17 +1,18 @@
 //! `thinlens render`.
 
 use super::args::{DEFAULT_PROBES, JobArgs};
-use super::console::Console;
-use super::drivers::prepare;
+use super::console::{Bar, Console};
 use super::failure::Failure;
 use super::outputs::OutputArgs;
+use super::picture::{self, Decided, Watcher};
 use super::sequence::{self, FramesArgs, RunArgs};
 use clap::Args;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use thinlens::error::Error;
 use thinlens::methods::Registry;
 use thinlens::probes::MIN_PROBES;
-use thinlens::render::{Job, digest};
+use thinlens::render::{Job, Rendered, digest};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -57,26 +58,50 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let job = args.job(methods)?;
     output.check(&job)?;
     // Of the files as they are before they are read.
-    let digest = digest(&job, &output.encoding());
-    let prepared = prepare(&job)?;
-    console.findings(&prepared.stack.findings);
-    console.plan(&prepared.plan);
-    console.device(&prepared.device);
-    let printed = prepared.stack.findings.len();
-    let bar = console.progress("blurring");
-    let mut rendered = prepared.blur(&|share| bar.set(share))?;
-    drop(bar);
-    rendered.set_digest(digest?);
-    console.findings(&rendered.stack.findings[printed..]);
-    if let Some(estimate) = &rendered.probe {
-        console.estimate(estimate);
-    }
-    console.findings(&output.write(&job, &mut rendered)?);
+    let digest = digest(&job, &output.encoding())?;
+    let teller = Teller { console: *console, printed: OnceLock::new(), bar: console.progress("blurring") };
+    let rendered = picture::render(&job, output, digest, &teller)?;
+    teller.finish(&rendered);
     output.print_report(&job, &rendered)?;
     for file in output.files()? {
         console.wrote(file);
     }
     Ok(())
+}
+
+/// Prints what is decided of a picture, and shows how far its blur is.
+struct Teller {
+    console: Console,
+    /// Number of findings that were printed before the blur.
+    printed: OnceLock<usize>,
+    bar: Bar,
+}
+
+impl Watcher for Teller {
+    fn decided(&self, decided: &Decided<'_>) -> Result<(), Error> {
+        let findings = &decided.stack.findings;
+        self.console.findings(findings);
+        self.console.plan(decided.plan);
+        self.console.device(decided.device);
+        self.printed.get_or_init(|| findings.len());
+        Ok(())
+    }
+
+    fn blurred(&self, share: f32) {
+        self.bar.set(share);
+    }
+}
+
+impl Teller {
+    /// Prints what was found during the blur and after it.
+    fn finish(self, rendered: &Rendered) {
+        drop(self.bar);
+        let printed = self.printed.get().copied().unwrap_or_default();
+        self.console.findings(rendered.stack.findings.get(printed..).unwrap_or_default());
+        if let Some(estimate) = &rendered.probe {
+            self.console.estimate(estimate);
+        }
+    }
 }
 
 impl RenderArgs {
@@ -91,6 +116,7 @@ impl RenderArgs {
             verify: self.verify.map(|pixels| pixels as usize),
             confidence: self.output.has_mask(),
             methods: methods.clone(),
+            memory: self.output.memory,
             ..self.job.job(self.output.carry())?
         })
     }

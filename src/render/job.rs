@@ -4,11 +4,10 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::gpu::DeviceChoice;
 use crate::image::Image;
-use crate::memory::memory_limit_bytes;
 use crate::methods::{self, Registry};
 use crate::scene::{self, FrameNumber};
 use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Settings, Switches, Value, Values};
-use crate::stack::{self, Footprint, ReadOptions, Source};
+use crate::stack::{self, ReadOptions, Source};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -57,19 +56,6 @@ impl Job {
     /// The stack in the files `sources`, with the default lens.
     pub fn new(sources: impl IntoIterator<Item = Source>) -> Self {
         Self { sources: sources.into_iter().collect(), ..Self::default() }
-    }
-
-    /// What the job's stack consists of, from the headers of its files.
-    ///
-    /// # Errors
-    /// Those of [`stack::footprint`].
-    pub fn footprint(&self) -> Result<Footprint, Error> {
-        stack::footprint(&self.sources, &read_options(self))
-    }
-
-    /// Bytes of memory that the run may use.
-    pub fn memory_limit_bytes(&self) -> u64 {
-        self.memory.unwrap_or_else(|| memory_limit_bytes() / 2)
     }
 
     /// Every file that the job names and reads: the stack, its depth, its beauty.

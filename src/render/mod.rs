@@ -3,13 +3,18 @@
 //! [`prepare`] is everything before the first blurred pixel, and what `thinlens inspect` shows; [`render`] also carries the plan
 //! out. The caller writes the picture: this module writes no output file and prints nothing.
 
+mod bands;
 mod decisions;
 mod digest;
 mod job;
+mod layout;
 mod paint;
 mod rendered;
 mod stages;
+mod survey;
 
+pub(crate) use bands::in_bands_with;
+pub use bands::{Bands, fits_into_memory, in_bands, limit_bytes as memory_limit_bytes, memory_bytes};
 pub use decisions::Decisions;
 pub use digest::digest;
 pub use job::{Job, NamedPreset};

@@ -33,24 +33,25 @@ pub(super) fn decide(
     methods: &Registry,
 ) -> Result<(Scene, SceneStats, Plan), Error> {
     let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
-    if scene.limited_fragments > 0 {
-        let (width, height) = scene.picture_size();
-        let limit = scene::coc_limit_px(width, height);
-        stack.findings.push(Finding::warning(
-            "coc",
-            format!(
-                "the CoC radius of {} fragments, so near the lens or of so much blur, was limited to {limit} px",
-                scene.limited_fragments
-            ),
-        ));
-    }
+    stack.findings.extend(limited(&scene));
     let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
     methods.prepare(scene, settings)
 }
 
+/// The warning about fragments of `scene` whose CoC radius was limited, if there are any.
+pub(super) fn limited(scene: &Scene) -> Option<Finding> {
+    let (width, height) = scene.picture_size();
+    let limit = scene::coc_limit_px(width, height);
+    let text = format!(
+        "the CoC radius of {} fragments, so near the lens or of so much blur, was limited to {limit} px",
+        scene.limited_fragments
+    );
+    (scene.limited_fragments > 0).then(|| Finding::warning("coc", text))
+}
+
 /// `scene` extended beyond the frame as `border` says, with a finding.
-fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Finding>) -> Scene {
+pub(super) fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Finding>) -> Scene {
     let content = match border {
         Border::Clamp => return scene,
         Border::Mirror => "its reflection",
@@ -75,7 +76,7 @@ fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &mut Vec<Fin
 }
 
 /// The conversion of the stack's depth into planar depth.
-fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
+pub(super) fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
     let [near, far] = [settings.lens.near.value, settings.lens.far.value];
     if stack.convention == DepthConvention::Normalised && far <= near {
         return Err(Error::settings("the far end of normalised depth must lie beyond its near end")

@@ -11,6 +11,7 @@ use super::options::{Carry, ReadOptions, Source};
 use super::{camera, names, picture};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
+use exr::meta::header::Header;
 
 /// Bytes of one peel's sample: red, green, blue, alpha and depth.
 const PEEL_BYTES: u64 = 20;
@@ -22,8 +23,11 @@ const WORK_BYTES: u64 = 100;
 /// Further bytes for each sample where the number of lens samples is searched for: for itself, and for each peel.
 const SEARCH_BYTES: [u64; 2] = [20, 10];
 
-/// Bytes that do not depend on the picture's size: the program, one batch of compressed blocks and one of decompressed ones.
-const CONSTANT_BYTES: u64 = 96 << 20;
+/// Bytes that do not depend on the picture's size: the program, and a batch of compressed blocks.
+const CONSTANT_BYTES: u64 = 64 << 20;
+
+/// Decompressed blocks that a thread may hold: the block, and what its codec works in.
+const BLOCKS_PER_THREAD: u64 = 2;
 
 /// What a stack consists of, as far as its memory follows from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +45,8 @@ pub struct Footprint {
     pub supersample: usize,
     /// Decoded bytes of a sample of the data window: all peels, the beauty and the channels to copy.
     pub sample_bytes: u64,
+    /// Bytes of the largest decompressed block of the files.
+    pub block_bytes: u64,
     /// Whether the files can be read a few rows at a time.
     pub is_in_rows: bool,
 }
@@ -54,7 +60,9 @@ impl Footprint {
     /// A bound for the memory of a process that renders `rows` rows of samples with a fixed number of lens samples, in bytes.
     pub fn render_bytes(&self, rows: usize) -> u64 {
         let of_samples = self.samples(rows).saturating_mul(self.sample_bytes + WORK_BYTES);
-        of_samples.saturating_add(CONSTANT_BYTES)
+        let of_blocks =
+            self.block_bytes.saturating_mul(BLOCKS_PER_THREAD * rayon::current_num_threads() as u64);
+        of_samples.saturating_add(of_blocks).saturating_add(CONSTANT_BYTES)
     }
 
     /// A bound for the memory of a process that renders `rows` rows of samples and searches for the number of lens samples, in bytes.
@@ -93,6 +101,7 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
         };
         found.peels += more.peels;
         found.sample_bytes += more.sample_bytes;
+        found.block_bytes = found.block_bytes.max(more.block_bytes);
         found.is_in_rows &= more.is_in_rows;
     }
     for path in options.depth_file.iter().chain(&options.beauty) {
@@ -122,7 +131,16 @@ fn of_file(source: &Source, options: &ReadOptions) -> Result<Footprint, Error> {
     let (width, height) = picture::size(opened)?;
     let supersample = options.supersample.unwrap_or(1);
     let sample_bytes = PEEL_BYTES;
-    Ok(Footprint { width, height, top: 0, peels: 1, supersample, sample_bytes, is_in_rows: false })
+    Ok(Footprint {
+        width,
+        height,
+        top: 0,
+        peels: 1,
+        supersample,
+        sample_bytes,
+        block_bytes: 0,
+        is_in_rows: false,
+    })
 }
 
 fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
@@ -141,8 +159,16 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
         peels,
         supersample: options.supersample.or(camera.supersample).unwrap_or(1).max(1),
         sample_bytes: PEEL_BYTES * peels as u64 + beauty + carried.iter().map(size_of).sum::<u64>(),
+        block_bytes: file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0),
         is_in_rows: true,
     })
+}
+
+/// Bytes of a decompressed block of the part with this header.
+fn block_bytes(header: &Header) -> u64 {
+    let size = header.max_block_pixel_size();
+    let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+    pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
 #[cfg(test)]
@@ -158,6 +184,7 @@ mod tests {
             peels: 2,
             supersample: 1,
             sample_bytes: 40,
+            block_bytes: 1 << 20,
             is_in_rows: true,
         };
         let limit = 1 << 30;

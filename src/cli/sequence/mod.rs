@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use tally::{Summary, Tally};
 use thinlens::error::Error;
 use thinlens::output::report::write_json;
-use thinlens::render::{Decisions, Job};
+use thinlens::render::{Decisions, Job, memory_limit_bytes};
 use thinlens::sequence::{self, FrameSet, Limits, Shot, Steady};
 use work::Run;
 
@@ -163,7 +163,7 @@ pub(super) fn run(
     let decisions = frames.decisions(&all, console)?;
     let all: Vec<Frame> = all.into_iter().map(|frame| frame.pinned(&decisions)).collect();
     let limits = Limits {
-        memory_bytes: job.memory_limit_bytes(),
+        memory_bytes: memory_limit_bytes(job),
         frames: rayon::current_num_threads(),
         fail_fast: run.fail_fast,
     };

@@ -4,10 +4,11 @@ use super::RunArgs;
 use super::frames::Frame;
 use super::tally::{Ending, Tally};
 use crate::cli::console::Console;
-use crate::cli::drivers::prepare;
+use crate::cli::picture::{self, Decided, Watcher};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use thinlens::error::Error;
+use thinlens::render::memory_bytes;
 use thinlens::sequence::{Readiness, Work, check_focus, is_finished};
 
 /// How often the first frame of a sequence is looked for.
@@ -53,6 +54,17 @@ fn is_ready(frame: &Frame) -> bool {
     frame.job.files().all(is_finished)
 }
 
+/// Says nothing of a frame while it is made.
+struct Quiet;
+
+impl Watcher for Quiet {
+    fn decided(&self, decided: &Decided<'_>) -> Result<(), Error> {
+        check_focus(decided.focus)
+    }
+
+    fn blurred(&self, _share: f32) {}
+}
+
 impl Work for Run<'_> {
     type Frame = Frame;
     type Done = Ending;
@@ -62,9 +74,7 @@ impl Work for Run<'_> {
             return Readiness::Waiting;
         }
         // A frame that cannot be read fails when it is rendered, and says why.
-        Readiness::Ready(
-            frame.job.footprint().map_or(0, |footprint| footprint.render_bytes(footprint.height)),
-        )
+        Readiness::Ready(memory_bytes(&frame.job).unwrap_or(0))
     }
 
     fn render(&self, frame: &Frame) -> Result<Ending, Error> {
@@ -73,11 +83,7 @@ impl Work for Run<'_> {
         if self.args.resume && frame.is_up_to_date(&digest) {
             return Ok(Ending::Skipped);
         }
-        let prepared = prepare(&frame.job)?;
-        check_focus(&prepared.settings.lens.focus.value)?;
-        let mut rendered = prepared.blur(&|_| {})?;
-        rendered.set_digest(digest);
-        frame.outputs.write(&frame.job, &mut rendered)?;
+        let rendered = picture::render(&frame.job, &frame.outputs, digest, &Quiet)?;
         Ok(Ending::Rendered { seconds: rendered.clock.seconds().total, findings: rendered.stack.findings })
     }
 
