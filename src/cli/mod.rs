@@ -148,7 +148,8 @@ fn remove_stale(folders: &[PathBuf], console: Console) {
         let removed = temporary::remove_stale(folder);
         if removed > 0 {
             console.note(format_args!(
-                "removed {removed} temporary files that earlier runs left in {}",
+                "removed {removed} temporary {} that earlier runs left in {}",
+                if removed == 1 { "file" } else { "files" },
                 folder.display()
             ));
         }
@@ -189,7 +190,7 @@ impl Command {
             Self::Devices(args) => devices::run(&args),
             Self::Demo(args) => demo::run(&args, console),
             Self::Export(args) => export::run(&args, console),
-            Self::Completions(args) => completions::run(&args, command(methods)),
+            Self::Completions(args) => completions::run(&args, command(methods), methods),
             Self::Man(args) => man::run(&args, command(methods)),
         }
     }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::fmt;
+use std::path::Path;
 
 /// Kind of an adapter, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -61,6 +62,30 @@ impl fmt::Display for Adapter {
     }
 }
 
+/// Files of `/dev` by which programs reach a graphics card, or the beginnings of their names: of the kernel's drivers, NVIDIA's, AMD's for
+/// computing, Windows's for its Linux, and those of phones and boards.
+const CARD_FILES: [&str; 9] =
+    ["dri/renderD", "dri/card", "nvidia", "kfd", "dxg", "mali", "kgsl-3d", "pvr", "nvhost-gpu"];
+
+/// Whether this machine may have a graphics card: whether it is worth loading drivers, which costs many milliseconds. On Linux a card has
+/// a file in `/dev`; elsewhere, and where the user names drivers, there may always be one.
+pub(super) fn may_have_card() -> bool {
+    let names_drivers = |variable: &&str| std::env::var_os(variable).is_some();
+    let named = ["VK_DRIVER_FILES", "VK_ADD_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(names_drivers);
+    !cfg!(target_os = "linux") || named || has_card_file(Path::new("/dev"))
+}
+
+/// Whether one of [`CARD_FILES`] is below `devices`.
+fn has_card_file(devices: &Path) -> bool {
+    CARD_FILES.iter().any(|start| {
+        let start = devices.join(start);
+        let (Some(folder), Some(name)) = (start.parent(), start.file_name()) else { return false };
+        let Ok(entries) = std::fs::read_dir(folder) else { return false };
+        let name = name.to_string_lossy();
+        entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with(&*name))
+    })
+}
+
 /// All adapters of this machine.
 #[cfg(feature = "gpu")]
 pub(super) fn find() -> Vec<Adapter> {
@@ -99,6 +124,24 @@ impl Adapter {
             max_buffer_bytes: limits.max_buffer_size,
             max_workgroup_threads: limits.max_compute_invocations_per_workgroup,
             has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_card_is_looked_for_by_its_file_whatever_its_number() {
+        for file in ["dri/renderD128", "dri/renderD131", "nvidia0", "nvidiactl", "kfd", "dxg", "mali0"] {
+            let devices = tempfile::tempdir().unwrap();
+            fs::create_dir(devices.path().join("dri")).unwrap();
+            fs::write(devices.path().join("null"), "").unwrap();
+            assert!(!has_card_file(devices.path()), "an empty folder of cards is none");
+            fs::write(devices.path().join(file), "").unwrap();
+            assert!(has_card_file(devices.path()), "{file}");
         }
     }
 }

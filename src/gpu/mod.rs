@@ -133,6 +133,7 @@ pub(crate) fn choose(
     let (opened, reason) = match choice {
         DeviceChoice::Cpu => return (Device::cpu("requested"), None),
         DeviceChoice::Gpu => (demanded, "requested"),
+        DeviceChoice::Auto if !adapters::may_have_card() => return (Device::cpu(NO_CARD), None),
         DeviceChoice::Auto => match open(false) {
             Ok(opened) => (opened, "a graphics card"),
             // Not an error: the user did not request a GPU.
@@ -141,7 +142,7 @@ pub(crate) fn choose(
     };
     let device = match &opened {
         Some(gpu) => Device::gpu(gpu.adapter(), reason),
-        None => Device::cpu("there is no graphics card"),
+        None => Device::cpu(NO_CARD),
     };
     (device, opened)
 }
@@ -167,13 +168,15 @@ pub struct Survey {
 /// Lists the devices of this machine.
 pub fn survey() -> Survey {
     let adapters = adapters::find();
-    let best = adapters.iter().min_by_key(|adapter| adapter.kind);
+    let seen =
+        adapters.iter().filter(|adapter| adapter.kind == AdapterKind::Software || adapters::may_have_card());
+    let best = seen.min_by_key(|adapter| adapter.kind);
     let (auto, auto_reason) = match best {
         Some(adapter) if adapter.kind != AdapterKind::Software => {
             (DeviceKind::Gpu, format!("{adapter}; methods without a GPU backend run on the CPU"))
         }
         Some(software) => (DeviceKind::Cpu, format!("{software} is a software driver on the same CPU")),
-        None => (DeviceKind::Cpu, "there is no graphics card".to_owned()),
+        None => (DeviceKind::Cpu, NO_CARD.to_owned()),
     };
     Survey {
         processor: machine::cpu_name(),
@@ -184,6 +187,9 @@ pub fn survey() -> Survey {
         auto_reason,
     }
 }
+
+/// Why the CPU is chosen where there is no card.
+const NO_CARD: &str = if IS_SUPPORTED { "there is no graphics card" } else { LOOKED_FOR };
 
 /// Whether this build can use a GPU at all.
 pub(crate) const IS_SUPPORTED: bool = cfg!(feature = "gpu");

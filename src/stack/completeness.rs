@@ -16,7 +16,8 @@ const STARTS: [&[u8]; 2] = [&[0x76, 0x2f, 0x31, 0x01], &[0x89, b'P', b'N', b'G']
 
 /// Whether `source` holds a whole picture.
 ///
-/// An OpenEXR file is whole if its header can be read, no offset of a chunk is zero, and the file reaches the end of its last chunk; a
+/// An OpenEXR file is whole if its header can be read, no offset of a chunk of full resolution is zero, and the file reaches the end of
+/// its last chunk. Smaller resolution levels, which no render reads, may be missing: some programs never write them. A
 /// PNG, if it ends as a PNG must. Of other formats only an empty file is known not to be whole.
 ///
 /// # Errors
@@ -62,9 +63,9 @@ fn exr_is_complete(opened: &mut Opened) -> Result<bool, Error> {
     if header.version != 2 {
         return Err(guard::unknown_version(header.version));
     }
-    let counts = header.parts.iter().map(|part| chunk_count(part, &header));
-    let chunks = counts.sum::<Result<u64, Error>>()?;
-    match unless_cut_short(last_offset(opened, chunks))? {
+    let counts = header.parts.iter().map(|part| chunk_counts(part, &header));
+    let counts = counts.collect::<Result<Vec<_>, Error>>()?;
+    match unless_cut_short(last_offset(opened, &counts))? {
         None | Some(None) => Ok(false),
         Some(Some(last)) => match unless_cut_short(chunk_end(opened, last, &header))? {
             None => Ok(false),
@@ -73,21 +74,32 @@ fn exr_is_complete(opened: &mut Opened) -> Result<bool, Error> {
     }
 }
 
-/// The number of chunks of `part`, in all resolution levels.
-fn chunk_count(part: &RawPart, header: &RawHeader) -> Result<u64, Error> {
-    if let Some(count) = part.chunk_count {
-        return Ok(u64::from(count));
+/// How many offsets a part has.
+struct Counts {
+    /// Chunks of full resolution, which come first.
+    full: u64,
+    /// Chunks of all resolution levels.
+    all: u64,
+}
+
+/// The numbers of chunks of `part`.
+fn chunk_counts(part: &RawPart, header: &RawHeader) -> Result<Counts, Error> {
+    let stated = part.chunk_count.map(u64::from);
+    let same = |count: u64| Counts { full: count, all: count };
+    if let (Some(count), false) = (stated, is_tiled(part, header)) {
+        return Ok(same(count));
     }
     let window = part.data_window.ok_or_else(|| guard::missing("dataWindow"))?;
     let [width, height] = guard::window_size(window, "data")?;
     if is_tiled(part, header) {
         let [tile_width, tile_height] = part.tile.ok_or_else(|| guard::missing("tiles"))?;
         let tile = [u64::from(tile_width.max(1)), u64::from(tile_height.max(1))];
-        return Ok(tiles_of_all_levels([width, height], tile, part.level_mode));
+        let [full, all] = [0, part.level_mode].map(|mode| tiles_of_all_levels([width, height], tile, mode));
+        return Ok(Counts { full, all: stated.unwrap_or(all) });
     }
     let number = part.compression.ok_or_else(|| guard::missing("compression"))?;
     let (rows, _) = guard::codec(number).ok_or_else(|| guard::unknown_codec(number))?;
-    Ok(height.div_ceil(rows))
+    Ok(same(height.div_ceil(rows)))
 }
 
 /// Whether `part` has tiles. The flag of the file speaks for its only part, which may lack a type.
@@ -125,16 +137,18 @@ fn tiles_of_all_levels(size: [u64; 2], tile: [u64; 2], mode: u8) -> u64 {
     }
 }
 
-/// The largest of the `chunks` offsets; `None` if one is zero, which is written before the chunk is. A file without chunks ends behind
-/// its table.
-fn last_offset(opened: &mut Opened, chunks: u64) -> io::Result<Option<u64>> {
+/// The largest of all offsets; `None` if one of full resolution is zero, as it is before its chunk is written.
+fn last_offset(opened: &mut Opened, parts: &[Counts]) -> io::Result<Option<u64>> {
     let mut last = 0;
-    for _ in 0..chunks {
-        let mut offset = [0; 8];
-        opened.input.read_exact(&mut offset)?;
-        match u64::from_le_bytes(offset) {
-            0 => return Ok(None),
-            offset => last = last.max(offset),
+    for part in parts {
+        for number in 0..part.all {
+            let mut offset = [0; 8];
+            opened.input.read_exact(&mut offset)?;
+            let offset = u64::from_le_bytes(offset);
+            if offset == 0 && number < part.full {
+                return Ok(None);
+            }
+            last = last.max(offset);
         }
     }
     Ok(Some(last))

@@ -3,7 +3,12 @@
 use super::program::{STACK, run, stderr, thinlens};
 use super::stdout;
 use std::fs;
+#[cfg(unix)]
+use std::path::Path;
+#[cfg(unix)]
+use std::process::Command;
 use thinlens::methods::METHODS;
+use thinlens::scene::EffectKind;
 use thinlens::settings::{BUILT_IN, Parameter, Preset};
 
 #[test]
@@ -144,8 +149,70 @@ fn completions_and_manual_pages_are_printed() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         assert!(stdout(&run(folder.path(), &["completions", shell])).contains("thinlens"), "{shell}");
     }
-    assert!(stdout(&run(folder.path(), &["man"])).contains(".TH"));
     assert!(stdout(&run(folder.path(), &["man", "render"])).contains("f\\-number"));
+}
+
+#[test]
+fn every_manual_page_says_exit_codes_variables_and_other_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["", "render", "inspect", "plan", "compare", "score", "demo", "export", "devices", "man"] {
+        let arguments = ["man", command];
+        let page = stdout(&run(folder.path(), &arguments[..2 - usize::from(command.is_empty())]));
+        let expected = ["EXIT STATUS", "128 + n", "ENVIRONMENT", "THINLENS_CACHE_DIR", "SEE ALSO"];
+        for words in expected {
+            assert!(page.contains(words), "{command}: {words}");
+        }
+        let others = page.split("SEE ALSO").last().unwrap();
+        assert!(!others.contains(&format!("thinlens\\-{command}\\fR")) || command.is_empty(), "{others}");
+        assert!(others.contains("thinlens\\-methods"), "{others}");
+    }
+}
+
+#[test]
+fn presets_methods_and_effects_are_completed_by_name_and_presets_by_file_too() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "fish", "zsh"] {
+        let script = stdout(&run(folder.path(), &["completions", shell]));
+        let presets = BUILT_IN.iter().map(|preset| preset.name);
+        let effects = EffectKind::ALL.map(EffectKind::name);
+        for name in presets.chain(METHODS.iter().map(|method| method.info().name)).chain(effects) {
+            assert!(script.contains(name), "{shell}: {name}");
+        }
+    }
+}
+
+/// What bash completes the last of `words` with.
+#[cfg(unix)]
+fn completed_by_bash(folder: &Path, words: &[&str]) -> Option<Vec<String>> {
+    let script = stdout(&run(folder, &["completions", "bash"]));
+    let last = words.len() - 1;
+    let ask = format!(
+        "{script}\nCOMP_WORDS=({}); COMP_CWORD={last}; _thinlens thinlens '{}' '{}'; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+        words.join(" "),
+        words[last],
+        words[last - 1]
+    );
+    // No bash, nothing to ask.
+    let output = Command::new("bash").current_dir(folder).args(["-c", &ask]).output().ok()?;
+    Some(String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect())
+}
+
+#[cfg(unix)]
+#[test]
+fn bash_completes_names_and_files() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("portable.toml"), "").unwrap();
+    for (words, expected) in [
+        (&["thinlens", "render", "--preset", "port"][..], &["portrait", "portable.toml"][..]),
+        (&["thinlens", "render", "--without", "highlights"], &["highlights"]),
+        (&["thinlens", "compare", "--methods", "sc"], &["scatter"]),
+        (&["thinlens", "plan", "--method", "acc"], &["accumulate"]),
+        (&["thinlens", "presets", "show", "swi"], &["swirl"]),
+        (&["thinlens", "methods", "scat"], &["scatter"]),
+    ] {
+        let Some(completed) = completed_by_bash(folder.path(), words) else { return };
+        assert_eq!(completed, expected, "{words:?}");
+    }
 }
 
 #[test]

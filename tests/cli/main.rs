@@ -7,6 +7,7 @@ mod compare;
 mod devices;
 mod export;
 mod failures;
+mod faults;
 mod inspect;
 mod lens;
 mod listings;

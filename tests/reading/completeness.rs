@@ -59,36 +59,40 @@ fn with_table(header: &[u8], chunks: usize, chunk: &[u8]) -> Vec<u8> {
     [header, &offset.to_le_bytes().repeat(chunks), chunk].concat()
 }
 
-/// Asserts that a file with `header` has exactly `chunks` offsets: a zero in the last one is noticed, and one behind it is not.
-fn assert_offsets(header: &[u8], chunks: usize, chunk: &[u8]) {
+/// Asserts that a file with `header` has `chunks` offsets, the first `full` of which are needed: it is whole as soon as these are all
+/// there, the table and the chunk behind it too.
+fn assert_offsets(header: &[u8], (full, chunks): (usize, usize), chunk: &[u8]) {
     let whole = with_table(header, chunks, chunk);
     assert!(is_complete(&source(whole.clone())).unwrap(), "{chunks} offsets");
     assert!(!is_complete(&source(whole[..whole.len() - 1].to_vec())).unwrap(), "its last byte is missing");
-    let zeroed = |number: usize| {
+    let patched = |number: usize, offset: u64| {
         let mut bytes = with_table(header, chunks + 1, chunk);
         let at = header.len() + 8 * number;
-        bytes[at..at + 8].fill(0);
+        bytes[at..at + 8].copy_from_slice(&offset.to_le_bytes());
         is_complete(&source(bytes)).unwrap()
     };
-    assert!(!zeroed(0) && !zeroed(chunks - 1), "{chunks} offsets: a chunk that is not written yet");
-    assert!(zeroed(chunks), "{chunks} offsets: what follows them is no offset");
+    assert!(!patched(0, 0) && !patched(full - 1, 0), "{full} offsets: a chunk that is not written yet");
+    assert!(patched(full, 0), "{full} offsets: what follows them is not needed");
+    let beyond = 1 << 30;
+    assert!(!patched(chunks - 1, beyond), "{chunks} offsets: the last chunk is not there yet");
+    assert!(patched(chunks, beyond), "{chunks} offsets: what follows them is no offset");
 }
 
 #[test]
 fn a_chunk_that_is_not_written_is_missed_in_scan_lines_and_in_tiles_of_every_level() {
     let scan_line = [&0i32.to_le_bytes()[..], &3u32.to_le_bytes(), &[7; 3]].concat();
-    assert_offsets(&header(0, &[]), 4, &scan_line);
+    assert_offsets(&header(0, &[]), (4, 4), &scan_line);
     let tile = [&[0; 16][..], &3u32.to_le_bytes(), &[7; 3]].concat();
     // Tiles of 2 × 2. One level: 4 · 2. Both sides halved: 8 + 2 + 1 + 1. Each side halved: (4 + 2 + 1 + 1) · (2 + 1 + 1).
     for (mode, chunks) in [(0u8, 8), (1, 12), (2, 32)] {
         for rounding in [0, 1u8] {
             let tiles = [&2u32.to_le_bytes()[..], &2u32.to_le_bytes(), &[mode | rounding << 4]].concat();
-            assert_offsets(&header(1 << 9, &[("tiles", "tiledesc", &tiles)]), chunks, &tile);
+            assert_offsets(&header(1 << 9, &[("tiles", "tiledesc", &tiles)]), (8, chunks), &tile);
         }
     }
     // Tiles of 3 × 3 of 8 × 4 pixels: levels of 8 × 4, 4 × 2, 2 × 1, 1 × 1 have 3 · 2 + 2 · 1 + 1 + 1.
     let tiles = [&3u32.to_le_bytes()[..], &3u32.to_le_bytes(), &[1]].concat();
-    assert_offsets(&header(1 << 9, &[("tiles", "tiledesc", &tiles)]), 10, &tile);
+    assert_offsets(&header(1 << 9, &[("tiles", "tiledesc", &tiles)]), (6, 10), &tile);
 }
 
 #[test]
@@ -97,7 +101,7 @@ fn deep_data_is_complete_once_its_last_samples_are_there() {
     let chunk = [&0i32.to_le_bytes()[..], &sizes, &[7; 11]].concat();
     let count = 4u32.to_le_bytes();
     let deep: [(&str, &str, &[u8]); 2] = [("type", "string", b"deepscanline"), ("chunkCount", "int", &count)];
-    assert_offsets(&header(1 << 11, &deep), 4, &chunk);
+    assert_offsets(&header(1 << 11, &deep), (4, 4), &chunk);
 }
 
 #[test]
