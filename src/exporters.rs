@@ -1,17 +1,19 @@
-//! The exporters: programs in Python that make renderers write stacks. They are part of the program, so that each copy of it can write those
-//! that belong to it.
+//! What thinlens brings for other programs: for renderers, programs in Python that make them write stacks; for render farms, templates of
+//! jobs. They are part of the program, so that each copy of it can write those that belong to it.
 //!
-//! `exporters/` holds a folder for each renderer and what they share. Written out, each has a copy of what is shared.
+//! `exporters/` holds a folder for each of these programs and what those for renderers share. Written out, each of them has a copy of that.
 
-/// An exporter of one renderer.
+/// The files for one renderer or render farm.
 #[derive(Debug, Clone, Copy)]
 pub struct Exporter {
     /// Name on the command line.
     pub name: &'static str,
-    /// The renderer, as its users call it.
-    pub renderer: &'static str,
+    /// The renderer or farm, as its users call it.
+    pub program: &'static str,
     /// Its files, as `exporters/` has them.
     own: Files,
+    /// Files of others that it needs too.
+    shared: Files,
 }
 
 /// Paths below `exporters/`, with `/`, and their text.
@@ -21,7 +23,7 @@ macro_rules! files {
     ($($path:literal,)*) => { &[$(($path, include_str!(concat!("../exporters/", $path)))),*] };
 }
 
-/// What all exporters share.
+/// What the exporters of renderers share.
 const SHARED: Files = files![
     "common/thinlens_stack/__init__.py",
     "common/thinlens_stack/closed.py",
@@ -35,10 +37,10 @@ const SHARED: Files = files![
 ];
 
 /// All exporters.
-pub const EXPORTERS: [Exporter; 2] = [
+pub const EXPORTERS: [Exporter; 4] = [
     Exporter {
         name: "blender",
-        renderer: "Blender",
+        program: "Blender",
         own: files![
             "blender/LICENSE",
             "blender/__init__.py",
@@ -77,10 +79,11 @@ pub const EXPORTERS: [Exporter; 2] = [
             "blender/view_layer.py",
             "blender/volumes.py",
         ],
+        shared: SHARED,
     },
     Exporter {
         name: "mitsuba",
-        renderer: "Mitsuba 3",
+        program: "Mitsuba 3",
         own: files![
             "mitsuba/export.py",
             "mitsuba/thinlens_mitsuba/__init__.py",
@@ -93,6 +96,19 @@ pub const EXPORTERS: [Exporter; 2] = [
             "mitsuba/thinlens_mitsuba/shapes.py",
             "mitsuba/thinlens_mitsuba/walk.py",
         ],
+        shared: SHARED,
+    },
+    Exporter {
+        name: "openjd",
+        program: "Open Job Description",
+        own: files!["openjd/template.yaml",],
+        shared: &[],
+    },
+    Exporter {
+        name: "slurm",
+        program: "SLURM",
+        own: files!["slurm/render.sbatch", "slurm/submit.sh",],
+        shared: &[],
     },
 ];
 
@@ -102,7 +118,7 @@ impl Exporter {
         let below = |&(path, text): &(&'static str, &'static str)| {
             (path.split_once('/').map_or(path, |(_, below)| below), text)
         };
-        self.own.iter().chain(SHARED).map(below)
+        self.own.iter().chain(self.shared).map(below)
     }
 }
 
@@ -130,11 +146,12 @@ mod tests {
     }
 
     #[test]
-    fn each_exporter_is_written_out_with_what_they_share_and_no_path_twice() {
+    fn those_of_renderers_are_written_out_with_what_they_share_and_none_has_a_path_twice() {
         for exporter in EXPORTERS {
             let paths: Vec<&str> = exporter.files().map(|(path, _)| path).collect();
             assert_eq!(paths.iter().collect::<BTreeSet<_>>().len(), paths.len(), "{paths:?}");
-            assert!(paths.contains(&"thinlens_stack/exr.py"), "{paths:?}");
+            let for_renderer = ["blender", "mitsuba"].contains(&exporter.name);
+            assert_eq!(paths.contains(&"thinlens_stack/exr.py"), for_renderer, "{paths:?}");
             assert!(paths.iter().all(|path| !path.starts_with(&format!("{}/", exporter.name))), "{paths:?}");
         }
     }

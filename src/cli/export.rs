@@ -20,28 +20,35 @@ Examples:
 
 Between them, the renderer makes the stack:
   blender -b shot.blend -P exporters/blender/cli.py -- -o stack.exr
-  python exporters/mitsuba/export.py scene.xml -o stack.exr";
+  python exporters/mitsuba/export.py scene.xml -o stack.exr
+
+A shot on a farm; docs/farms.md has the parameters:
+  thinlens export openjd -o farm
+  thinlens export slurm -o farm
+  bash farm/slurm/submit.sh --input 'shots/shot.####.exr' --output 'out/shot.####.exr' --frames 1-100";
 
 /// The archive that Blender installs as an extension.
 const EXTENSION: &str = "thinlens-blender.zip";
 
-/// Write the exporter for a renderer
+/// Write what a renderer or a render farm needs
 ///
-/// Writes the folder DIR/blender or DIR/mitsuba, and for Blender also DIR/thinlens-blender.zip, which Blender installs as an extension:
-/// Preferences, Get Extensions, Install from Disk. Files that are there already are left as they are; if one differs, nothing is written.
+/// For a renderer, writes the folder DIR/blender or DIR/mitsuba with an exporter of stacks, and for Blender also DIR/thinlens-blender.zip,
+/// which Blender installs as an extension: Preferences, Get Extensions, Install from Disk. For a farm, writes DIR/openjd or DIR/slurm with the
+/// templates of a job that renders a sequence in chunks of frames. Files that are there already are left as they are; if one differs,
+/// nothing is written.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct ExportArgs {
-    /// The renderer
-    #[arg(value_parser = PossibleValuesParser::new(EXPORTERS.map(|exporter| exporter.name)))]
-    renderer: String,
+    /// The renderer or farm
+    #[arg(value_name = "PROGRAM", value_parser = PossibleValuesParser::new(EXPORTERS.map(|exporter| exporter.name)))]
+    program: String,
     /// Output folder; created if it does not exist
     #[arg(long, short, value_name = "DIR", help_heading = "Output")]
     output: PathBuf,
 }
 
 pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), Failure> {
-    for exporter in EXPORTERS.iter().filter(|exporter| exporter.name == args.renderer) {
+    for exporter in EXPORTERS.iter().filter(|exporter| exporter.name == args.program) {
         let mut files = exporter_files(exporter, &args.output);
         if exporter.name == "blender" {
             files.push((args.output.join(EXTENSION), extension(exporter)?));
@@ -51,7 +58,7 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), Failure> {
             write(path, bytes)?;
         }
         print(&format!("{}\n", args.output.join(exporter.name).display()))?;
-        console.note(format_args!("wrote {} files for {}", new.len(), exporter.renderer));
+        console.note(format_args!("wrote {} files for {}", new.len(), exporter.program));
     }
     Ok(())
 }

@@ -41,6 +41,20 @@ fn an_exporter_is_written_with_all_it_imports_and_an_archive_of_the_same_files_f
 }
 
 #[test]
+fn a_farm_gets_its_templates_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    for (farm, names) in [("openjd", &["template.yaml"][..]), ("slurm", &["render.sbatch", "submit.sh"])] {
+        assert_eq!(
+            stdout(&run(folder.path(), &["export", farm, "-o", "farm"])).trim(),
+            format!("farm/{farm}")
+        );
+        let below = folder.path().join("farm").join(farm);
+        let paths: Vec<PathBuf> = files_below(&below).into_keys().collect();
+        assert_eq!(paths, names.iter().map(|name| below.join(name)).collect::<Vec<_>>());
+    }
+}
+
+#[test]
 fn an_exporter_that_somebody_changed_is_left_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let export = || run(folder.path(), &["export", "mitsuba", "-o", "."]);
