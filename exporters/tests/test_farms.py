@@ -1,14 +1,16 @@
 """The templates for render farms, with stand-ins for the farm and for the program.
 
 A stand-in of the program writes its arguments, one call a line, and ends with the exit codes that it is
-told, one a call.
+told, one a call; from 128 on, and where it is told to wait, it is ended by a signal.
 """
 
 import json
 import os
+import signal
 import subprocess
 import tempfile
 import textwrap
+import time
 import unittest
 from pathlib import Path
 
@@ -22,7 +24,10 @@ with open("calls", "a") as calls:
     calls.write(json.dumps(sys.argv[1:]) + "\\n")
 codes = os.environ["CODES"].split()
 number = len(open("calls").readlines())
-code = int(codes[min(number, len(codes)) - 1])
+code = codes[min(number, len(codes)) - 1]
+if code == "wait":
+    signal.pause()
+code = int(code)
 if code > 128:
     os.kill(os.getpid(), code - 128)
 sys.exit(code)
@@ -64,12 +69,24 @@ class Farm(unittest.TestCase):
             (self.folder / "bin" / name).write_text(text)
             (self.folder / "bin" / name).chmod(0o755)
 
-    def bash(self, *arguments, **variables):
+    def start(self, *arguments, **variables):
         path = f"{self.folder / 'bin'}:{os.environ['PATH']}"
         environment = {**os.environ, "PATH": path, **{name: str(value) for name, value in variables.items()}}
-        return subprocess.run(
-            ["bash", *map(str, arguments)], cwd=self.folder, env=environment, capture_output=True, text=True
-        )
+        pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(["bash", *map(str, arguments)], cwd=self.folder, env=environment, **pipes)
+
+    def bash(self, *arguments, **variables):
+        process = self.start(*arguments, **variables)
+        stdout, stderr = process.communicate()
+        return subprocess.CompletedProcess(process.args, process.returncode, stdout, stderr)
+
+    def stop(self, process):
+        """Ends the script, not the program, once the program runs; the script's exit code."""
+        while not self.lines("calls"):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
+        return process.returncode
 
     def lines(self, name):
         file = self.folder / name
@@ -77,7 +94,7 @@ class Farm(unittest.TestCase):
 
 
 class OpenJobDescription(Farm):
-    def task(self, subcommand="render", frames="1-4", **variables):
+    def task(self, subcommand="render", frames="1-4", run=None, **variables):
         script = self.folder / "task.sh"
         script.write_text(embedded_task())
         values = dict(
@@ -86,7 +103,7 @@ class OpenJobDescription(Farm):
         values |= dict(RENDER_FLAGS="", THREADS=0, MEMORY="", PROGRAM="program", RETRIES=2, RETRY_SECONDS=0)
         values |= {name: value for name, value in variables.items() if name != "CODES"}
         named = {f"THINLENS_{name}": value for name, value in values.items()}
-        return self.bash(script, subcommand, frames, CODES=variables.get("CODES", 0), **named)
+        return (run or self.bash)(script, subcommand, frames, CODES=variables.get("CODES", 0), **named)
 
     def test_both_steps_have_the_flags_of_the_shot_and_one_file_of_decisions(self):
         given = dict(FLAGS="--preset 'my lens.toml'", RENDER_FLAGS="--codec zips", MEMORY="4GiB", THREADS=3)
@@ -110,6 +127,10 @@ class OpenJobDescription(Farm):
             (self.folder / "calls").unlink(missing_ok=True)
             done = self.task(CODES=codes)
             self.assertEqual((len(self.lines("calls")), done.returncode), (calls, code), codes)
+
+    def test_a_task_that_the_farm_stops_ends_the_program_and_is_not_tried_again(self):
+        self.assertEqual(self.stop(self.task(run=self.start, CODES="wait")), 143)
+        self.assertEqual(len(self.lines("calls")), 1)
 
     def test_the_farm_is_told_of_a_program_that_cannot_tell_itself(self):
         self.assertIn("openjd_fail: program ended with code 137", self.task(CODES="137", RETRIES=0).stdout)
@@ -179,14 +200,14 @@ class SlurmSubmission(Farm):
 
 
 class SlurmTask(Farm):
-    def task(self, step="render", tries=0, codes="0", **variables):
+    def task(self, step="render", tries=0, codes="0", run=None, **variables):
         values = dict(
             STEP=step, INPUT="in/a.####.exr", OUTPUT="out/b.####.exr", FRAMES="1-9", CHUNKS="1-4 5-8 9", FLAGS=""
         )
         values |= dict(RENDER_FLAGS="", THREADS=2, MEMORY_MIB="", RETRIES=2, PROGRAM="program") | variables
         named = {f"THINLENS_{name}": value for name, value in values.items()}
         slurm = dict(SLURM_ARRAY_TASK_ID=1, SLURM_JOB_ID=77, SLURM_RESTART_COUNT=tries)
-        return self.bash(SLURM / "render.sbatch", CODES=codes, **slurm, **named)
+        return (run or self.bash)(SLURM / "render.sbatch", CODES=codes, **slurm, **named)
 
     def test_the_decision_is_for_the_shot_and_a_task_of_the_array_for_its_chunk(self):
         self.task("plan", FLAGS="--preset 'my lens.toml'")
@@ -212,6 +233,10 @@ class SlurmTask(Farm):
             self.assertEqual(self.lines("requeued"), [77] if again else [], code)
             if not again:
                 self.assertEqual(done.returncode, code)
+
+    def test_a_task_that_slurm_stops_ends_the_program_and_is_queued_by_slurm_alone(self):
+        self.assertEqual(self.stop(self.task(run=self.start, codes="wait")), 143)
+        self.assertEqual((len(self.lines("calls")), self.lines("requeued")), (1, []))
 
 
 if __name__ == "__main__":
