@@ -66,7 +66,7 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), Failure> {
 impl ExportArgs {
     /// The folders that temporary files are made in.
     pub(super) fn folders(&self) -> Vec<PathBuf> {
-        let exporters = EXPORTERS.iter().filter(|exporter| exporter.name == self.renderer);
+        let exporters = EXPORTERS.iter().filter(|exporter| exporter.name == self.program);
         let files = exporters.flat_map(|exporter| exporter_files(exporter, &self.output));
         let below = files.filter_map(|(file, _)| file.parent().map(Path::to_owned));
         std::iter::once(self.output.clone()).chain(below).collect()
