@@ -219,7 +219,10 @@ fn matching(wildcard: &str) -> Result<Vec<PathBuf>, Error> {
         |error| Error::settings("the wildcards are not valid").with("found", wildcard).caused_by(error);
     let mut files = Vec::new();
     for found in glob::glob_with(wildcard, options).map_err(wrong)? {
-        let path = found.map_err(|error| unlisted(&error.path().to_owned(), error.into()))?;
+        let path = found.map_err(|error| {
+            let folder = error.path().to_owned();
+            unlisted(&folder, error.into())
+        })?;
         files.extend(Some(path).filter(|path| !path.is_dir()));
     }
     Ok(files)

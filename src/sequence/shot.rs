@@ -55,12 +55,11 @@ impl Shot {
             return Self::of(series, frames).map(Some);
         }
         let Some(frames) = frames.filter(|_| !inputs.is_empty()) else { return Ok(None) };
-        match Moving::each(inputs) {
-            Ok(moving) if inputs.len() > 1 && moving.is_one_sequence() => {
-                Self::of(vec![Series::Moving(moving)], Some(frames)).map(Some)
-            }
-            _ => Self::of(series, Some(frames)).map(Some),
-        }
+        let shot = match Self::are_frames(inputs) {
+            true => Self::of_files(inputs, Some(frames)),
+            false => Self::of(series, Some(frames)),
+        };
+        shot.map(Some)
     }
 
     /// The shot whose frames are `files`, each a frame of its own, numbered by the number in its name that varies. `frames` as in
@@ -72,6 +71,12 @@ impl Shot {
     /// files and no `frames`.
     pub fn of_files(files: &[PathBuf], frames: Option<&FrameSet>) -> Result<Self, Error> {
         Self::of(vec![Series::Moving(Moving::each(files)?)], frames)
+    }
+
+    /// Whether `files` look like frames of a shot: there are several, and their names differ in the frame number alone. Peels and
+    /// layers (`peel0.exr`, `layer_1.exr`) do not.
+    pub fn are_frames(files: &[PathBuf]) -> bool {
+        files.len() > 1 && Moving::each(files).is_ok_and(|moving| moving.is_one_sequence())
     }
 
     /// Where the files of `frame` are, or would be.
@@ -263,7 +268,7 @@ mod tests {
         assert_eq!(numbers(&shot), [3, 2, 1]);
         assert_eq!(shot.missing, [5, 4, 9]);
         assert_eq!(shot.absent(5), [folder.path().join("a.0005.exr")]);
-        assert_eq!(shot.absent(3), [PathBuf::new(); 0]);
+        assert!(shot.absent(3).is_empty());
     }
 
     #[test]
@@ -309,6 +314,24 @@ mod tests {
         assert_eq!(frames(&folder, &peels), ["1: peel0.exr peel1.exr"], "peels are not frames");
         let two_names = shot(&folder, &["a.0001.exr", "b.0001.exr"], Some("1"));
         assert_eq!(frames(&folder, &two_names), ["1: a.0001.exr b.0001.exr"]);
+    }
+
+    #[test]
+    fn files_look_like_frames_where_the_frame_number_alone_differs() {
+        let are_frames =
+            |names: &[&str]| Shot::are_frames(&names.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert!(are_frames(&["shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]));
+        assert!(are_frames(&["env0001.exr", "env0002.exr"]));
+        assert!(are_frames(&["layer_0001.exr", "layer_0002.exr"]));
+        for peels in [
+            ["peel0.exr", "peel1.exr"],
+            ["layer_0.exr", "layer_1.exr"],
+            ["a.0007.Peel.00.exr", "a.0007.Peel.01.exr"],
+        ] {
+            assert!(!are_frames(&peels), "{peels:?}");
+        }
+        assert!(!are_frames(&["beauty.0001.exr", "depth.0001.exr"]));
+        assert!(!are_frames(&["shot.0001.exr"]) && !are_frames(&[]));
     }
 
     #[test]

@@ -11,6 +11,7 @@
 //! | before a letter: sizes, rates, units | `4k`, `1080p`, `1920x1080`, `24fps`, `50mm`, `2x` |
 //! | behind a letter that stands behind a digit | the last of `1920x1080`, of `9f3c2` |
 //! | behind a word that counts something else | `v002`, `sh020`, `cam1`, `peel0`, `rec709` |
+//! | of a peel or layer, of one or two digits | `peel_1`, `layer.02`; but `layer_0002` is frame 2 |
 //! | an f-number | `f22`, `f2.8`; but `f0022` is frame 22 |
 //! | a date | `2026-11-26`, `2026_11_26` |
 //!
@@ -27,6 +28,12 @@ const OTHER_COUNTS: [&str; 24] = [
     "v", "ver", "version", "rev", "take", "tk", "s", "sc", "sq", "sh", "ep", "cam", "camera", "view", "peel",
     "layer", "pass", "lod", "rec", "bt", "aces", "iso", "spp", "x",
 ];
+
+/// Words that count peels also where a dot, dash or underscore stands before the number, of at most [`PEEL_DIGITS`].
+const PEELS: [&str; 2] = ["peel", "layer"];
+
+/// Digits that the number of a peel has at most.
+const PEEL_DIGITS: usize = 2;
 
 /// Digits that an f-number has at most before its point.
 const F_NUMBER_DIGITS: usize = 2;
@@ -173,7 +180,7 @@ fn has_sign(head: &str) -> bool {
 /// Whether the digits at `at` belong to a size, a version and the like.
 fn counts_something_else(text: &str, at: Range<usize>) -> bool {
     let (head, digits, tail) = (&text[..at.start], &text[at.clone()], &text[at.end..]);
-    if tail.starts_with(char::is_alphabetic) || is_f_number(head, digits) {
+    if tail.starts_with(char::is_alphabetic) || is_f_number(head, digits) || is_peel(head, digits) {
         return true;
     }
     let word = last_word(head);
@@ -192,6 +199,13 @@ fn is_f_number(head: &str, digits: &str) -> bool {
         whole < head.len() && behind_f(&head[..whole], &head[whole..])
     };
     behind_f(head, digits) || (digits.len() == 1 && head.strip_suffix('.').is_some_and(decimal_of))
+}
+
+/// Whether `digits` behind `head` and its last dot, dash or underscore number a peel.
+fn is_peel(head: &str, digits: &str) -> bool {
+    let named = head.strip_suffix(['.', '-', '_']).map(last_word);
+    let is_word = named.is_some_and(|word| PEELS.iter().any(|peel| word.eq_ignore_ascii_case(peel)));
+    is_word && digits.len() <= PEEL_DIGITS
 }
 
 /// The letters at the end of `text`; of `ShotCamera` the `Camera`.
@@ -307,6 +321,7 @@ mod tests {
             assert_eq!(number(&[name]), None, "{name}");
         }
         assert_eq!(number(&["sc010_sh020.0042.exr"]), Some(42));
+        assert_eq!(number(&["layer_0002.exr"]), Some(2));
         assert_eq!(number(&["shot.0042.cam1.exr"]), Some(42));
         assert_eq!(number(&["shot.0042.denoised.exr"]), Some(42));
         assert_eq!(number(&["shot_v002.0042.exr"]), Some(42));
