@@ -39,8 +39,8 @@
 //! | blur | [`methods`] | scene + plan → [`image::Image`] |
 //! | write | [`output`] | picture → EXR, PNG, report |
 //!
-//! [`render`](mod@render) runs the steps up to the picture for one [`Job`](render::Job), [`sequence`] finds the frames of a shot. [`cost`] predicts how long the blur will take,
-//! [`probes`] measure its sampling error, [`metrics`] compare two pictures.
+//! [`render`](mod@render) runs the steps up to the picture for one [`Job`](render::Job), [`sequence`] finds the frames of a shot.
+//! [`cost`] predicts how long the blur will take, [`probes`] measure its sampling error, [`metrics`] compare two pictures.
 //!
 //! # Features
 //!

@@ -407,7 +407,7 @@ mod tests {
     #[test]
     fn without_any_frame_the_error_says_what_is_there() {
         let folder = folder_of(&["beauty.0001.exr", "beauty.0002.exr", "depth.0007.exr"]);
-        let wrong_name = error(&folder, &["beuty.####.exr"], None);
+        let wrong_name = error(&folder, &["colour.####.exr"], None);
         assert_eq!(wrong_name.kind(), ErrorKind::Input);
         assert!(wrong_name.to_string().contains("beauty.####.exr (1-2)"), "{wrong_name}");
         let nothing_shared = error(&folder, &["beauty.####.exr", "depth.####.exr"], None).to_string();
