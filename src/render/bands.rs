@@ -33,7 +33,7 @@ use std::path::Path;
 const READING_ROWS: usize = 16;
 
 /// Fewest rows of a picture that are surveyed at a time.
-const FEWEST_SURVEYED: usize = 128;
+const FEWEST_SURVEYED: usize = 64;
 
 /// A frame with its plan, to be rendered in bands.
 #[derive(Debug)]
@@ -74,7 +74,8 @@ pub(crate) fn in_bands_with(job: &Job, codec: Codec, open: gpu::Open<'_>) -> Res
     clock.skip();
     let step = footprint.supersample * codec.block_rows().max(ROW_SETS);
     let part_step = step.next_multiple_of(FEWEST_SURVEYED * footprint.supersample);
-    let parts = Layout::within(limit, &footprint, (0, part_step), |rows| footprint.search_bytes(rows))?;
+    let bytes = |rows: usize| job_bytes(job, &footprint, rows);
+    let parts = Layout::within(limit, &footprint, (0, part_step), bytes)?;
     let mut survey = survey::survey(job, &footprint, parts.rows)?;
     check_plan(&survey.plan).map_err(|error| with_sizes(error, limit, whole))?;
     let layout = layout(limit, &footprint, &survey, step)?;
@@ -112,11 +113,15 @@ pub fn memory_bytes(job: &Job) -> Result<u64, Error> {
 
 /// A bound for the memory that `job` takes if its frame is rendered as a whole.
 fn whole_bytes(job: &Job, footprint: &Footprint) -> u64 {
-    let rows = footprint.height;
-    let bytes = if may_search(job) { footprint.search_bytes(rows) } else { footprint.render_bytes(rows) };
+    let bytes = job_bytes(job, footprint, footprint.height);
     // The scene is kept for a second use.
     let is_kept = job.verify.is_some() || job.confidence;
     bytes.saturating_add(if is_kept { footprint.decoded_bytes() } else { 0 })
+}
+
+/// A bound for the memory that `job` takes for `rows` rows of samples, without a second use of its scene.
+fn job_bytes(job: &Job, footprint: &Footprint, rows: usize) -> u64 {
+    if may_search(job) { footprint.search_bytes(rows) } else { footprint.render_bytes(rows) }
 }
 
 /// Whether the number of lens samples may have to be searched for.
