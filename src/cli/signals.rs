@@ -37,10 +37,11 @@ mod unix {
         pub(in super::super) fn handle(folders: Vec<PathBuf>) -> io::Result<Self> {
             let ending = Arc::new(AtomicBool::new(false));
             let handled = handled();
+            // Before the flags: who waits because of one is sure of the thread.
+            let mut received = Received::new(&handled)?;
             for &signal in &handled {
                 flag::register(signal, Arc::clone(&ending))?;
             }
-            let mut received = Received::new(handled)?;
             thread::Builder::new().name("signals".to_owned()).spawn(move || {
                 if let Some(signal) = received.forever().next() {
                     temporary::remove_own(&folders, stop_opening_files);

@@ -24,7 +24,7 @@ const RENDER: [&str; 12] = [
 enum Moment {
     /// This long after the start.
     After(Duration),
-    /// As soon as a temporary file is seen for the second time: the first is of the check before the work.
+    /// As soon as a temporary file is seen, but not that of the check before the work.
     WhileWriting,
 }
 
