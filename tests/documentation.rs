@@ -86,7 +86,7 @@ fn make_files(folder: &Path) {
     fs::create_dir(folder.join("shots")).unwrap();
     for (file, names) in [
         ("stack.exr", &["stack.exr", "shot.0042.exr", "shots/shot.0001.exr", "shots/shot.0002.exr"][..]),
-        ("pinhole.exr", &["beauty.exr", "depth.exr"]),
+        ("pinhole.exr", &["beauty.exr", "depth.exr", "beauty.0001.exr", "depth.0001.exr"]),
         ("reference.exr", &["lens.exr"]),
     ] {
         names.iter().for_each(|name| copy(&sample.join(file), &folder.join(name)));
@@ -98,7 +98,10 @@ fn make_files(folder: &Path) {
     copy(&Path::new(ROOT).join("samples/stall/stack.exr"), &folder.join("stacks/shot.0001.exr"));
     for (peel, depth) in [1, 2, 3].into_iter().enumerate() {
         let part = Part::flat((32, 18), &format!("R=0.5 G=0.5 B=0.5 A=1 Z={depth}"));
-        fs::write(folder.join(format!("peel{peel}.exr")), exr_bytes(vec![part])).unwrap();
+        let bytes = exr_bytes(vec![part]);
+        for name in [format!("peel{peel}.exr"), format!("peel{peel}.0001.exr")] {
+            fs::write(folder.join(name), &bytes).unwrap();
+        }
     }
     let pages = blocks(&Page::read(&Path::new(ROOT).join("docs/focus.md")).text);
     let pull = pages.iter().find(|block| block.starts_with("[[lens.focus_keys]]")).unwrap();

@@ -309,7 +309,7 @@ mod tests {
     fn every_command_in_the_documentation_is_understood() {
         for (name, page) in pages() {
             for command in commands(&page) {
-                let words = command.split_whitespace().map(|word| word.trim_matches('"'));
+                let words = command.split_whitespace().map(|word| word.trim_matches(['"', '\'']));
                 let words = words.take_while(|word| ![">", "|", "||", "&&", "#"].contains(word));
                 let parsed = Cli::try_parse_from(std::iter::once("thinlens").chain(words));
                 // Help is an error to clap, with exit code 0.
