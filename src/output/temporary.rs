@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 const PREFIX: &str = ".thinlens-";
 const SUFFIX: &str = ".tmp";
 /// A temporary file of another machine, whose processes are not seen from here, is left over after this time without a change.
-const OLD: Duration = Duration::from_hours(24);
+const OLD: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// An empty, locked temporary file in `folder`, removed when dropped.
 ///
