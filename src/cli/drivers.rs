@@ -47,22 +47,28 @@ mod unix {
     use std::fs::File;
     use std::io::{Read, Seek, Write, stderr};
     use std::os::fd::OwnedFd;
+    use std::sync::{Mutex, MutexGuard, PoisonError};
 
     /// Lines that contain this are dropped: a driver found no display.
     const NOISE: &str = "XDG_RUNTIME_DIR";
+
+    /// Held while standard error is redirected: frames that load drivers at the same time would restore one another's file.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
     /// Standard error, redirected into a file until this is dropped.
     pub(super) struct Redirection {
         stderr: OwnedFd,
         file: File,
+        _alone: MutexGuard<'static, ()>,
     }
 
     impl Redirection {
         /// `None` if standard error cannot be redirected; it then stays as it is.
         pub(super) fn begin() -> Option<Self> {
+            let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
             let (stderr, file) = (nix::unistd::dup(stderr()).ok()?, tempfile::tempfile().ok()?);
             nix::unistd::dup2_stderr(&file).ok()?;
-            Some(Self { stderr, file })
+            Some(Self { stderr, file, _alone: alone })
         }
     }
 

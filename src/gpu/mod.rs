@@ -106,6 +106,15 @@ impl Device {
 /// Opens an adapter: [`Gpu::open`], or a wrapper of it (for example one that redirects stderr while drivers are loaded).
 pub(crate) type Open<'a> = &'a dyn Fn(bool) -> Result<Option<Gpu>, Error>;
 
+/// Whether `choice` may come to a GPU on this machine.
+pub fn may_be_chosen(choice: DeviceChoice) -> bool {
+    match choice {
+        DeviceChoice::Cpu => false,
+        DeviceChoice::Gpu => true,
+        DeviceChoice::Auto => cfg!(feature = "gpu") && adapters::may_have_card(),
+    }
+}
+
 /// Opens the adapter that `choice` requires; `None` where it requires none.
 ///
 /// # Errors

@@ -21,6 +21,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use tally::{Summary, Tally};
 use thinlens::error::Error;
+use thinlens::gpu;
 use thinlens::output::report::write_json;
 use thinlens::render::{Decisions, Job, memory_limit_bytes};
 use thinlens::sequence::{self, FrameSet, Limits, Shot, Steady};
@@ -164,7 +165,7 @@ pub(super) fn run(
     let all: Vec<Frame> = all.into_iter().map(|frame| frame.pinned(&decisions)).collect();
     let limits = Limits {
         memory_bytes: memory_limit_bytes(job),
-        frames: rayon::current_num_threads(),
+        frames: frames_in_flight(job),
         fail_fast: run.fail_fast,
     };
     let tally = Tally::new(console, run.progress, outputs.json, all.len());
@@ -187,6 +188,11 @@ pub(super) fn run(
 #[derive(Debug, Serialize)]
 struct Shots<'a> {
     shot: &'a Summary,
+}
+
+/// Most frames of `job` in flight: one for each thread; on a GPU one that it blurs, and one that is read or written meanwhile.
+fn frames_in_flight(job: &Job) -> usize {
+    if gpu::may_be_chosen(job.device) { 2 } else { rayon::current_num_threads() }
 }
 
 /// The decisions of the shot of `frames`.

@@ -221,14 +221,19 @@ impl Summary {
         }
     }
 
-    /// The frames that failed, with the first line of each reason; empty if none did.
+    /// The frames that failed, by reason, each with the first of the files that it is about; empty if none did.
     fn failures_in_words(&self) -> String {
-        let mut by_reason: BTreeMap<&str, Vec<i64>> = BTreeMap::new();
+        let mut by_reason: BTreeMap<&str, (Vec<i64>, Option<&str>)> = BTreeMap::new();
         for Failed { frame, error } in &self.failures {
-            by_reason.entry(&error.message).or_default().push(*frame);
+            let (frames, file) = by_reason.entry(&error.message).or_default();
+            frames.push(*frame);
+            *file = file.or(error.file.as_deref());
         }
-        let reasons = by_reason.into_iter().map(|(reason, frames)| format!("{}: {reason}", list(frames)));
-        let reasons: Vec<String> = reasons.collect();
+        let in_words = |(reason, (frames, file)): (&str, (Vec<i64>, Option<&str>))| {
+            let file = file.map(|file| format!(" ({file})")).unwrap_or_default();
+            format!("{}: {reason}{file}", list(frames))
+        };
+        let reasons: Vec<String> = by_reason.into_iter().map(in_words).collect();
         if reasons.is_empty() { String::new() } else { format!("failed frames: {}", reasons.join("; ")) }
     }
 }
