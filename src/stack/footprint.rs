@@ -83,10 +83,10 @@ impl Footprint {
     }
 }
 
-/// The footprint of the stack that [`super::read`] would read from `sources` by `options`.
+/// The footprint of the stack that [`super::read()`] would read from `sources` by `options`.
 ///
 /// # Errors
-/// Those of [`super::read`] that headers show.
+/// Those of [`super::read()`] that headers show.
 pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint, Error> {
     let Some((first, others)) = sources.split_first() else {
         return Err(Error::input("there is no input file").help("name a picture file"));

@@ -90,13 +90,13 @@ pub struct Rows {
     pub carried: Carried,
 }
 
-/// Writes a picture with this `frame` as [`write`] does, from its rows: `next` gives those that follow, from the top on, and `None` after the
-/// last. The file has the bytes that [`write`] would have written, and appears whole or not at all; only the rows of one call are in memory.
+/// Writes a picture with this `frame` as [`write()`] does, from its rows: `next` gives those that follow, from the top on, and `None` after the
+/// last. The file has the bytes that [`write()`] would have written, and appears whole or not at all; only the rows of one call are in memory.
 ///
 /// All but the last have a number of rows that [`Codec::block_rows`] divides.
 ///
 /// # Errors
-/// Those of `next` and of [`write`]; rows of another width, or too few or too many of them.
+/// Those of `next` and of [`write()`]; rows of another width, or too few or too many of them.
 pub fn write_rows(
     path: &Path,
     frame: &Frame,
