@@ -28,7 +28,7 @@ const SIZE: (usize, usize) = (24, 16);
 fn sloped() -> Part {
     let count = SIZE.0 * SIZE.1;
     let column = |i: usize| (i % SIZE.0) as f32;
-    let stripes = (0..count).map(|i| if (i % SIZE.0) / 2 % 2 == 0 { 0.1 } else { 0.9 }).collect();
+    let stripes = (0..count).map(|i| if (i % SIZE.0 / 2).is_multiple_of(2) { 0.1 } else { 0.9 }).collect();
     let depth = (0..count).map(|i| 2.0 + 8.0 * column(i) / (SIZE.0 - 1) as f32).collect();
     Part::flat(SIZE, "R=0.5 G=0.25 B=0.75 A=1 Z=1")
         .with("R", FlatSamples::F32(stripes))
@@ -191,6 +191,14 @@ fn a_header_that_says_what_was_used_stays_as_it_is() {
         assert_eq!(attribute(&rendered, name), Some(value), "{name}");
     }
     assert_eq!(about(&rendered.stack.findings, "header"), Vec::<&str>::new());
+}
+
+#[test]
+fn a_depth_convention_that_a_preset_overrules_is_corrected() {
+    let input = || source(exr_bytes(vec![sloped().attribute("thinlens.depth_convention", text("planar"))]));
+    let convention = |content| attribute(&rendered(&job(input(), content)), "thinlens.depth_convention");
+    assert_eq!(convention("[depth]\nconvention = 'ray'"), Some(text("ray")));
+    assert_eq!(convention(""), Some(text("planar")));
 }
 
 #[test]

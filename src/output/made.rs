@@ -92,6 +92,12 @@ impl Made {
     /// that said something else of the lens.
     pub fn apply(&self, attributes: &mut Vec<(Text, AttributeValue)>) -> Option<Finding> {
         let finding = stack::correct_camera(attributes, &self.lens, self.focus_distance);
+        // How depth was read, where it overrules the header: depth channels may travel to the output.
+        let reading = Values { convention: self.settings.values.convention, ..Values::default() };
+        for (name, value) in stack::camera_attributes(&reading) {
+            attributes.retain(|(other, _)| *other != name);
+            attributes.push((name, value));
+        }
         for (name, text) in self.texts() {
             attributes.retain(|(other, _)| !other.eq(name));
             let value = match (name, self.views.and_then(|views| i32::try_from(views).ok())) {

@@ -88,6 +88,9 @@ impl Job {
     }
 }
 
+/// Layers of values, lowest first.
+type Layers = Vec<(Origin, Values)>;
+
 /// The layers of values that the user set, lowest first.
 pub(super) fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> {
     let preset = job.preset.iter().map(|p| (Origin::Preset(p.name.clone()), &p.preset.values));
@@ -117,8 +120,8 @@ pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Findi
 
 /// The layers of values that the user set, lowest first, with the numbers that their keys give at the job's frame in place of the
 /// keys; and how these were found. Keys that a higher layer overrules have no effect and need no frame number.
-fn user_layers_at_frame(job: &Job) -> Result<(Vec<(Origin, Values)>, Vec<Finding>), Error> {
-    let mut layers: Vec<_> = user_layers(job).map(|(origin, values)| (origin, values.clone())).collect();
+fn user_layers_at_frame(job: &Job) -> Result<(Layers, Vec<Finding>), Error> {
+    let mut layers: Layers = user_layers(job).map(|(origin, values)| (origin, values.clone())).collect();
     let mut findings = Vec::new();
     for keyed in &KEYED {
         let sets = |values: &Values| (keyed.keys)(values).is_some() || keyed.setting().get(values).is_some();

@@ -67,7 +67,7 @@ pub(crate) fn correct_camera(
     attributes.retain(|(name, value)| !contradicts(name, value, &used));
     for (key, names) in DEPENDENT {
         if !from_header(lens, key) {
-            attributes.retain(|(name, _)| !names.iter().any(|dependent| name.eq(*dependent)));
+            attributes.retain(|(name, _)| !names.iter().any(|dependent| name.eq(dependent)));
         }
     }
     for (name, value) in standard(&before, lens, focus_distance) {
