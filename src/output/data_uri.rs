@@ -36,7 +36,7 @@ pub(crate) fn jpeg(picture: &Rgb8) -> Result<String, Error> {
 /// `picture` as PNG or JPEG, whichever is smaller.
 ///
 /// # Errors
-/// Those of [`png`] and [`jpeg`].
+/// Those of [`png()`] and [`jpeg`].
 pub(crate) fn smaller(picture: &Rgb8) -> Result<String, Error> {
     let [png, jpeg] = [png(picture)?, jpeg(picture)?];
     Ok(if png.len() < jpeg.len() { png } else { jpeg })

@@ -47,7 +47,7 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    /// Adds the digest of the job and of the encoding ([`super::digest`]) to what the headers of outputs say.
+    /// Adds the digest of the job and of the encoding ([`super::digest()`]) to what the headers of outputs say.
     pub fn set_digest(&mut self, digest: String) {
         self.made.digest = Some(digest);
         // The camera was corrected before: there is nothing new to report.
