@@ -28,7 +28,11 @@ pub(super) fn png(output: &Path) -> Result<(), Error> {
         .help("give the file a name that ends in .png"))
 }
 
-fn not_an_input(output: &Path, mut inputs: impl Iterator<Item: AsRef<Path>>) -> Result<(), Error> {
+/// Checks that `output` is not one of `inputs`.
+///
+/// # Errors
+/// It is.
+pub(super) fn not_an_input(output: &Path, mut inputs: impl Iterator<Item: AsRef<Path>>) -> Result<(), Error> {
     // Canonical paths: `./a.exr`, `a.exr` and a link to it are the same file. An output that does not exist is not an input.
     let Ok(output_file) = output.canonicalize() else { return Ok(()) };
     match inputs.find(|input| input.as_ref().canonicalize().is_ok_and(|input| input == output_file)) {

@@ -162,7 +162,7 @@ impl Command {
         let mut folders = match self {
             Self::Render(args) => args.folders(),
             Self::Inspect(args) => args.folders(),
-            Self::Plan(_) => Vec::new(),
+            Self::Plan(args) => args.folders(),
             Self::Compare(args) => args.folders(),
             Self::Score(args) => args.folders(),
             Self::Demo(args) => args.folders(),

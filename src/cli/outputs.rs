@@ -147,7 +147,7 @@ impl OutputArgs {
                     .into());
             }
         }
-        Ok(())
+        self.report_of_shot()?.map_or(Ok(()), |report| Ok(atomic::check_writable(report)?))
     }
 
     /// Whether a confidence mask is requested.
@@ -176,6 +176,14 @@ impl OutputArgs {
             checks::output(path, job.files())?;
         }
         Ok(())
+    }
+
+    /// Checks that no output of `job` is one of its inputs.
+    ///
+    /// # Errors
+    /// An output that is one.
+    pub(super) fn check_inputs(&self, job: &Job) -> Result<(), Error> {
+        self.files()?.try_for_each(|path| checks::not_an_input(path, job.files()))
     }
 
     /// Refuses flags without effect, so that a mistake is noticed.

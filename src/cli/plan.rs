@@ -11,11 +11,13 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 use std::fmt::{self, Write};
+use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thinlens::compare::Candidate;
 use thinlens::cost::{Calibration, Prediction, predict};
 use thinlens::error::Error;
 use thinlens::methods::{Method, Plan, Registry};
+use thinlens::output::atomic;
 use thinlens::probes::{ErrorEstimate, ProbeSet};
 use thinlens::render::{Job, Prepared};
 use thinlens::scene::EffectKind;
@@ -101,6 +103,11 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
 }
 
 impl PlanArgs {
+    /// The folders that temporary files are made in.
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        self.frames.decisions.iter().filter_map(|file| atomic::temporary_folder(file)).collect()
+    }
+
     /// The speed of this machine, as these flags want to know it.
     fn calibration(&self, console: Console) -> Result<Calibration, Error> {
         if self.uncalibrated { Ok(Calibration::assumed()) } else { console.calibration(self.recalibrate) }

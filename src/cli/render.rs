@@ -52,7 +52,7 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let RenderArgs { frames, output, run, .. } = args;
     if let Some(shot) = frames.shot(args.job.inputs(), output.varies()?)? {
         let job = args.job(methods)?;
-        return sequence::run(&shot, &job, (frames, output, run), *console);
+        return sequence::run(&shot, job, (frames, output, run), *console);
     }
     run.check_single(frames)?;
     let job = args.job(methods)?;

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::methods::Plan;
 use crate::output::atomic;
+use crate::output::exr::Codec;
 use crate::render::{self, Decisions, Job};
 use crate::scene::{EffectKind, SceneStats};
 use crate::settings::Focus;
@@ -31,54 +32,54 @@ pub struct Steady {
 pub struct LookedAt {
     /// Its number.
     pub number: i64,
-    /// Its statistics.
-    pub stats: SceneStats,
+    /// Its statistics; `None` for a frame that does not fit into memory.
+    pub stats: Option<SceneStats>,
     /// What it needs.
     pub plan: Plan,
     /// Wall time that reading it took, in seconds.
     pub read_seconds: f64,
 }
 
-/// Decides for the shot whose frames are `jobs`, by number.
+/// Decides for the shot of the frames `numbers`, of which `job_of` gives the jobs. If none of the frames that should be looked at can be
+/// prepared, the first of the others that can decides alone; if none can, nothing is decided, and each frame will say why.
 ///
 /// # Errors
-/// A focus that nobody chose ([`check_focus`]); and the first error of a frame, where no frame that was looked at can be prepared.
-pub fn decide(jobs: &[(i64, &Job)]) -> Result<Steady, Error> {
+/// A focus that nobody chose ([`check_focus`]), and those of `job_of`.
+pub fn decide(numbers: &[i64], job_of: impl Fn(i64) -> Result<Job, Error>) -> Result<Steady, Error> {
     let mut steady = Steady::default();
-    let mut first_error = None;
-    for place in samples(jobs.len()) {
-        let (number, job) = jobs[place];
-        match look_at(number, job) {
-            Ok(frame) => {
-                steady.decisions.join(&Decisions::of(&frame.plan, None));
-                steady.looked_at.push(frame);
-            }
-            Err(Refused::Shot(error)) => return Err(error),
-            Err(Refused::Frame(error)) => first_error = first_error.or(Some(error)),
+    let sampled = samples(numbers.len());
+    for &place in &sampled {
+        steady.add(look_at(numbers[place], &job_of(numbers[place])?)?);
+    }
+    for place in (0..numbers.len()).filter(|place| !sampled.contains(place)) {
+        if !steady.looked_at.is_empty() {
+            break;
         }
+        steady.add(look_at(numbers[place], &job_of(numbers[place])?)?);
     }
-    match first_error {
-        Some(error) if steady.looked_at.is_empty() => Err(error),
-        _ => Ok(steady),
-    }
+    Ok(steady)
 }
 
-/// Why a frame that was looked at decides nothing.
-enum Refused {
-    /// The frame itself is at fault; others can decide.
-    Frame(Error),
-    /// The shot is.
-    Shot(Error),
-}
-
-/// What frame `number` needs.
-fn look_at(number: i64, job: &Job) -> Result<LookedAt, Refused> {
-    let mut prepared = render::prepare(job).map_err(Refused::Frame)?;
-    check_focus(&prepared.settings.lens.focus.value).map_err(Refused::Shot)?;
-    let calibration = prepared.calibration().map_err(Refused::Frame)?;
-    prepared.decide_views(&calibration).map_err(Refused::Frame)?;
+/// What frame `number` needs; `None` for a frame that cannot be prepared, which says why when it is rendered.
+///
+/// # Errors
+/// A focus that nobody chose.
+fn look_at(number: i64, job: &Job) -> Result<Option<LookedAt>, Error> {
+    if matches!(render::fits_into_memory(job), Ok(false)) {
+        let Ok(Some(bands)) = render::in_bands(job, Codec::default()) else { return Ok(None) };
+        check_focus(bands.focus())?;
+        return Ok(Some(LookedAt { number, stats: None, plan: bands.plan().clone(), read_seconds: 0.0 }));
+    }
+    let Ok(mut prepared) = render::prepare(job) else { return Ok(None) };
+    check_focus(&prepared.settings.lens.focus.value)?;
+    let decided = prepared.calibration().and_then(|calibration| prepared.decide_views(&calibration));
     let read_seconds = prepared.clock.seconds().read;
-    Ok(LookedAt { number, read_seconds, stats: prepared.stats, plan: prepared.plan })
+    Ok(decided.ok().map(|()| LookedAt {
+        number,
+        stats: Some(prepared.stats),
+        plan: prepared.plan,
+        read_seconds,
+    }))
 }
 
 /// Refuses a focus that nobody chose: what the centre of the picture shows changes from frame to frame, and focus would jump with it.
@@ -108,6 +109,14 @@ fn samples(count: usize) -> Vec<usize> {
 }
 
 impl Steady {
+    /// Adds what another frame needs.
+    fn add(&mut self, frame: Option<LookedAt>) {
+        if let Some(frame) = frame {
+            self.decisions.join(&Decisions::of(&frame.plan, None));
+            self.looked_at.push(frame);
+        }
+    }
+
     /// The decisions in words.
     pub fn finding(&self) -> Finding {
         let Decisions { method, views, force, .. } = &self.decisions;

@@ -5,14 +5,38 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::output::digest_of;
 use thinlens::render::{Decisions, Job, digest};
-use thinlens::sequence::{Pattern, is_finished};
+use thinlens::sequence::{Pattern, Shot, is_finished};
 use thinlens::stack::Source;
+
+/// What all frames of a run have in common; the names of files in it may be patterns.
+#[derive(Debug)]
+pub(super) struct Frames<'a> {
+    /// Where the frames are.
+    pub(super) shot: &'a Shot,
+    /// What to do with each.
+    pub(super) job: Job,
+    /// Where to.
+    pub(super) outputs: &'a OutputArgs,
+}
+
+impl Frames<'_> {
+    /// Frame `number`.
+    ///
+    /// # Errors
+    /// A pattern that cannot be read.
+    pub(super) fn frame(&self, number: i64) -> Result<Frame, Error> {
+        Ok(Frame { job: job_at(number, self.shot, &self.job)?, outputs: self.outputs.at(number)? })
+    }
+
+    /// The same with what was decided for the shot.
+    pub(super) fn pinned(self, decisions: &Decisions) -> Self {
+        Self { job: decisions.pin(&self.job), ..self }
+    }
+}
 
 /// A frame: its job and the files that it writes.
 #[derive(Debug)]
 pub(super) struct Frame {
-    /// Its number.
-    pub(super) number: i64,
     /// What to render.
     pub(super) job: Job,
     /// Where to.
@@ -20,25 +44,6 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The frame `number`, whose stack is in `inputs`, of a run in which all others have `job` and `outputs` too: the names of other files
-    /// are patterns.
-    ///
-    /// # Errors
-    /// A pattern that cannot be read.
-    pub(super) fn new(
-        number: i64,
-        inputs: Vec<PathBuf>,
-        job: &Job,
-        outputs: &OutputArgs,
-    ) -> Result<Self, Error> {
-        Ok(Self { number, job: job_at(number, inputs, job)?, outputs: outputs.at(number)? })
-    }
-
-    /// The frame with what was decided for its shot.
-    pub(super) fn pinned(self, decisions: &Decisions) -> Self {
-        Self { job: decisions.pin(&self.job), ..self }
-    }
-
     /// What determines its picture: see [`digest`].
     ///
     /// # Errors
@@ -56,14 +61,16 @@ impl Frame {
     }
 }
 
-/// The job of frame `number`, whose stack is in `inputs`: `job` with the files that the names in it are patterns of.
+/// The job of frame `number` of `shot`: `job` with the files that the names in it are patterns of.
 ///
 /// # Errors
 /// A pattern that cannot be read.
-pub(super) fn job_at(number: i64, inputs: Vec<PathBuf>, job: &Job) -> Result<Job, Error> {
-    let sources = inputs.into_iter().map(Source::File).collect();
+pub(super) fn job_at(number: i64, shot: &Shot, job: &Job) -> Result<Job, Error> {
+    let sources = shot.inputs_at(number).into_iter().map(Source::File).collect();
     let mut job = Job { frame: Some(number), sources, ..job.clone() };
-    for file in [&mut job.read_options.depth_file, &mut job.flags.beauty].into_iter().flatten() {
+    let of_preset = job.preset.as_mut().and_then(|named| named.preset.values.beauty.as_mut());
+    let files = [job.read_options.depth_file.as_mut(), job.flags.beauty.as_mut(), of_preset];
+    for file in files.into_iter().flatten() {
         *file = at(file, number)?;
     }
     Ok(job)

@@ -14,7 +14,7 @@ use super::failure::{Failure, usage_error};
 use super::outputs::OutputArgs;
 use clap::Args;
 use clap::error::ErrorKind;
-use frames::Frame;
+use frames::{Frames, job_at};
 use progress::Protocol;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -24,7 +24,7 @@ use thinlens::error::Error;
 use thinlens::gpu;
 use thinlens::output::report::write_json;
 use thinlens::render::{Decisions, Job, memory_limit_bytes};
-use thinlens::sequence::{self, FrameSet, Limits, Shot, Steady};
+use thinlens::sequence::{self, FrameSet, Limits, Shot};
 use work::Run;
 
 /// Frames of a sequence.
@@ -87,11 +87,13 @@ impl FramesArgs {
 
     /// The folders that temporary files of `outputs` are made in: where they vary, those of the frames that are asked for.
     pub(super) fn folders(&self, outputs: &OutputArgs) -> Vec<PathBuf> {
-        let frames: Vec<i64> = self.frames.iter().flat_map(FrameSet::iter).collect();
-        let at = |frame: &i64| outputs.at(*frame).ok();
-        let all = frames.iter().filter_map(at).chain([outputs.clone()]);
-        let folders: BTreeSet<PathBuf> = all.flat_map(|outputs| outputs.folders()).collect();
-        folders.into_iter().collect()
+        let numbers: Vec<i64> = self.frames.iter().flat_map(FrameSet::iter).collect();
+        let of = |number: &i64| outputs.at(*number).map(|outputs| outputs.folders()).unwrap_or_default();
+        let ends = [numbers.first(), numbers.last()].map(|number| number.map(of).unwrap_or_default());
+        if ends[0] == ends[1] {
+            return [outputs.folders(), ends[0].clone()].concat();
+        }
+        numbers.iter().flat_map(of).collect::<BTreeSet<PathBuf>>().into_iter().collect()
     }
 
     /// The numbers of the frames of `shot`, in their order: also of those that are not there, which fail or are waited for.
@@ -104,15 +106,15 @@ impl FramesArgs {
         }
     }
 
-    /// What is decided for the shot of `frames`: by the file that is given, or from some of the frames.
+    /// What is decided for the shot: by the file that is given, or from some of the frames `numbers`.
     ///
     /// # Errors
     /// Those of the file; those of [`sequence::decide`].
-    fn decisions(&self, frames: &[Frame], console: Console) -> Result<Decisions, Error> {
+    fn decisions(&self, frames: &Frames<'_>, numbers: &[i64], console: Console) -> Result<Decisions, Error> {
         if let Some(file) = &self.decisions {
             return sequence::load_decisions(file);
         }
-        let steady = decide(frames)?;
+        let steady = sequence::decide(numbers, |number| job_at(number, frames.shot, &frames.job))?;
         console.findings(&[steady.finding()]);
         Ok(steady.decisions)
     }
@@ -146,37 +148,38 @@ impl RunArgs {
 /// Those of the call, before any frame is rendered; [`Failure::Frames`] where frames failed.
 pub(super) fn run(
     shot: &Shot,
-    job: &Job,
+    job: Job,
     (frames, outputs, run): (&FramesArgs, &OutputArgs, &RunArgs),
     console: Console,
 ) -> Result<(), Failure> {
     outputs.check_varies()?;
     console.findings(&shot.findings);
     let numbers = frames.numbers(shot);
-    let of = |number| Frame::new(number, shot.inputs_at(number), job, outputs);
-    let all: Vec<Frame> = numbers.into_iter().map(of).collect::<Result<_, _>>()?;
-    if let Some(first) = all.first() {
+    let all = Frames { shot, job, outputs };
+    if let Some(first) = numbers.first() {
+        let first = all.frame(*first)?;
         first.outputs.check(&first.job)?;
     }
     if run.watch {
-        work::wait_for_any(&all, console);
+        work::wait_for_any(&all, &numbers, console)?;
     }
-    let decisions = frames.decisions(&all, console)?;
-    let all: Vec<Frame> = all.into_iter().map(|frame| frame.pinned(&decisions)).collect();
+    let decisions = frames.decisions(&all, &numbers, console)?;
+    let all = all.pinned(&decisions);
     let limits = Limits {
-        memory_bytes: memory_limit_bytes(job),
-        frames: frames_in_flight(job),
+        memory_bytes: memory_limit_bytes(&all.job),
+        frames: frames_in_flight(&all.job),
         fail_fast: run.fail_fast,
     };
-    let tally = Tally::new(console, run.progress, outputs.json, all.len());
-    let work = Run::new(run, tally);
-    let not_started = sequence::run(all, limits, &work).len();
+    let tally = Tally::new(console, run.progress, outputs.json, numbers.len());
+    let work = Run::new(all, run, tally);
+    let not_started = sequence::run(numbers, limits, &work).len();
     let summary = work.into_tally().finish(not_started);
     if let Some(path) = outputs.report_of_shot()? {
         write_json(path, &summary)?;
     }
     if outputs.json {
-        print_json_line(&Shots { shot: &summary })?;
+        // The exit code says the same to a reader that has gone.
+        let _ = print_json_line(&Shots { shot: &summary });
     }
     match summary.exit_code() {
         0 => Ok(()),
@@ -193,12 +196,6 @@ struct Shots<'a> {
 /// Most frames of `job` in flight: one for each thread; on a GPU one that it blurs, and one that is read or written meanwhile.
 fn frames_in_flight(job: &Job) -> usize {
     if gpu::may_be_chosen(job.device) { 2 } else { rayon::current_num_threads() }
-}
-
-/// The decisions of the shot of `frames`.
-fn decide(frames: &[Frame]) -> Result<Steady, Error> {
-    let jobs: Vec<(i64, &Job)> = frames.iter().map(|frame| (frame.number, &frame.job)).collect();
-    sequence::decide(&jobs)
 }
 
 /// Parses a list of frames.

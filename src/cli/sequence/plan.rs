@@ -7,7 +7,6 @@ use crate::cli::console::{Console, print, print_json};
 use crate::cli::failure::Failure;
 use serde_json::json;
 use thinlens::cost::{Calibration, predict};
-use thinlens::error::Error;
 use thinlens::render::Job;
 use thinlens::sequence::{self, FrameSet, LookedAt, Shot, Steady};
 
@@ -23,10 +22,7 @@ pub(in crate::cli) fn run(
 ) -> Result<(), Failure> {
     console.findings(&shot.findings);
     let numbers = frames.numbers(shot);
-    let of = |number: i64| Ok((number, job_at(number, shot.inputs_at(number), job)?));
-    let jobs: Vec<(i64, Job)> = numbers.iter().copied().map(of).collect::<Result<_, Error>>()?;
-    let jobs: Vec<(i64, &Job)> = jobs.iter().map(|(number, job)| (*number, job)).collect();
-    let steady = sequence::decide(&jobs)?;
+    let steady = sequence::decide(&numbers, |number| job_at(number, shot, job))?;
     if let Some(path) = &frames.decisions {
         sequence::save_decisions(&steady.decisions, path)?;
         console.wrote(path);
@@ -62,7 +58,7 @@ fn seconds_a_frame(steady: &Steady, calibration: &Calibration) -> [Option<f64>; 
             Some(views) => frame.plan.with_views(views),
             None => frame.plan.clone(),
         };
-        predict(&frame.stats, &plan, calibration).map(|cost| cost.seconds)
+        predict(frame.stats.as_ref()?, &plan, calibration).map(|cost| cost.seconds)
     };
     let read = steady.looked_at.iter().map(|frame| frame.read_seconds).reduce(f64::max);
     [read, steady.looked_at.iter().filter_map(blur).reduce(f64::max)]

@@ -1,7 +1,7 @@
 //! A frame of a run: whether it is ready, whether it is there already, and how it is rendered.
 
 use super::RunArgs;
-use super::frames::Frame;
+use super::frames::{Frame, Frames, at};
 use super::tally::{Ending, Tally};
 use crate::cli::console::Console;
 use crate::cli::picture::{self, Decided, Watcher};
@@ -17,14 +17,15 @@ const POLL: Duration = Duration::from_millis(250);
 /// The run of a sequence.
 #[derive(Debug)]
 pub(super) struct Run<'a> {
+    frames: Frames<'a>,
     args: &'a RunArgs,
     tally: Mutex<Tally>,
 }
 
 impl<'a> Run<'a> {
-    /// The run that `args` ask for, which `tally` follows.
-    pub(super) fn new(args: &'a RunArgs, tally: Tally) -> Self {
-        Self { args, tally: Mutex::new(tally) }
+    /// The run of `frames` that `args` ask for, which `tally` follows.
+    pub(super) fn new(frames: Frames<'a>, args: &'a RunArgs, tally: Tally) -> Self {
+        Self { frames, args, tally: Mutex::new(tally) }
     }
 
     fn tally(&self) -> MutexGuard<'_, Tally> {
@@ -37,16 +38,25 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Waits until the files of any of `frames` are complete.
-pub(super) fn wait_for_any(frames: &[Frame], console: Console) {
+/// Waits until all files of one of the frames `numbers` are complete.
+///
+/// # Errors
+/// A pattern that cannot be read.
+pub(super) fn wait_for_any(frames: &Frames<'_>, numbers: &[i64], console: Console) -> Result<(), Error> {
     let mut said = false;
-    while !frames.is_empty() && !frames.iter().any(is_ready) {
+    while !numbers.is_empty() {
+        for number in numbers {
+            if is_ready(&frames.frame(*number)?) {
+                return Ok(());
+            }
+        }
         if !said {
             console.note("waiting for the first frame");
             said = true;
         }
         std::thread::sleep(POLL);
     }
+    Ok(())
 }
 
 /// Whether all files that `frame` reads are complete.
@@ -66,18 +76,21 @@ impl Watcher for Quiet {
 }
 
 impl Work for Run<'_> {
-    type Frame = Frame;
+    type Frame = i64;
     type Done = Ending;
 
-    fn readiness(&self, frame: &Frame) -> Readiness {
-        if self.args.watch && !is_ready(frame) {
+    fn readiness(&self, number: &i64) -> Readiness {
+        // A frame that cannot be read fails when it is rendered, and says why.
+        let Ok(frame) = self.frames.frame(*number) else { return Readiness::Ready(0) };
+        if self.args.watch && !is_ready(&frame) {
             return Readiness::Waiting;
         }
-        // A frame that cannot be read fails when it is rendered, and says why.
         Readiness::Ready(memory_bytes(&frame.job).unwrap_or(0))
     }
 
-    fn render(&self, frame: &Frame) -> Result<Ending, Error> {
+    fn render(&self, number: &i64) -> Result<Ending, Error> {
+        let frame = self.frames.frame(*number)?;
+        frame.outputs.check_inputs(&frame.job)?;
         // Of the files as they are before they are read.
         let digest = frame.digest()?;
         if self.args.resume && frame.is_up_to_date(&digest) {
@@ -87,7 +100,8 @@ impl Work for Run<'_> {
         Ok(Ending::Rendered { seconds: rendered.clock.seconds().total, findings: rendered.stack.findings })
     }
 
-    fn ended(&self, frame: Frame, result: Result<Ending, Error>) {
-        self.tally().ended(frame.number, &frame.outputs.output, result);
+    fn ended(&self, number: i64, result: Result<Ending, Error>) {
+        let output = at(&self.frames.outputs.output, number).unwrap_or_default();
+        self.tally().ended(number, &output, result);
     }
 }
