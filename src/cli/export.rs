@@ -16,14 +16,12 @@ const EXAMPLES: &str = "\
 Examples:
   thinlens export blender -o exporters
   thinlens export mitsuba -o exporters
-  thinlens render stack.exr -o out.exr
 
 Between them, the renderer makes the stack:
   blender -b shot.blend -P exporters/blender/cli.py -- -o stack.exr
   python exporters/mitsuba/export.py scene.xml -o stack.exr
 
 A shot on a farm; docs/farms.md has the parameters:
-  thinlens export openjd -o farm
   thinlens export slurm -o farm
   bash farm/slurm/submit.sh --input 'shots/shot.####.exr' --output 'out/shot.####.exr' --frames 1-100";
 

@@ -220,7 +220,7 @@ impl Bands {
         &self.device
     }
 
-    /// Renders the bands and writes them as an EXR to the file `path`, which appears whole or not at all; `digest` ([`super::digest`]) goes
+    /// Renders the bands and writes them as an EXR to the file `path`, which appears whole or not at all; `digest` ([`super::digest()`]) goes
     /// into its header, if it is known. What is returned has no picture: it is in the file.
     ///
     /// # Errors

@@ -186,6 +186,6 @@ mod tests {
         let decisions = Decisions::of(&prepared(50.0, 8.0, &job()).plan, None);
         let text = toml::to_string(&decisions).unwrap();
         assert_eq!(toml::from_str::<Decisions>(&text).unwrap(), decisions, "{text}");
-        assert!(toml::from_str::<Decisions>("veiws = 3").is_err(), "a slip is refused");
+        assert!(toml::from_str::<Decisions>("numbr = 3").is_err(), "a slip is refused");
     }
 }

@@ -64,8 +64,8 @@ impl Job {
             Source::File(path) => Some(path.as_path()),
             Source::Memory { .. } => None,
         });
-        let preset = self.preset.iter().filter_map(|named| named.preset.values.beauty.as_deref());
-        let beauty = self.flags.beauty.as_deref().or_else(|| preset.last());
+        let mut preset = self.preset.iter().filter_map(|named| named.preset.values.beauty.as_deref());
+        let beauty = self.flags.beauty.as_deref().or_else(|| preset.next_back());
         sources.chain(self.read_options.depth_file.as_deref()).chain(beauty)
     }
 

@@ -13,6 +13,7 @@ mod rendered;
 mod stages;
 mod survey;
 
+#[cfg(feature = "cli")]
 pub(crate) use bands::in_bands_with;
 pub use bands::{Bands, fits_into_memory, in_bands, limit_bytes as memory_limit_bytes, memory_bytes};
 pub use decisions::Decisions;

@@ -1,7 +1,7 @@
 //! SEQUENCE: many frames, each of them a job.
 //!
 //! [`FrameSet`] is which frames are wanted, [`Pattern`] the name of a file in which the frame number varies, [`Shot`] the files of every frame.
-//! [`decide`] takes once for the shot the decisions that could change from frame to frame, and [`run`] renders the frames, several at once
+//! [`decide`] takes once for the shot the decisions that could change from frame to frame, and [`run()`] renders the frames, several at once
 //! within a limit of memory. This module prints nothing; [`Work`] is what the caller does with a frame and its end.
 
 mod frame_set;

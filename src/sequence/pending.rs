@@ -43,10 +43,11 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_picture_is_finished_when_it_has_not_changed_for_long() {
+    fn a_file_that_is_not_what_it_says_is_finished_when_it_has_not_changed_for_long() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        fs::write(&path, [&[0x76, 0x2f, 0x31, 0x01][..], &[0xff; 64]].concat()).unwrap();
+        let version_9 = [0x76, 0x2f, 0x31, 0x01, 9, 0, 0, 0];
+        fs::write(&path, [&version_9[..], &[0; 64]].concat()).unwrap();
         let is_finished_now = is_finished(&path);
         File::options().write(true).open(&path).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert!(!is_finished_now && is_finished(&path));

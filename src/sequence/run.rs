@@ -164,16 +164,15 @@ fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+    use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// Frames of `bytes` each; number `fails` fails, `panics` panics, and `late` is ready when it is asked for the third time.
+    /// Frames of `bytes` each; number `fails` fails, `panics` panics, and `late` is ready when five others have ended.
     #[derive(Default)]
     struct Fake {
         bytes: u64,
         fails: Option<usize>,
         panics: Option<usize>,
         late: Option<usize>,
-        asked: AtomicUsize,
         in_flight: AtomicU64,
         most_in_flight: AtomicU64,
         ended: Mutex<Vec<(usize, bool)>>,
@@ -184,7 +183,7 @@ mod tests {
         type Done = ();
 
         fn readiness(&self, frame: &usize) -> Readiness {
-            if self.late == Some(*frame) && self.asked.fetch_add(1, Ordering::SeqCst) < 2 {
+            if self.late == Some(*frame) && self.ended.lock().unwrap().len() < 5 {
                 return Readiness::Waiting;
             }
             Readiness::Ready(self.bytes)
@@ -267,7 +266,7 @@ mod tests {
     fn a_run_inside_of_another_pool_ends() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let fake = Fake { late: Some(2), ..Fake::default() };
-        let left = pool.install(|| run(vec![0, 1, 2], limits(u64::MAX, 3), &fake));
+        let left = pool.install(|| run((0..6).collect(), limits(u64::MAX, 3), &fake));
         assert!(left.is_empty());
     }
 }

@@ -176,9 +176,9 @@ mod tests {
         let decisions = Decisions { views: Some(96), force: vec![EffectKind::Fill], ..Decisions::default() };
         save(&decisions, &path).unwrap();
         assert_eq!(load(&path).unwrap(), decisions);
-        std::fs::write(&path, "views = 96\nveiws = 3\n").unwrap();
+        std::fs::write(&path, "views = 96\nnumbr = 3\n").unwrap();
         let message = load(&path).unwrap_err().to_string();
-        assert!(message.contains("veiws") && message.contains("shot.toml"), "{message}");
+        assert!(message.contains("numbr") && message.contains("shot.toml"), "{message}");
     }
 
     #[test]
