@@ -3,7 +3,6 @@
 use super::checks;
 use super::console::print_json;
 use super::failure::{Failure, usage_error};
-use super::sequence::at;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::io::{self, IsTerminal};
@@ -106,10 +105,11 @@ impl OutputArgs {
     /// # Errors
     /// A pattern that cannot be read.
     pub(super) fn at(&self, number: i64) -> Result<Self, Error> {
-        let named = |path: &Option<PathBuf>| path.as_ref().map(|path| at(path, number)).transpose();
+        let named =
+            |path: &Option<PathBuf>| path.as_ref().map(|path| Pattern::file_at(path, number)).transpose();
         let report = named(&self.report)?.filter(|report| Some(report) != self.report.as_ref());
         Ok(Self {
-            output: at(&self.output, number)?,
+            output: Pattern::file_at(&self.output, number)?,
             preview: named(&self.preview)?,
             confidence: named(&self.confidence)?,
             report,

@@ -49,6 +49,14 @@ enum Piece {
 }
 
 impl Pattern {
+    /// The file of frame `number` where `path` is a pattern, else `path`.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub fn file_at(path: &Path, number: i64) -> Result<PathBuf, Error> {
+        Ok(Self::parse(path)?.map_or_else(|| path.to_owned(), |pattern| pattern.at(number)))
+    }
+
     /// The pattern that `path` is, or nothing if it is the name of one file: it exists, or has no place for a number. What
     /// exists is looked up on the disk.
     ///

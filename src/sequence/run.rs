@@ -5,7 +5,7 @@
 //! Frames start in the order given, and may end in another.
 
 use crate::error::Error;
-use rayon::{Scope, Yield};
+use rayon::Scope;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -60,13 +60,7 @@ pub trait Work: Sync {
 pub fn run<W: Work>(frames: Vec<W::Frame>, limits: Limits, work: &W) -> Vec<W::Frame> {
     let queue = Queue { work, limits, state: Mutex::new(State::new(frames)), ending: Mutex::new(()) };
     rayon::scope(|scope| {
-        queue.start(scope);
-        while queue.waits() {
-            if rayon::yield_now() != Some(Yield::Executed) {
-                std::thread::sleep(POLL);
-            }
-            queue.start(scope);
-        }
+        queue.start_or_wait(scope);
     });
     let state = queue.state.into_inner().unwrap_or_else(PoisonError::into_inner);
     state.waiting.into()
@@ -84,8 +78,6 @@ struct Queue<'w, W: Work> {
 struct State<F> {
     /// Frames that have not started, in order.
     waiting: VecDeque<F>,
-    /// Whether one of these was not ready when it was asked last.
-    not_ready: bool,
     frames_in_flight: usize,
     bytes_in_flight: u64,
     stopped: bool,
@@ -93,13 +85,7 @@ struct State<F> {
 
 impl<F> State<F> {
     fn new(frames: Vec<F>) -> Self {
-        Self {
-            waiting: frames.into(),
-            not_ready: false,
-            frames_in_flight: 0,
-            bytes_in_flight: 0,
-            stopped: false,
-        }
+        Self { waiting: frames.into(), frames_in_flight: 0, bytes_in_flight: 0, stopped: false }
     }
 }
 
@@ -108,20 +94,27 @@ impl<W: Work> Queue<'_, W> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a frame has to be asked again whether it is ready: nothing else would start it.
-    fn waits(&self) -> bool {
+    /// Starts the frames that have room. If none is in flight then, waits for one that is ready: nothing else would start it.
+    fn start_or_wait<'scope>(&'scope self, scope: &Scope<'scope>) {
+        self.start(scope);
+        while self.is_idle() {
+            std::thread::sleep(POLL);
+            self.start(scope);
+        }
+    }
+
+    /// Whether there are frames to start, and none is in flight.
+    fn is_idle(&self) -> bool {
         let state = self.state();
-        state.not_ready && !state.stopped && !state.waiting.is_empty()
+        !state.stopped && !state.waiting.is_empty() && state.frames_in_flight == 0
     }
 
     /// Starts the frames that have room.
     fn start<'scope>(&'scope self, scope: &Scope<'scope>) {
         let mut state = self.state();
-        state.not_ready = false;
         let mut place = 0;
         while !state.stopped && state.frames_in_flight < self.limits.frames && place < state.waiting.len() {
             let Readiness::Ready(bytes) = self.work.readiness(&state.waiting[place]) else {
-                state.not_ready = true;
                 place += 1;
                 continue;
             };
@@ -136,19 +129,22 @@ impl<W: Work> Queue<'_, W> {
         }
     }
 
-    /// Renders `frame`, and starts what then has room.
+    /// Renders `frame`, and starts what then has room. Frames that were not ready are asked again at the end of each frame.
     fn carry_out<'scope>(&'scope self, scope: &Scope<'scope>, frame: W::Frame, bytes: u64) {
         let result = catch_unwind(AssertUnwindSafe(|| self.work.render(&frame)))
             .unwrap_or_else(|panic| Err(panicked(panic.as_ref())));
+        let failed = result.is_err();
+        {
+            let _one_at_a_time = self.ending.lock().unwrap_or_else(PoisonError::into_inner);
+            self.work.ended(frame, result);
+        }
         {
             let mut state = self.state();
             state.frames_in_flight -= 1;
             state.bytes_in_flight -= bytes;
-            state.stopped |= result.is_err() && self.limits.fail_fast;
+            state.stopped |= failed && self.limits.fail_fast;
         }
-        self.start(scope);
-        let _one_at_a_time = self.ending.lock().unwrap_or_else(PoisonError::into_inner);
-        self.work.ended(frame, result);
+        self.start_or_wait(scope);
     }
 }
 

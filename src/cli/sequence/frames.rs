@@ -1,7 +1,7 @@
 //! The frames of a run: the job of each, and its files.
 
 use crate::cli::outputs::OutputArgs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::output::digest_of;
 use thinlens::render::{Decisions, Job, digest};
@@ -71,15 +71,7 @@ pub(super) fn job_at(number: i64, shot: &Shot, job: &Job) -> Result<Job, Error> 
     let of_preset = job.preset.as_mut().and_then(|named| named.preset.values.beauty.as_mut());
     let files = [job.read_options.depth_file.as_mut(), job.flags.beauty.as_mut(), of_preset];
     for file in files.into_iter().flatten() {
-        *file = at(file, number)?;
+        *file = Pattern::file_at(file, number)?;
     }
     Ok(job)
-}
-
-/// The file of frame `number` where `path` is a pattern, else `path`.
-///
-/// # Errors
-/// A pattern that cannot be read.
-pub(in crate::cli) fn at(path: &Path, number: i64) -> Result<PathBuf, Error> {
-    Ok(Pattern::parse(path)?.map_or_else(|| path.to_owned(), |pattern| pattern.at(number)))
 }

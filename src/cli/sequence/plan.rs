@@ -1,6 +1,6 @@
 //! `thinlens plan` of a sequence: what the shot decides, and how long it will take.
 
-use super::FramesArgs;
+use super::args::FramesArgs;
 use super::frames::job_at;
 use super::tally::in_words;
 use crate::cli::console::{Console, print, print_json};

@@ -1,7 +1,7 @@
 //! A frame of a run: whether it is ready, whether it is there already, and how it is rendered.
 
-use super::RunArgs;
-use super::frames::{Frame, Frames, at};
+use super::args::RunArgs;
+use super::frames::{Frame, Frames};
 use super::tally::{Ending, Tally};
 use crate::cli::console::Console;
 use crate::cli::picture::{self, Decided, Watcher};
@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use thinlens::error::Error;
 use thinlens::render::memory_bytes;
-use thinlens::sequence::{Readiness, Work, check_focus, is_finished};
+use thinlens::sequence::{Pattern, Readiness, Work, check_focus, is_finished};
 
 /// How often the first frame of a sequence is looked for.
 const POLL: Duration = Duration::from_millis(250);
@@ -101,7 +101,7 @@ impl Work for Run<'_> {
     }
 
     fn ended(&self, number: i64, result: Result<Ending, Error>) {
-        let output = at(&self.frames.outputs.output, number).unwrap_or_default();
+        let output = Pattern::file_at(&self.frames.outputs.output, number).unwrap_or_default();
         self.tally().ended(number, &output, result);
     }
 }
