@@ -49,9 +49,7 @@ pub(super) fn not_an_input(output: &Path, mut inputs: impl Iterator<Item: AsRef<
 /// # Errors
 /// It cannot be created, is not a folder, or is not writable.
 pub(super) fn folder(folder: &Path) -> Result<(), Error> {
-    std::fs::create_dir_all(folder).map_err(|cause| {
-        Error::output("the output folder cannot be created").in_file(folder).caused_by(cause)
-    })?;
+    atomic::create_folder(folder)?;
     atomic::check_writable(&folder.join("results.json"))
 }
 

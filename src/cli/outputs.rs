@@ -136,14 +136,10 @@ impl OutputArgs {
             [Some(&self.output), self.preview.as_ref(), self.confidence.as_ref()].into_iter().flatten()
         {
             if Pattern::parse(file)?.is_none() {
-                let example = file.with_extension(format!(
-                    "####.{}",
-                    file.extension().unwrap_or_default().to_string_lossy()
-                ));
                 return Err(Error::settings("all frames of the sequence would have the same file")
                     .in_file(file)
                     .with("expected", "a pattern for the frame number, such as ####")
-                    .help(format!("name it {}", example.display()))
+                    .help(format!("name it {}", with_pattern(file).display()))
                     .into());
             }
         }
@@ -254,6 +250,24 @@ impl OutputArgs {
         Err(Error::limits(format!("{what}, and the frame does not fit into memory")).help(help))
     }
 
+    /// Creates the folders of these files whose names vary with the frame, as they do in `patterns`.
+    ///
+    /// # Errors
+    /// A folder that cannot be created.
+    pub(super) fn create_folders(&self, patterns: &Self) -> Result<(), Error> {
+        let of = |all: &Self| {
+            let files =
+                [Some(&all.output), all.preview.as_ref(), all.confidence.as_ref(), all.report.as_ref()];
+            files.map(|file| file.and_then(|file| file.parent()).map(Path::to_owned))
+        };
+        for (folder, pattern) in of(self).into_iter().zip(of(patterns)) {
+            if let (Some(folder), true) = (folder.as_ref(), folder != pattern) {
+                atomic::create_folder(folder)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The folders that temporary files are made in.
     pub(super) fn folders(&self) -> Vec<PathBuf> {
         let files =
@@ -348,6 +362,16 @@ fn codecs() -> impl TypedValueParser<Value = Codec> {
     PossibleValuesParser::new(Codec::ALL.map(Codec::name)).try_map(|name| name.parse::<Codec>())
 }
 
+/// A name like `file` for every frame of a sequence.
+fn with_pattern(file: &Path) -> PathBuf {
+    match file.extension() {
+        _ if file == Path::new("-") => PathBuf::from("out.####.exr"),
+        _ if file.is_dir() => file.join("out.####.exr"),
+        Some(extension) => file.with_extension(format!("####.{}", extension.to_string_lossy())),
+        None => file.with_extension("####.exr"),
+    }
+}
+
 /// The format and destination of `output`, from its extension.
 fn target(output: &Path) -> Result<Target, Error> {
     let extension = output.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
@@ -385,5 +409,15 @@ mod tests {
         assert_eq!(target("-"), Some(Target::Stdout));
         assert_eq!(target("out.jpg"), None);
         assert_eq!(target("out"), None);
+    }
+
+    #[test]
+    fn the_name_that_is_proposed_for_frames_is_a_pattern() {
+        let proposed = |name| with_pattern(Path::new(name)).display().to_string();
+        assert_eq!(proposed("a/out.exr"), "a/out.####.exr");
+        assert_eq!(proposed("out"), "out.####.exr");
+        assert_eq!(proposed("-"), "out.####.exr");
+        let folder = tempfile::tempdir().unwrap();
+        assert!(with_pattern(folder.path()).ends_with("out.####.exr"));
     }
 }

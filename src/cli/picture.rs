@@ -35,14 +35,15 @@ pub(super) struct Decided<'a> {
 }
 
 /// Renders `job` and writes `outputs` except for what goes to standard output as JSON. A frame that does not fit into memory is rendered in
-/// bands of rows. `digest` says in the picture's header what determined it.
+/// bands of rows. `digest` says in the picture's header what determined it; where it could not be computed, reading
+/// says why.
 ///
 /// # Errors
 /// Those of reading, of the lens, of the method and of the files.
 pub(super) fn render(
     job: &Job,
     outputs: &OutputArgs,
-    digest: String,
+    digest: Result<String, Error>,
     watcher: &dyn Watcher,
 ) -> Result<Rendered, Error> {
     if !fits_into_memory(job)? {
@@ -54,13 +55,13 @@ pub(super) fn render(
         let (stack, focus) = (bands.stack(), bands.focus());
         watcher.decided(&Decided { stack, focus, plan: bands.plan(), device: bands.device() })?;
         let options = outputs.encoding().exr_options(bands.stack().precision);
-        bands.write(&outputs.output, &options, Some(digest), progress)?
+        bands.write(&outputs.output, &options, Some(digest?), progress)?
     } else {
         let prepared = prepare(job)?;
         let (stack, focus) = (&prepared.stack, &prepared.settings.lens.focus.value);
         watcher.decided(&Decided { stack, focus, plan: &prepared.plan, device: &prepared.device })?;
         let mut rendered = prepared.blur(progress)?;
-        rendered.set_digest(digest);
+        rendered.set_digest(digest?);
         outputs.write(&mut rendered)?;
         rendered
     };

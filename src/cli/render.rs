@@ -58,7 +58,7 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let job = args.job(methods)?;
     output.check(&job)?;
     // Of the files as they are before they are read.
-    let digest = digest(&job, &output.encoding())?;
+    let digest = digest(&job, &output.encoding());
     let teller = Teller { console: *console, printed: OnceLock::new(), bar: console.progress("blurring") };
     let rendered = picture::render(&job, output, digest, &teller)?;
     teller.finish(&rendered);

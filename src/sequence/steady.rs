@@ -125,7 +125,7 @@ impl Steady {
         let effects: Vec<&str> = force.iter().copied().map(EffectKind::name).collect();
         let effects = if effects.is_empty() { "no effect".to_owned() } else { effects.join(", ") };
         let frames: Vec<String> = self.looked_at.iter().map(|frame| frame.number.to_string()).collect();
-        let text = format!("{method}{views}, with {effects}: for all frames, from {}", frames.join(", "));
+        let text = format!("{method}{views}, with {effects}; decided by frames {}", frames.join(", "));
         Finding::note("shot", text)
     }
 }

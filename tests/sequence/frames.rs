@@ -87,6 +87,24 @@ fn a_report_a_preview_and_a_mask_of_every_frame_have_patterns_and_a_report_witho
 }
 
 #[test]
+fn a_frame_may_have_a_folder_of_its_own_which_is_created() {
+    let folder = shot(&[1, 2]);
+    let arguments = ["render", "shot.####.exr", "-o", "out/####/f.exr", "--focus", "6", "--views", "1"];
+    ended_with(&run(folder.path(), &arguments), 0);
+    assert_eq!(names(&folder.path().join("out")), ["0001", "0002"]);
+    assert_eq!(names(&folder.path().join("out/0002")), ["f.exr"]);
+}
+
+#[test]
+fn no_frame_is_written_over_its_input_whichever_comes_first() {
+    let folder = shot(&[1, 2]);
+    let before = fs::read(folder.path().join("shot.0002.exr")).unwrap();
+    let arguments = ["render", "shot.####.exr", "--frames", "0-2", "-o", "shot.####.exr", "--focus", "6"];
+    ended_with(&run(folder.path(), &[&arguments[..], &["--views", "1"]].concat()), 2);
+    assert!(fs::read(folder.path().join("shot.0002.exr")).unwrap() == before);
+}
+
+#[test]
 fn one_file_for_all_frames_is_refused() {
     let folder = shot(&[1, 2]);
     let arguments = ["render", "shot.####.exr", "-o", "out/f.exr", "--focus", "6", "--views", "4"];

@@ -38,6 +38,7 @@ pub(super) fn run(
     let all = Frames { shot, job, outputs };
     if let Some(first) = numbers.first() {
         let first = all.frame(*first)?;
+        first.outputs.create_folders(outputs)?;
         first.outputs.check(&first.job)?;
     }
     if run.watch {

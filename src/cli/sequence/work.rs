@@ -90,10 +90,11 @@ impl Work for Run<'_> {
 
     fn render(&self, number: &i64) -> Result<Ending, Error> {
         let frame = self.frames.frame(*number)?;
+        frame.outputs.create_folders(self.frames.outputs)?;
         frame.outputs.check_inputs(&frame.job)?;
         // Of the files as they are before they are read.
-        let digest = frame.digest()?;
-        if self.args.resume && frame.is_up_to_date(&digest) {
+        let digest = frame.digest();
+        if self.args.resume && digest.as_ref().is_ok_and(|digest| frame.is_up_to_date(digest)) {
             return Ok(Ending::Skipped);
         }
         let rendered = picture::render(&frame.job, &frame.outputs, digest, &Quiet)?;
