@@ -58,6 +58,8 @@ fn progress_is_said_in_the_words_of_the_farm_engine() {
     for line in ["openjd_progress: 50.0", "openjd_progress: 100.0", "openjd_status: ", "openjd_fail: "] {
         assert!(text.lines().any(|found| found.starts_with(line)), "{line}: {text}");
     }
+    let percentages = render(folder.path(), &["--progress", "opencue", "--frames", "1"]);
+    assert!(String::from_utf8(percentages.stdout).unwrap().starts_with("100 % frame 1: "));
     let silent = render(folder.path(), &["--progress", "none", "--frames", "1"]);
     ended_with(&silent, 0);
     assert!(silent.stdout.is_empty());

@@ -11,7 +11,7 @@ pub(super) enum Protocol {
     Auto,
     /// Lines of Open Job Description on stdout
     Openjd,
-    /// Percentages on stdout, as `OpenCue` shows
+    /// Short lines with a percentage on stdout, for OpenCue
     Opencue,
     /// A line a frame, and no bar
     None,
@@ -37,7 +37,7 @@ impl Protocol {
             Self::Openjd => {
                 send(&format!("openjd_progress: {percent:.1}\nopenjd_status: {}\n", line.text));
             }
-            Self::Opencue => send(&format!("{percent:.0}%\n")),
+            Self::Opencue => send(&format!("{percent:.0} % {}\n", line.text)),
         }
     }
 
