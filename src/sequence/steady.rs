@@ -3,7 +3,7 @@
 //! A few frames, evenly spread over the shot, are read and analyzed. The number of views is that of the frame that needs most; an effect that
 //! is on in any of them is on in all frames. The view table follows from the number of views and the lens, and is then the same too.
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::finding::Finding;
 use crate::methods::Plan;
 use crate::output::atomic;
@@ -22,8 +22,10 @@ const SAMPLES: usize = 5;
 pub struct Steady {
     /// What is decided.
     pub decisions: Decisions,
-    /// The frames that were looked at.
+    /// The frames that were looked at and can be prepared.
     pub looked_at: Vec<LookedAt>,
+    /// Why the first of those that cannot be prepared cannot.
+    pub error: Option<Error>,
 }
 
 /// A frame that was looked at.
@@ -41,15 +43,22 @@ pub struct LookedAt {
 }
 
 /// Decides for the shot of the frames `numbers`, of which `job_of` gives the jobs. If none of the frames that should be looked at can be
-/// prepared, the first of the others that can decides alone; if none can, nothing is decided, and each frame will say why.
+/// prepared, the first of the others that can decides alone; if none can, nothing is decided, and [`Steady::error`] says why.
 ///
 /// # Errors
-/// A focus that nobody chose ([`check_focus`]), and those of `job_of`.
+/// Those of `job_of`, a focus that nobody chose ([`check_focus`]), and [`crate::error::ErrorKind::Settings`] of the first frame where all
+/// that should be looked at have such an error: the call is wrong, and not the frames.
 pub fn decide(numbers: &[i64], job_of: impl Fn(i64) -> Result<Job, Error>) -> Result<Steady, Error> {
     let mut steady = Steady::default();
     let sampled = samples(numbers.len());
+    let mut is_call = true;
     for &place in &sampled {
-        steady.add(look_at(numbers[place], &job_of(numbers[place])?)?);
+        let looked_at = look_at(numbers[place], &job_of(numbers[place])?)?;
+        is_call &= looked_at.as_ref().is_err_and(|error| error.kind() == ErrorKind::Settings);
+        steady.add(looked_at);
+    }
+    if let Some(error) = steady.error.take_if(|_| is_call) {
+        return Err(error);
     }
     for place in (0..numbers.len()).filter(|place| !sampled.contains(place)) {
         if !steady.looked_at.is_empty() {
@@ -60,26 +69,43 @@ pub fn decide(numbers: &[i64], job_of: impl Fn(i64) -> Result<Job, Error>) -> Re
     Ok(steady)
 }
 
-/// What frame `number` needs; `None` for a frame that cannot be prepared, which says why when it is rendered.
+/// What frame `number` needs, or why it cannot be prepared.
 ///
 /// # Errors
 /// A focus that nobody chose.
-fn look_at(number: i64, job: &Job) -> Result<Option<LookedAt>, Error> {
-    if matches!(render::fits_into_memory(job), Ok(false)) {
-        let Ok(Some(bands)) = render::in_bands(job, Codec::default()) else { return Ok(None) };
-        check_focus(bands.focus())?;
-        return Ok(Some(LookedAt { number, stats: None, plan: bands.plan().clone(), read_seconds: 0.0 }));
+fn look_at(number: i64, job: &Job) -> Result<Result<LookedAt, Error>, Error> {
+    let decided = if matches!(render::fits_into_memory(job), Ok(false)) {
+        in_bands(number, job)
+    } else {
+        whole(number, job)
+    };
+    match decided {
+        Ok((focus, frame)) => check_focus(&focus).map(|()| Ok(frame)),
+        Err(error) => Ok(Err(error)),
     }
-    let Ok(mut prepared) = render::prepare(job) else { return Ok(None) };
-    check_focus(&prepared.settings.lens.focus.value)?;
-    let decided = prepared.calibration().and_then(|calibration| prepared.decide_views(&calibration));
+}
+
+/// What is in focus in frame `number`, and what it needs.
+fn whole(number: i64, job: &Job) -> Result<(Focus, LookedAt), Error> {
+    let mut prepared = render::prepare(job)?;
+    let focus = prepared.settings.lens.focus.value.clone();
+    if focus != Focus::Centre {
+        let calibration = prepared.calibration()?;
+        prepared.decide_views(&calibration)?;
+    }
     let read_seconds = prepared.clock.seconds().read;
-    Ok(decided.ok().map(|()| LookedAt {
-        number,
-        stats: Some(prepared.stats),
-        plan: prepared.plan,
-        read_seconds,
-    }))
+    Ok((focus, LookedAt { number, stats: Some(prepared.stats), plan: prepared.plan, read_seconds }))
+}
+
+/// The same of a frame that does not fit into memory.
+fn in_bands(number: i64, job: &Job) -> Result<(Focus, LookedAt), Error> {
+    match render::in_bands(job, Codec::default())? {
+        Some(bands) => {
+            let frame = LookedAt { number, stats: None, plan: bands.plan().clone(), read_seconds: 0.0 };
+            Ok((bands.focus().clone(), frame))
+        }
+        None => whole(number, job),
+    }
 }
 
 /// Refuses a focus that nobody chose: what the centre of the picture shows changes from frame to frame, and focus would jump with it.
@@ -109,16 +135,24 @@ fn samples(count: usize) -> Vec<usize> {
 }
 
 impl Steady {
-    /// Adds what another frame needs.
-    fn add(&mut self, frame: Option<LookedAt>) {
-        if let Some(frame) = frame {
-            self.decisions.join(&Decisions::of(&frame.plan, None));
-            self.looked_at.push(frame);
+    /// Adds what another frame needs, or why it cannot be prepared.
+    fn add(&mut self, frame: Result<LookedAt, Error>) {
+        match frame {
+            Ok(frame) => {
+                self.decisions.join(&Decisions::of(&frame.plan, None));
+                self.looked_at.push(frame);
+            }
+            Err(error) => {
+                self.error.get_or_insert(error);
+            }
         }
     }
 
     /// The decisions in words.
     pub fn finding(&self) -> Finding {
+        if self.looked_at.is_empty() {
+            return Finding::warning("shot", "no frame can be prepared: nothing is decided for the shot");
+        }
         let Decisions { method, views, force, .. } = &self.decisions;
         let method = method.as_deref().unwrap_or("auto");
         let views = views.map(|views| format!(", {views} views")).unwrap_or_default();
@@ -158,6 +192,8 @@ pub fn save(decisions: &Decisions, path: &Path) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Effort, Values};
+    use crate::stack::Source;
 
     #[test]
     fn the_first_frame_the_last_and_some_between_are_looked_at() {
@@ -179,6 +215,36 @@ mod tests {
         std::fs::write(&path, "views = 96\nnumbr = 3\n").unwrap();
         let message = load(&path).unwrap_err().to_string();
         assert!(message.contains("numbr") && message.contains("shot.toml"), "{message}");
+    }
+
+    /// The job of a sample, or of a file that is not there.
+    fn job(exists: bool, views: usize) -> Job {
+        let name = if exists { "samples/fence/stack.exr" } else { "no/such.exr" };
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+        let (focus, effort) = (Some(Focus::Distance(6.0)), Some(Effort::Views(views)));
+        Job::new([Source::file(file)]).with_values(Values { focus, effort, ..Values::default() })
+    }
+
+    #[test]
+    fn a_frame_that_cannot_be_read_decides_nothing_and_the_next_that_can_does() {
+        let numbers: Vec<i64> = (0..9).collect();
+        let steady = decide(&numbers, |number| Ok(job(number == 3, 7))).unwrap();
+        assert_eq!(
+            samples(9).iter().filter(|place| **place == 3).count(),
+            0,
+            "frame 3 is not one of the five"
+        );
+        assert_eq!(steady.looked_at.iter().map(|frame| frame.number).collect::<Vec<_>>(), [3]);
+        assert_eq!(steady.decisions.views, Some(7));
+        let none = decide(&numbers, |_| Ok(job(false, 7))).unwrap();
+        assert!(none.error.is_some_and(|error| error.kind() == ErrorKind::Input));
+        assert_eq!((none.decisions, none.looked_at.len()), (Decisions::default(), 0));
+    }
+
+    #[test]
+    fn a_wrong_call_is_an_error_of_the_shot_and_not_of_every_frame() {
+        let error = decide(&[1, 2, 3], |_| Ok(job(true, 0))).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Settings);
     }
 
     #[test]

@@ -39,6 +39,18 @@ fn where_all_frames_fail_the_exit_code_is_that_of_their_errors() {
 }
 
 #[test]
+fn a_wrong_call_is_said_once_and_a_plan_without_a_good_frame_fails_and_writes_nothing() {
+    let folder = shot(&[1, 2, 3]);
+    let wrong = render(folder.path(), &["--method", "gather", "--force", "fill"]);
+    ended_with(&wrong, 2);
+    assert_eq!(stderr(&wrong).matches("cannot be forced").count(), 1, "{}", stderr(&wrong));
+    (1..=3).for_each(|number| damage(folder.path(), number));
+    let plan = ["plan", "shot.####.exr", "--focus", "6", "--decisions", "shot.toml"];
+    ended_with(&run(folder.path(), &plan), 4);
+    assert!(!folder.path().join("shot.toml").exists());
+}
+
+#[test]
 fn a_run_that_should_stop_at_a_failure_starts_no_frame_after_it() {
     let folder = shot(&[1, 2, 3, 4, 5, 6]);
     damage(folder.path(), 1);

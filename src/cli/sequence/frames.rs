@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thinlens::error::Error;
 use thinlens::output::digest_of;
 use thinlens::render::{Decisions, Job, digest};
-use thinlens::sequence::{Pattern, Shot, is_finished};
+use thinlens::sequence::{Pattern, Shot};
 use thinlens::stack::Source;
 
 /// What all frames of a run have in common; the names of files in it may be patterns.
@@ -52,12 +52,12 @@ impl Frame {
         digest(&self.job, &self.outputs.encoding())
     }
 
-    /// Whether all its files are there as a whole, and its picture has this `digest`.
+    /// Whether all its files are there, and its picture is whole and has this `digest`.
     pub(super) fn is_up_to_date(&self, digest: &str) -> bool {
         let picture = &self.outputs.output;
         let is_there = |file: &PathBuf| file.is_file();
         let all = self.outputs.files().is_ok_and(|mut files| files.all(is_there));
-        all && is_finished(picture) && digest_of(picture).is_some_and(|written| written == digest)
+        all && digest_of(picture).is_some_and(|written| written == digest)
     }
 }
 

@@ -22,7 +22,10 @@ pub(in crate::cli) fn run(
 ) -> Result<(), Failure> {
     console.findings(&shot.findings);
     let numbers = frames.numbers(shot);
-    let steady = sequence::decide(&numbers, |number| job_at(number, shot, job))?;
+    let mut steady = sequence::decide(&numbers, |number| job_at(number, shot, job))?;
+    if let Some(error) = steady.error.take_if(|_| steady.looked_at.is_empty()) {
+        return Err(error.into());
+    }
     if let Some(path) = &frames.decisions {
         sequence::save_decisions(&steady.decisions, path)?;
         console.wrote(path);

@@ -111,7 +111,7 @@ impl Tally {
                 ("skipped", None, None)
             }
             Err(error) => {
-                self.above_bar(|| console::frame_error(number, &error));
+                self.bar.suspend(|| console::frame_error(number, &error));
                 self.failures.push(Failed { frame: number, error: with_flags(error.report()) });
                 ("failed", None, self.failures.last().map(|failed| &failed.error))
             }
@@ -146,10 +146,6 @@ impl Tally {
                 self.bar.suspend(|| console::warning(format_args!("frame {number}: {text}")));
             }
         }
-    }
-
-    fn above_bar(&self, print: impl FnOnce()) {
-        self.bar.suspend(print);
     }
 
     fn done(&self) -> usize {
