@@ -6,14 +6,20 @@
 //! *Lateral colour.* Red shows at `p` what green shows at `axis + (p − axis) / (1 + m)`, interpolated bilinearly: for surfaces in focus
 //! that is exact, because a fragment is the square of its sample. Border pixels are repeated. Alpha is sampled like green.
 //!
+//! *Light without alpha.* Its fragments have [`LIGHT_ALPHA`] while they are blurred; a picture of light alone has alpha 0.
+//!
 //! Cost: a read and a write of the picture. Memory: one channel.
 
 use crate::image::{Image, Plane};
 use crate::lens::{Falloff, Field, Optics};
 use crate::methods::Plan;
 use crate::scene::EffectKind;
+use crate::stack::LIGHT_ALPHA;
 use glam::Vec2;
 use rayon::prelude::*;
+
+/// Alpha up to this is that of light which hides nothing, as many as 32 one behind another.
+const NO_ALPHA: f32 = 32.0 * LIGHT_ALPHA;
 
 /// `image` with the lateral colour and vignetting of `plan`; `field` is its position in the lens's field.
 pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
@@ -30,6 +36,8 @@ pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
         let barrel = Optics { vignetting: optics.vignetting, ..plan.optics_requested.clone() };
         darken(&mut image, &Falloff::new(&barrel, field));
     }
+    let [.., alpha] = &mut image.planes;
+    alpha.values_mut().iter_mut().for_each(|alpha| *alpha = if *alpha > NO_ALPHA { *alpha } else { 0.0 });
     image
 }
 

@@ -148,10 +148,10 @@ fn blended(sum: Sum, k: u32, behind: vec4f, has_content: ptr<function, bool>) ->
     return (content + transmittance * behind) / (alpha + transmittance);
 }
 
-// Share of pixel `k` of a thread's two that no layer covers.
-fn uncovered(layers: Layers, k: u32) -> f32 {
-    let left = max(1.0 - vec3f(layers.front.alpha[k], layers.same.alpha[k], layers.behind.alpha[k]), vec3f(0.0));
-    return left.x * left.y * left.z;
+// Share of pixel `k` of a thread's two that the layers cover. CPU version: `layers::blend`.
+fn covered(layers: Layers, k: u32) -> f32 {
+    let alphas = min(vec3f(layers.front.alpha[k], layers.same.alpha[k], layers.behind.alpha[k]), vec3f(1.0));
+    return alphas.x + (1.0 - alphas.x) * (alphas.y + (1.0 - alphas.y) * alphas.z);
 }
 
 // Writes pixel `k` of a thread's two.
@@ -169,7 +169,7 @@ fn write_pixel(layers: Layers, k: u32, at: vec2i) {
         picture[channel * plane + pixel] = content[channel];
     }
     if params.planes > 4u {
-        picture[4u * plane + pixel] = 1.0 - uncovered(layers, k);
+        picture[4u * plane + pixel] = covered(layers, k);
     }
 }
 

@@ -609,7 +609,10 @@ fn write_pixel(at: vec2u, sum: RaySums) {
     let known = views - sum.lost;
     let weight = select(known, views, params.lost_are_black != 0u);
     let covered = weight - sum.transparent;
-    let mean = select(vec4f(0.0), vec4f(sum.light.rgb, covered) / weight, covered > MIN_HIT_VIEWS);
+    // Light without alpha has colour where nothing is covered.
+    let has_views = weight > MIN_HIT_VIEWS;
+    let is_covered = has_views && covered > MIN_HIT_VIEWS;
+    let mean = select(vec4f(0.0), vec4f(sum.light.rgb, covered) / weight, vec4<bool>(vec3<bool>(has_views), is_covered));
     var share = 1.0;
     if params.blends != 0u {
         share = textureLoad(pixels, source_of(at, vec2i(0)), 0u, 0).z;
@@ -625,8 +628,8 @@ fn write_pixel(at: vec2u, sum: RaySums) {
         picture[index] = blended(picture[index], sum.light.a / max(views, MIN_HIT_VIEWS), share);
     }
     if NEAR {
-        let near = select(vec4f(0.0), sum.near.light / weight, covered > MIN_HIT_VIEWS);
-        let radius = select(0.0, sum.near.radius / weight, covered > MIN_HIT_VIEWS);
+        let near = select(vec4f(0.0), sum.near.light / weight, has_views);
+        let radius = select(0.0, sum.near.radius / weight, has_views);
         if (params.channels & 8u) != 0u {
             let index = 5u * plane + pixel;
             picture[index] = blended(picture[index], radius, share);

@@ -126,16 +126,22 @@ fn covered(sum: Sum) -> f32 {
     return select(sum.hit, sum.rays - sum.transparent, batch.lost_are_black != 0u);
 }
 
-fn shows_nothing(sum: Sum) -> bool {
-    return covered(sum) <= MIN_HIT * sum.rays;
+// Rays in the mean.
+fn weight(sum: Sum) -> f32 {
+    return select(sum.hit + sum.transparent, sum.rays, batch.lost_are_black != 0u);
 }
 
+fn shows_nothing(sum: Sum) -> bool {
+    return weight(sum) <= MIN_HIT * sum.rays;
+}
+
+// Rays that hit nothing but light without alpha have a colour.
 fn mean(sum: Sum) -> vec4f {
     if shows_nothing(sum) {
         return vec4f(0.0);
     }
-    let weight = select(sum.hit + sum.transparent, sum.rays, batch.lost_are_black != 0u);
-    return vec4f(sum.color, covered(sum)) / weight;
+    let covered = covered(sum);
+    return vec4f(sum.color, select(0.0, covered, covered > MIN_HIT * sum.rays)) / weight(sum);
 }
 
 @compute @workgroup_size(64)

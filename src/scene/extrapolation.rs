@@ -14,6 +14,7 @@
 //! Cost: one pass over the scene, only where a plan has the effect on. Limits: the brightness that was clipped is unknown, and a
 //! white wall gains as much as a lamp.
 
+use super::layer::divisor;
 use super::light::{LightStep, light_step_bounds, luminance, share_of_gain};
 use super::{Layer, Scene};
 use crate::error::Error;
@@ -89,8 +90,8 @@ impl Extrapolation {
         for (x, (&alpha, &coc_px)) in alpha.iter().zip(coc_px).enumerate() {
             let light = luminance([red[x], green[x], blue[x]]);
             let share = share_of_gain(coc_px);
-            if alpha > 0.0 && share > 0.0 && light > threshold * alpha {
-                let gain = self.gain_at(srgb_encode(light / alpha));
+            if alpha > 0.0 && share > 0.0 && light > threshold * divisor(alpha) {
+                let gain = self.gain_at(srgb_encode(light / divisor(alpha)));
                 let gain = (1.0 - share) + share * gain;
                 [&mut red[x], &mut green[x], &mut blue[x]].into_iter().for_each(|value| *value *= gain);
             }

@@ -17,6 +17,7 @@ use super::surroundings::{FADE_PX, Seen, Surroundings, Way};
 use super::unmixing::{replace_blurred, unmixed_colors};
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
+use crate::stack::LIGHT_ALPHA;
 use rayon::prelude::*;
 
 /// Number of surfaces that are estimated behind one another.
@@ -248,9 +249,9 @@ fn luminance(color: [f32; 3]) -> f32 {
     color.iter().sum::<f32>().max(0.0)
 }
 
-/// CoC radius of the last fragment at `x, y`.
+/// CoC radius of the last fragment at `x, y` that hides something.
 fn last_coc(layers: &[Layer], x: usize, y: usize) -> Option<f32> {
-    layers.iter().rev().find(|layer| layer.alpha.get(x, y) > 0.0).map(|layer| layer.coc_px.get(x, y))
+    layers.iter().rev().find(|layer| layer.alpha.get(x, y) > LIGHT_ALPHA).map(|layer| layer.coc_px.get(x, y))
 }
 
 #[cfg(test)]

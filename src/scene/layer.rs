@@ -1,6 +1,7 @@
 //! One peel in CoC space.
 
 use crate::image::Plane;
+use crate::stack::LIGHT_ALPHA;
 use rayon::prelude::*;
 
 /// Fragments of at least this alpha hide everything behind them.
@@ -19,6 +20,12 @@ pub struct Layer {
     pub alpha: Plane,
     /// Signed CoC radius in picture pixels, negative in front of focus; finite.
     pub coc_px: Plane,
+}
+
+/// What a premultiplied colour is divided by to know how bright a fragment of this `alpha` is, above 0: light that hides nothing is as
+/// bright as it is written.
+pub(super) fn divisor(alpha: f32) -> f32 {
+    if alpha > LIGHT_ALPHA { alpha } else { 1.0 }
 }
 
 impl Layer {
@@ -40,7 +47,7 @@ impl Layer {
     /// Unpremultiplied colour of column `x` of row `y`; black without a fragment.
     pub(super) fn unpremultiplied_at(&self, x: usize, y: usize) -> [f32; 3] {
         let alpha = self.alpha.get(x, y);
-        self.color_at(x, y).map(|value| if alpha > 0.0 { value / alpha } else { 0.0 })
+        self.color_at(x, y).map(|value| if alpha > 0.0 { value / divisor(alpha) } else { 0.0 })
     }
 
     /// Unpremultiplied colours, row by row; black without a fragment.

@@ -7,6 +7,7 @@ use super::bright::{
     BARELY_BLURRED_PX, BRIGHT_STEPS, BrightStep, bright_step, bright_step_floor, brightness, isolation,
     share_of_disc, share_of_its_light, share_of_light,
 };
+use super::layer::divisor;
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
@@ -260,7 +261,7 @@ impl Tally {
         for (x, (&alpha, &coc)) in alpha.iter().zip(coc).enumerate() {
             if alpha > 0.0 && coc.abs() > 1.0 {
                 let light = luminance([red[x], green[x], blue[x]]);
-                let step = &mut self.light[light_step(light / alpha)];
+                let step = &mut self.light[light_step(light / divisor(alpha))];
                 step.fragments += 1;
                 step.light += f64::from(light);
                 step.gaining_light += f64::from(share_of_gain(coc) * light);

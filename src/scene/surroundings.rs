@@ -4,6 +4,7 @@
 
 use super::Layer;
 use crate::image::Plane;
+use crate::stack::LIGHT_ALPHA;
 use rayon::prelude::*;
 
 /// The directions, in columns and rows a step.
@@ -51,7 +52,7 @@ impl Way {
 
 /// The CoC radii of a layer, arranged for looking around.
 pub(super) struct Surroundings {
-    /// CoC radii in picture pixels; `−∞` without a fragment.
+    /// CoC radii in picture pixels; `−∞` without a fragment, and where light without alpha is all.
     coc_px: Plane,
     /// Largest CoC radius in each square of [`TILE`] pixels.
     tiles: Plane,
@@ -64,7 +65,7 @@ impl Surroundings {
     pub(super) fn new(layer: &Layer) -> Self {
         let mut coc_px = layer.coc_px.clone();
         coc_px.values_mut().par_iter_mut().zip(layer.alpha.values()).for_each(|(coc, alpha)| {
-            if *alpha <= 0.0 {
+            if *alpha <= LIGHT_ALPHA {
                 *coc = f32::NEG_INFINITY;
             }
         });

@@ -13,7 +13,7 @@
 
 use super::layer::Layer;
 use super::surface::CELL_PX;
-use crate::stack::Antialiasing;
+use crate::stack::{Antialiasing, LIGHT_ALPHA};
 use rayon::prelude::*;
 
 /// Differences in CoC radius to a nearer neighbour, in picture pixels: none of the colour is mixed up to the first, all from the second.
@@ -39,7 +39,10 @@ pub(super) fn replace_blurred(layer: &mut Layer, unmixed: &[[f32; 3]]) {
         let fragments = alpha.values().par_iter().zip(coc_px.values()).zip(unmixed);
         plane.values_mut().par_iter_mut().zip(fragments).for_each(|(value, ((alpha, coc), unmixed))| {
             let share = ((coc.abs() - none) / (all - none)).clamp(0.0, 1.0);
-            *value += share * (alpha * unmixed[k] - *value);
+            // Light without alpha has no colour of its own to divide by it.
+            if *alpha > LIGHT_ALPHA {
+                *value += share * (alpha * unmixed[k] - *value);
+            }
         });
     }
 }
@@ -67,14 +70,14 @@ pub(super) fn unmixed_colors(layer: &Layer, antialiasing: &Antialiasing) -> Vec<
 fn around(layer: &Layer, x: usize, y: usize, reach: isize) -> impl Iterator<Item = (usize, usize)> {
     let place = move |dx: isize, dy: isize| {
         let place = x.checked_add_signed(dx).zip(y.checked_add_signed(dy));
-        place.filter(|&(x, y)| x < layer.width() && y < layer.height() && layer.alpha.get(x, y) > 0.0)
+        place.filter(|&(x, y)| x < layer.width() && y < layer.height() && layer.alpha.get(x, y) > LIGHT_ALPHA)
     };
     (-reach..=reach).flat_map(move |dy| (-reach..=reach).filter_map(move |dx| place(dx, dy)))
 }
 
 /// How much of the colour at `x, y` may be that of a nearer surface beside it, 0 … 1.
 fn mixed_share(layer: &Layer, x: usize, y: usize) -> f32 {
-    if layer.alpha.get(x, y) <= 0.0 {
+    if layer.alpha.get(x, y) <= LIGHT_ALPHA {
         return 0.0;
     }
     let coc = layer.coc_px.get(x, y);

@@ -27,6 +27,7 @@ mod header;
 mod input;
 mod kind;
 mod layers;
+mod light;
 mod murmur;
 mod names;
 mod options;
@@ -50,6 +51,7 @@ pub use footprint::{Footprint, footprint};
 pub(crate) use frame_number::{Numbered, frame_number, frame_numbers};
 pub use framed::FramedImage;
 pub(crate) use header::header_text;
+pub use light::LIGHT_ALPHA;
 pub use options::{Carry, ReadOptions, Source};
 pub use read::{read, read_framed_picture, read_picture};
 

@@ -8,7 +8,7 @@ use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, background_share,
-    beauty, camera, carried, cryptomatte, filtered_depth, kind, names, order, picture, rim_depth,
+    beauty, camera, carried, cryptomatte, filtered_depth, kind, light, names, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -248,6 +248,11 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
             kind = kind.filter(|kind| Antialiasing::from(*kind) == antialiasing);
         }
         findings.extend(found);
+    }
+    let (of_light, may_be_disordered) = light::complete(&mut peels, convention);
+    findings.extend(of_light);
+    if may_be_disordered {
+        order::sort(&mut peels, convention);
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let mut mattes = Vec::new();

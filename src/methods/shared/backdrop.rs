@@ -109,10 +109,14 @@ pub(in crate::methods) fn before(picture: Image, coverage: &Plane, backdrop: Opt
     Image { planes }
 }
 
-/// The known part of a pixel, surfaces and background: surfaces cover it to `coverage`, and its share of the background is `share`.
+/// The known part of a pixel, surfaces and background: surfaces cover it to `coverage`, and its share of the background is `share`. All of
+/// it where there is nothing but light without alpha, which says nothing of the rest.
 #[inline]
 pub(in crate::methods) fn known(coverage: f32, share: f32) -> f32 {
-    coverage + (1.0 - coverage).clamp(0.0, share)
+    /// Coverage of a pixel in which nothing hides anything.
+    const NOTHING: f32 = 1e-6;
+    let known = coverage + (1.0 - coverage).clamp(0.0, share);
+    if known > NOTHING { known } else { 1.0 }
 }
 
 /// Part of what is known of a pixel that is covered.

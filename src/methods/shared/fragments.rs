@@ -1,7 +1,8 @@
 //! The stack for rays: the fragments of each sample are contiguous in memory, nearest first.
 //!
 //! A ray tests all layers of a sample at once, so the planes are interleaved into lists. The fragments of a sample are sorted by
-//! CoC radius, independent of the order of the peels. Positions are in samples. Memory: that of the scene, which is consumed.
+//! CoC radius, independent of the order of the peels; those of one CoC radius are one fragment, because a ray that has hit it goes on
+//! behind it. Positions are in samples. Memory: that of the scene, which is consumed.
 
 use super::nbuffer::{NBuffer, Window};
 use crate::scene::Scene;
@@ -39,10 +40,17 @@ impl Fragments {
                     let list = x * depth..x * depth + k + 1;
                     let coc = layer.coc_px.get(x, y);
                     let index = coc_px[list.clone()].partition_point(|&other| other <= coc);
+                    let own = [r, g, b, layer.alpha.get(x, y)];
+                    if let Some(before) = (list.start + index).checked_sub(1).filter(|&i| i >= list.start)
+                        && coc_px[before] == coc
+                    {
+                        color[before] = over(color[before], own);
+                        continue;
+                    }
                     coc_px[list.clone()][index..].rotate_right(1);
                     color[list.clone()][index..].rotate_right(1);
                     coc_px[list.start + index] = coc;
-                    color[list.start + index] = [r, g, b, layer.alpha.get(x, y)];
+                    color[list.start + index] = own;
                 }
             });
         }
@@ -112,6 +120,11 @@ impl Fragments {
     pub(in crate::methods) fn color(&self, sample: usize, k: usize) -> [f32; 4] {
         self.color[sample * self.depth + k]
     }
+}
+
+/// `front` composited over `behind`, both premultiplied.
+fn over(front: [f32; 4], behind: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|k| front[k] + (1.0 - front[3]) * behind[k])
 }
 
 /// A grid of square blocks of samples, coarse enough that data per block are small compared with the stack.
@@ -196,5 +209,19 @@ mod tests {
         assert_eq!(fragments.coc_px(0), [-1.0, 3.0, 7.0], "sorted, although the peels were not");
         assert_eq!(fragments.coc_px(1), [7.0, f32::INFINITY, f32::INFINITY], "the only one is the first");
         assert_eq!(fragments.color(1, 0), [7.0, 7.0, 7.0, 0.5]);
+    }
+
+    #[test]
+    fn fragments_of_one_depth_are_one_and_the_first_peel_is_in_front() {
+        let layer = |value: f32, alpha| Layer {
+            color: std::array::from_fn(|_| Plane::filled(1, 1, value)),
+            alpha: Plane::filled(1, 1, alpha),
+            coc_px: Plane::filled(1, 1, 3.0),
+        };
+        let one = |layers| Fragments::new(Scene::new(layers, StackKind::PointSampled, 1, 10.0));
+        let veiled = one(vec![layer(0.25, 0.5), layer(1.0, 1.0)]);
+        assert_eq!((veiled.coc_px(0)[1], veiled.color(0, 0)), (f32::INFINITY, [0.75, 0.75, 0.75, 1.0]));
+        let lit = one(vec![layer(4.0, crate::stack::LIGHT_ALPHA), layer(0.25, 1.0)]);
+        assert_eq!(lit.color(0, 0)[0], 4.25, "light without alpha adds to what it lies on");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::methods::contract::LostRays;
 
-/// A pixel is empty if at most this fraction of its rays hit anything.
+/// At most this fraction of a pixel's rays is rounding.
 pub(in crate::methods) const MIN_HIT: f64 = 1e-9;
 
 /// Sum over the rays of one pixel, in double precision: in single precision the error would grow over thousands of samples.
@@ -39,10 +39,11 @@ impl RaySum {
             LostRays::LeftOut => (known, hit),
             LostRays::Black => (rays, rays - self.transparent),
         };
-        if covered <= MIN_HIT * rays {
+        if weight <= MIN_HIT * rays {
             return [0.0; 4];
         }
+        // Rays that hit nothing but light without alpha have a colour.
         let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);
-        [r, g, b, (covered / weight) as f32]
+        [r, g, b, if covered > MIN_HIT * rays { (covered / weight) as f32 } else { 0.0 }]
     }
 }

@@ -3,7 +3,7 @@
 use super::lanes::{Chunk, LANES};
 use crate::methods::contract::LostRays;
 
-/// A pixel is empty if no more than this number of its rays, weighted by coverage, hit anything.
+/// No more than this number of a pixel's rays, weighted by coverage, is rounding.
 pub(super) const MIN_HIT_VIEWS: f32 = 1e-3;
 
 /// Red, green, blue and alpha of the pixels of a chunk; the share of their rays that hit something in focus; and what they gather from near
@@ -114,10 +114,12 @@ impl Sums {
             LostRays::Black => *views,
         };
         let covered: [f32; LANES] = std::array::from_fn(|lane| weight[lane] - transparent.0[lane]);
-        let mean = |sum: &[f32; LANES]| {
+        // Light without alpha has colour where nothing is covered.
+        let mean_where = |enough: &[f32; LANES], sum: &[f32; LANES]| {
             let value = |lane: usize| sum[lane] / weight[lane];
-            Chunk(std::array::from_fn(|lane| if covered[lane] > MIN_HIT_VIEWS { value(lane) } else { 0.0 }))
+            Chunk(std::array::from_fn(|lane| if enough[lane] > MIN_HIT_VIEWS { value(lane) } else { 0.0 }))
         };
+        let mean = |sum: &[f32; LANES]| mean_where(&weight, sum);
         let mut near = NearSums::default();
         for sums in [self, others].into_iter().filter(|sums| !sums.near.is_empty()) {
             near.add(&sums.near[chunk]);
@@ -130,7 +132,7 @@ impl Sums {
             color(total(|sums, chunk| &sums.color[chunk][0]), 0),
             color(total(|sums, chunk| &sums.color[chunk][1]), 1),
             color(total(|sums, chunk| &sums.color[chunk][2]), 2),
-            mean(&covered),
+            mean_where(&covered, &covered),
             Chunk(std::array::from_fn(|lane| focused.0[lane] / views[lane].max(MIN_HIT_VIEWS))),
             mean(&near.share.0),
             mean(&near.radius_px.0),

@@ -29,9 +29,6 @@ const NEIGHBOURS: [Vec2; 12] = [
 /// (section 5).
 const REDUCED_REACH: f32 = 0.95;
 
-/// Minimum coverage of a known pixel: a smaller one could not be divided by.
-const MIN_COVERAGE: f32 = 1e-6;
-
 /// The channel of alpha, in pictures that have it.
 const ALPHA: usize = 3;
 
@@ -74,7 +71,7 @@ pub(super) fn composite<const N: usize>(
     if let Some(alpha) = composite.content.get_mut(ALPHA) {
         *alpha = composite.weight;
     }
-    (composite.weight > MIN_COVERAGE).then_some(composite)
+    (composite.weight > 0.0).then_some(composite)
 }
 
 impl<const N: usize> Fragment<N> {

@@ -148,7 +148,7 @@ pub(super) fn add<const N: usize>(
 /// the share of the pixel that the layers cover. `None` if no point reached the pixel.
 #[inline(always)]
 pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<([f32; N], f32)> {
-    let (mut blended, mut uncovered) = (None, 1.0);
+    let (mut blended, mut covered) = (None, 0.0);
     for layer in layers.iter().rev() {
         let alpha = layer.alpha[lane];
         if alpha <= 0.0 {
@@ -160,9 +160,10 @@ pub(super) fn blend<const N: usize>(layers: &Layers<N>, lane: usize) -> Option<(
             blended.map_or(([0.0; N], 0.0), |behind| (behind, (1.0 - alpha).max(0.0)));
         blended =
             Some(std::array::from_fn(|k| (content[k] + transmittance * behind[k]) / (alpha + transmittance)));
-        uncovered *= (1.0 - alpha).max(0.0);
+        // Not one minus what is uncovered, which loses the smallest alpha, that of light.
+        covered = alpha.min(1.0) + (1.0 - alpha).max(0.0) * covered;
     }
-    blended.map(|content| (content, 1.0 - uncovered))
+    blended.map(|content| (content, covered))
 }
 
 #[cfg(test)]

@@ -95,7 +95,11 @@ impl<'a> Scattered<'a> {
     fn new(surfaces: &'a VisibleSurfaces, plan: &Plan) -> Self {
         let VisibleSurfaces { content, presence, coc_px } = surfaces;
         let presence = presence.clone().map(|mut presence| {
-            let whole_steps = |value: &mut f32| *value = (*value * PRESENCE_STEPS).round() / PRESENCE_STEPS;
+            // No fragment has less than one step, not even light without alpha, whose content is divided by what it has.
+            let whole_steps = |value: &mut f32| {
+                let least = if *value > 0.0 { 1.0 } else { 0.0 };
+                *value = (*value * PRESENCE_STEPS).round().max(least) / PRESENCE_STEPS;
+            };
             presence.values_mut().iter_mut().for_each(whole_steps);
             presence
         });
