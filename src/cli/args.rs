@@ -37,6 +37,12 @@ pub(super) struct InputArgs {
     /// File with the depth of a colour picture
     #[arg(long, value_name = "FILE")]
     pub(super) depth_file: Option<PathBuf>,
+    /// Merge the files by depth: they are elements of one picture, not its peels
+    ///
+    /// Each file is a stack, or a picture with depth, of the objects that were rendered into it. Files with deep samples are merged without
+    /// this flag.
+    #[arg(long)]
+    merge: bool,
     /// Name of the colour channels, if it is not recognised
     #[arg(long, value_name = "GROUP")]
     color_channel: Option<String>,
@@ -252,6 +258,7 @@ impl InputArgs {
             color_channel: self.color_channel.clone(),
             depth_channel: self.depth_channel.clone(),
             depth_file: self.depth_file.clone(),
+            merge: self.merge,
             carry,
             ..ReadOptions::default()
         }
@@ -259,7 +266,7 @@ impl InputArgs {
 
     /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
-        let Self { inputs, depth_file, color_channel, depth_channel, frame } = self;
+        let Self { inputs, depth_file, merge, color_channel, depth_channel, frame } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
             flag("--depth-file", depth_file.as_ref().map(|file| file.display())),
@@ -267,7 +274,8 @@ impl InputArgs {
             flag("--depth-channel", depth_channel.as_ref()),
             flag("--frame", frame.as_ref()),
         ];
-        inputs.chain(flags.into_iter().flatten()).collect()
+        let merge = merge.then(|| "--merge".to_owned());
+        inputs.chain(merge).chain(flags.into_iter().flatten()).collect()
     }
 
     /// Every file that is read.
@@ -340,7 +348,7 @@ mod tests {
     #[test]
     fn flags_written_as_words_parse_back_to_the_same_flags() {
         use clap::{CommandFactory, Parser};
-        let own = "x a.exr b.exr --depth-file d.exr --color-channel C --depth-channel Z --frame -42 --preset p \
+        let own = "x a.exr b.exr --depth-file d.exr --merge --color-channel C --depth-channel Z --frame -42 --preset p \
                    --force fill,resolve --without highlights";
         let words_of = |setting: &Setting| match setting.command_line {
             CommandLine::Flag { name, .. } => vec![format!("--{name}"), example(setting)],

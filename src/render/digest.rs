@@ -140,13 +140,14 @@ impl Fields {
             depth_channel,
             depth_file: _, // a file
             beauty: _,     // a file
+            merge,
             carry,
             objects,
             max_bytes: _, // a limit
             rows: _,      // a part of the picture
         } = options;
         self.show("depth", &(convention, supersample, kind));
-        self.show("channels", &(color_channel, depth_channel, carry, objects));
+        self.show("channels", &(color_channel, depth_channel, merge, carry, objects));
     }
 
     fn parameters(&mut self, parameters: &ParameterValues) {

@@ -53,6 +53,9 @@ pub(super) struct Layers {
     pub(super) name: PathBuf,
     /// The peels, nearest first; at least one.
     pub(super) peels: Vec<Layer>,
+    /// Whether the peels are fragments that were sorted by depth, pixel by pixel, and not hits of rays: two of them may lie as close as
+    /// they like.
+    pub(super) is_merged: bool,
     /// The anti-aliased colour of the first peel, if there is any.
     pub(super) beauty: Option<Beauty>,
     /// Frame of the first peel.
@@ -191,6 +194,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     Ok(Layers {
         name,
         peels,
+        is_merged: false,
         beauty,
         frame,
         precision,

@@ -34,6 +34,9 @@ pub struct ReadOptions {
     pub depth_file: Option<PathBuf>,
     /// The renderer's own anti-aliased picture of a point-sampled stack: peel 0 takes its colour.
     pub beauty: Option<PathBuf>,
+    /// Whether the files are elements of one picture, whose fragments are merged by depth, and not its peels. Several files with deep
+    /// samples always are.
+    pub merge: bool,
     /// Which channels are copied to the output.
     pub carry: Carry,
     /// Whether the channels of cryptomattes are read as well, as [`super::Stack::object`] requires.

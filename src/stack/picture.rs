@@ -48,6 +48,7 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
     Ok(Layers {
         name,
         peels,
+        is_merged: false,
         beauty: None,
         frame,
         precision,

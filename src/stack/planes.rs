@@ -43,6 +43,7 @@ impl Stack {
         let layers = Layers {
             name: PathBuf::from("memory"),
             peels: peels.into_iter().enumerate().map(layer).collect(),
+            is_merged: false,
             beauty: None,
             frame,
             precision: Precision::Float,
