@@ -15,6 +15,9 @@ use std::ops::Range;
 /// Depths from this value on are background: the ray hit nothing.
 pub const BACKGROUND: f32 = 1e9;
 
+/// Added to a normalised depth, so that 0 has neighbours at a finite ratio: a ten-thousandth of the depth range.
+pub(super) const NORMALISED_OFFSET: f32 = 1e-4;
+
 /// The parameters of the conversion to planar depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthScale {
@@ -49,14 +52,12 @@ pub fn is_background(convention: DepthConvention, value: f32) -> bool {
 pub(super) struct FarDepth {
     foreground: Range<f32>,
     is_inverse: bool,
-    /// Added to every depth, so that a normalised depth of 0 has neighbours at a finite ratio.
+    /// Added to every depth: see [`NORMALISED_OFFSET`].
     offset: f32,
 }
 
 impl FarDepth {
     pub(super) fn new(convention: DepthConvention) -> Self {
-        /// A ten-thousandth of the depth range.
-        const NORMALISED_OFFSET: f32 = 1e-4;
         let offset = if convention == DepthConvention::Normalised { NORMALISED_OFFSET } else { 0.0 };
         let is_inverse = convention == DepthConvention::Inverse;
         Self { foreground: foreground(convention), is_inverse, offset }

@@ -7,8 +7,9 @@
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::channels_to_read;
+use super::merge_files::{self, Extent};
 use super::options::{Carry, ReadOptions, Source};
-use super::{camera, names, picture};
+use super::{Window, camera, deep, names, picture};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
@@ -91,6 +92,9 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
     let Some((first, others)) = sources.split_first() else {
         return Err(Error::input("there is no input file").help("name a picture file"));
     };
+    if merge_files::are_elements(sources, options)? {
+        return of_elements(sources, options);
+    }
     let mut found = of_file(first, options)?;
     let without_carry = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
     for source in others.iter().filter(|_| options.depth_file.is_none()) {
@@ -111,6 +115,60 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
         found.sample_bytes += PEEL_BYTES - 4;
     }
     Ok(found)
+}
+
+/// The footprint of the elements of one picture, merged by depth. Flat ones stay in memory beside the merged peels.
+fn of_elements(sources: &[Source], options: &ReadOptions) -> Result<Footprint, Error> {
+    let options = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
+    let elements = sources.iter().map(|source| match deep::is_deep(source)? {
+        true => of_deep(source, &options),
+        false => of_flat(source, &options),
+    });
+    let elements = elements.collect::<Result<Vec<(Extent, Footprint)>, Error>>()?;
+    let all = elements.iter().map(|(extent, _)| *extent).reduce(Extent::with);
+    let (Some(all), Some((_, first))) = (all, elements.first()) else {
+        return Err(Error::input("there is no input file").help("name a picture file"));
+    };
+    let beside: u64 = elements.iter().map(|(_, flat)| flat.sample_bytes).sum();
+    let threads = rayon::current_num_threads() as u64;
+    let of_blocks = elements.iter().map(|(_, flat)| flat.block_bytes).max().unwrap_or(0);
+    Ok(Footprint {
+        width: all.window.width,
+        height: all.window.height,
+        top: all.window.y,
+        peels: all.peels,
+        supersample: first.supersample,
+        sample_bytes: PEEL_BYTES * all.peels as u64 + beside,
+        block_bytes: of_blocks.max(all.strip_bytes / (BLOCKS_PER_THREAD * threads)),
+        is_in_rows: elements.iter().all(|(_, flat)| flat.is_in_rows),
+    })
+}
+
+/// What a deep file has, and what of it stays in memory: nothing.
+fn of_deep(source: &Source, options: &ReadOptions) -> Result<(Extent, Footprint), Error> {
+    let (extent, attributes) = Extent::of_deep(source, options)?;
+    let Window { y: top, width, height, .. } = extent.window;
+    let (camera, _) = camera::values(&attributes);
+    let supersample = options.supersample.or(camera.supersample).unwrap_or(1).max(1);
+    let (peels, sample_bytes, block_bytes, is_in_rows) = (extent.peels, 0, 0, true);
+    let footprint =
+        Footprint { width, height, top, peels, supersample, sample_bytes, block_bytes, is_in_rows };
+    Ok((extent, footprint))
+}
+
+/// What a file without deep parts has, and what of it stays in memory.
+fn of_flat(source: &Source, options: &ReadOptions) -> Result<(Extent, Footprint), Error> {
+    let footprint = of_file(source, options)?;
+    let mut opened = Opened::open(source)?;
+    let left = if opened.is_exr()? {
+        let file = ExrFile::open(opened)?;
+        let (assigned, _) = channels_to_read(&file, options)?;
+        assigned.peels.first().map_or(0, |first| file.frame(file.channels[first.color[0]].part).data.x)
+    } else {
+        0
+    };
+    let window = Window { x: left, y: footprint.top, width: footprint.width, height: footprint.height };
+    Ok((Extent { window, peels: footprint.peels, strip_bytes: 0 }, footprint))
 }
 
 /// The footprint of the peels in `source`; `None` for a file of depth alone.

@@ -1,7 +1,7 @@
 //! The header guard: checks the sizes in an OpenEXR header before memory is allocated for them.
 //!
 //! Parses the raw header, because the EXR library accepts any size (a 1 KB file can claim 40 GB) and rejects unknown features
-//! (deep parts, new codecs) without naming them. Cost: one pass over the header.
+//! (new codecs) without naming them. Cost: one pass over the header.
 //! Limits: a size is accepted if the file is long enough for its codec's best compression ratio. The memory limit is checked
 //! later, when the requested channels are known, and before they are allocated.
 
@@ -90,6 +90,34 @@ pub(super) fn check(opened: &mut Opened) -> Result<(), Error> {
     opened.input.rewind().map_err(|error| cut_short(error).in_file(&opened.name))
 }
 
+/// Checks the headers of an OpenEXR file with deep parts; leaves the position at the first byte.
+///
+/// # Errors
+/// As [`check`].
+pub(super) fn check_deep(opened: &mut Opened) -> Result<(), Error> {
+    let found = scan(opened).map_err(cut_short).and_then(|RawHeader { version, parts, .. }| {
+        if version != 2 {
+            return Err(unknown_version(version));
+        }
+        parts.iter().try_for_each(|part| check_deep_part(part, opened.len))
+    });
+    found.map_err(|error| error.in_file(&opened.name))?;
+    opened.input.rewind().map_err(|error| cut_short(error).in_file(&opened.name))
+}
+
+/// Whether `opened` is an OpenEXR file with a part that says that it is deep; leaves the position at the first byte.
+///
+/// # Errors
+/// The file cannot be read. A damaged header is not deep.
+pub(super) fn has_deep_part(opened: &mut Opened) -> Result<bool, Error> {
+    if !opened.is_exr()? {
+        return Ok(false);
+    }
+    let found = scan(opened).is_ok_and(|header| header.parts.iter().any(RawPart::is_deep));
+    opened.input.rewind().map_err(|error| cut_short(error).in_file(&opened.name))?;
+    Ok(found)
+}
+
 /// Half of the memory that this process may use.
 pub(super) fn default_max_bytes() -> u64 {
     memory_limit_bytes() / 2
@@ -100,11 +128,9 @@ fn cut_short(cause: io::Error) -> Error {
 }
 
 fn deep_data() -> Error {
-    Error::unsupported("deep data is not supported")
+    Error::unsupported("a file with deep samples is not a flat picture")
         .with("found", "deep samples (several fragments per pixel)")
-        .help(
-            "flatten it to a few peels, or to one picture with depth, and save it as a ZIP scanline OpenEXR",
-        )
+        .help("give it as the stack, or flatten it to a picture and save that as a ZIP scanline OpenEXR")
 }
 
 pub(super) fn unknown_version(version: u32) -> Error {
@@ -129,12 +155,11 @@ pub(super) fn scan(opened: &mut Opened) -> io::Result<RawHeader> {
         }
     }
     let deep = flags & (1 << 11) != 0;
-    let is_deep = |part: &RawPart| part.kind.as_deref().is_some_and(|kind| kind.starts_with("deep"));
     Ok(RawHeader {
         version: flags & 0xff,
         multi_part,
         tiled: flags & (1 << 9) != 0,
-        deep: deep || parts.iter().any(is_deep),
+        deep: deep || parts.iter().any(RawPart::is_deep),
         parts,
     })
 }
@@ -209,6 +234,10 @@ impl RawPart {
         Ok(())
     }
 
+    fn is_deep(&self) -> bool {
+        self.kind.as_deref().is_some_and(|kind| kind.starts_with("deep"))
+    }
+
     fn bytes_per_pixel(&self) -> u64 {
         self.channels.iter().map(|channel| if channel.sample_type == 1 { 2 } else { 4 }).sum()
     }
@@ -249,24 +278,10 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
     }
     let number = part.compression.ok_or_else(|| missing("compression"))?;
     let (chunk_rows, ratio) = codec(number).ok_or_else(|| unknown_codec(number))?;
-    let [width, height] = window_size(part.data_window.ok_or_else(|| missing("dataWindow"))?, "data")?;
-    let [display_width, display_height] =
-        window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
-    if display_width * display_height > (width * height).saturating_mul(MAX_DISPLAY_RATIO).max(1 << 26) {
-        return Err(Error::input("the display window is too large for the data window")
-            .with(
-                "found",
-                format!("data window of {width}×{height} pixels, display window of {display_width}×{display_height}"),
-            )
-            .help(DAMAGED));
-    }
+    let [width, height] = check_windows(part)?;
     let [chunks_x, chunks_y] = match part.tile {
         Some(tile) if part.kind.as_deref().is_none_or(|kind| kind.starts_with("tile")) => {
-            if tile.iter().any(|&side| side == 0 || side > MAX_TILE_SIZE) {
-                let found = format!("{}×{} pixels", tile[0], tile[1]);
-                return Err(Error::input("the tile size is invalid").with("found", found));
-            }
-            [width.div_ceil(u64::from(tile[0])), height.div_ceil(u64::from(tile[1]))]
+            tile_count(tile, [width, height])?
         }
         _ => [1, height.div_ceil(chunk_rows)],
     };
@@ -281,6 +296,52 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
             .help("the file is damaged or truncated: render or copy it again"));
     }
     Ok(())
+}
+
+/// Checks the sizes of a part that may be deep. A pixel of it has four bytes at least, that count its samples.
+fn check_deep_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
+    let [width, height] = check_windows(part)?;
+    let tile = part.tile.filter(|_| part.kind.as_deref().is_none_or(|kind| kind.ends_with("tile")));
+    if let Some(tile) = tile {
+        tile_count(tile, [width, height])?;
+    }
+    if !part.is_deep() {
+        return Ok(());
+    }
+    if let Some(channel) = part.channels.iter().find(|channel| channel.sampling != [1, 1]) {
+        return Err(Error::input("a deep channel is subsampled").with("found", channel.name.clone()));
+    }
+    if (width * height).saturating_mul(4) / DEFLATE_RATIO > file_bytes {
+        return Err(Error::input("the header has more pixels than the file can contain")
+            .with("found", format!("{width}×{height} deep pixels in {file_bytes} bytes"))
+            .help("the file is damaged or truncated: render or copy it again"));
+    }
+    Ok(())
+}
+
+/// Width and height of the data window. Neither window is impossible.
+fn check_windows(part: &RawPart) -> Result<[u64; 2], Error> {
+    let [width, height] = window_size(part.data_window.ok_or_else(|| missing("dataWindow"))?, "data")?;
+    let [display_width, display_height] =
+        window_size(part.display_window.ok_or_else(|| missing("displayWindow"))?, "display")?;
+    if display_width * display_height > (width * height).saturating_mul(MAX_DISPLAY_RATIO).max(1 << 26) {
+        return Err(Error::input("the display window is too large for the data window")
+            .with(
+                "found",
+                format!("data window of {width}×{height} pixels, display window of {display_width}×{display_height}"),
+            )
+            .help(DAMAGED));
+    }
+    Ok([width, height])
+}
+
+/// The numbers of tiles beside and below one another.
+fn tile_count(tile: [u32; 2], [width, height]: [u64; 2]) -> Result<[u64; 2], Error> {
+    if tile.iter().any(|&side| side == 0 || side > MAX_TILE_SIZE) {
+        let found = format!("{}×{} pixels", tile[0], tile[1]);
+        return Err(Error::input("the tile size is invalid").with("found", found));
+    }
+    Ok([width.div_ceil(u64::from(tile[0])), height.div_ceil(u64::from(tile[1]))])
 }
 
 /// Width and height of the window between two inclusive corners. Their product fits into 64 bits.

@@ -57,6 +57,20 @@ impl ExrFile {
         Ok(Self { name, input, len, meta_data, channels, rows: None })
     }
 
+    /// Reads and checks the header of a file with deep parts.
+    ///
+    /// # Errors
+    /// Those of [`guard::check_deep`], and headers that the EXR library rejects.
+    pub(super) fn open_deep(mut opened: Opened) -> Result<Self, Error> {
+        guard::check_deep(&mut opened)?;
+        let Opened { name, len, mut input } = opened;
+        let fail = |error| decoder_error("the OpenEXR header cannot be read", error).in_file(&name);
+        // The library's own checks refuse everything deep.
+        let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
+        let channels = list_channels(&meta_data.headers);
+        Ok(Self { name, input, len, meta_data, channels, rows: None })
+    }
+
     /// The file as if its data windows ended at `rows`, by their `y`; the whole file if `None`.
     #[must_use]
     pub(super) fn cropped(self, rows: Option<Range<i32>>) -> Self {
@@ -80,6 +94,11 @@ impl ExrFile {
     /// The channels' full names.
     pub(super) fn names(&self) -> Vec<&str> {
         self.channels.iter().map(|channel| channel.name.as_str()).collect()
+    }
+
+    /// The data window of part `part`, whatever rows are read.
+    pub(super) fn whole_window(&self, part: usize) -> Window {
+        window(self.header(part).data_window())
     }
 
     /// The window of the pixels that are read of part `part`: its data window, or the rows of it.

@@ -62,6 +62,21 @@ impl Seek for Input {
             Self::Memory(memory) => memory.seek(to),
         }
     }
+
+    // A file keeps its buffer over these two, as it does not over `seek`.
+    fn seek_relative(&mut self, distance: i64) -> io::Result<()> {
+        match self {
+            Self::File(file) => file.seek_relative(distance),
+            Self::Memory(memory) => memory.seek_relative(distance),
+        }
+    }
+
+    fn stream_position(&mut self) -> io::Result<u64> {
+        match self {
+            Self::File(file) => file.stream_position(),
+            Self::Memory(memory) => memory.stream_position(),
+        }
+    }
 }
 
 impl Opened {

@@ -55,7 +55,8 @@ pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> (Opti
         "{placed} of them without depth have that of what they lie on, {} are as far as the background",
         lights - placed - own
     );
-    let text = format!("{lights} fragments have colour and no alpha: light, which adds and hides nothing; {depth}");
+    let text =
+        format!("{lights} fragments have colour and no alpha: light, which adds and hides nothing; {depth}");
     let finding = if lights == all {
         let text = format!("{text}; alpha is 0 everywhere: if it is only missing, use `alpha = opaque`");
         Finding::warning("light", text)
@@ -133,7 +134,10 @@ mod tests {
         assert_eq!(peels[0].alpha.values(), [LIGHT_ALPHA, LIGHT_ALPHA, LIGHT_ALPHA, 0.0, 0.5]);
         assert!(has_own);
         let text = finding.unwrap().text;
-        assert!(text.starts_with("4 fragments") && text.contains("2 of them") && text.contains("1 are"), "{text}");
+        assert!(
+            text.starts_with("4 fragments") && text.contains("2 of them") && text.contains("1 are"),
+            "{text}"
+        );
     }
 
     #[test]

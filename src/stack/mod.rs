@@ -15,6 +15,7 @@ mod completeness;
 mod convention;
 mod cryptomatte;
 mod decode;
+mod deep;
 #[doc(hidden)]
 pub mod depth;
 mod evidence;
@@ -28,6 +29,8 @@ mod input;
 mod kind;
 mod layers;
 mod light;
+mod merge_files;
+mod merged_peels;
 mod murmur;
 mod names;
 mod options;

@@ -8,7 +8,8 @@ use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, background_share,
-    beauty, camera, carried, cryptomatte, filtered_depth, kind, light, names, order, picture, rim_depth,
+    beauty, camera, carried, cryptomatte, filtered_depth, kind, light, merge_files, names, order, picture,
+    rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -29,8 +30,19 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     let Some((first, others)) = sources.split_first() else {
         return Err(Error::settings("there is no input file").help("name a picture file"));
     };
-    let mut stack = read_layers(first, options)?;
+    let is_merged = merge_files::are_elements(sources, options)?;
+    let mut stack = if is_merged {
+        merge_files::read_merged(sources, options, &read_layers)?
+    } else {
+        read_layers(first, options)?
+    };
     match (others, &options.depth_file) {
+        (_, Some(path)) if is_merged => {
+            return Err(Error::settings("merged elements have their own depth")
+                .with("found", format!("the depth file {}", path.display()))
+                .help("leave `depth_file` out"));
+        }
+        _ if is_merged => {}
         ([], None) => {}
         ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,
         ([depth], None) if stack.lacks_depth() && !has_color(depth)? => {
@@ -196,10 +208,10 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 /// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
-    let Layers { peels: layers, beauty, mut findings, replaced, .. } = layers;
+    let Layers { peels: layers, is_merged, beauty, mut findings, replaced, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
-    findings.insert(0, peels_finding(&layers));
+    findings.insert(0, if is_merged { merged_finding(layers.len()) } else { peels_finding(&layers) });
     findings.extend(doubts);
     findings.extend(replaced.finding());
     findings.extend(aspect_finding(frame));
@@ -298,6 +310,11 @@ fn peels_finding(layers: &[Layer]) -> Finding {
     let list = list.join(", ");
     let (count, s) = (layers.len(), if layers.len() == 1 { "" } else { "s" });
     Finding::note("peels", format!("{count} peel{s}, nearest first: {list}"))
+}
+
+fn merged_finding(count: usize) -> Finding {
+    let s = if count == 1 { "" } else { "s" };
+    Finding::note("peels", format!("{count} peel{s}: the fragments of each pixel, nearest first"))
 }
 
 fn aspect_finding(frame: Frame) -> Option<Finding> {
