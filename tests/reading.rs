@@ -2,6 +2,10 @@
 
 #[path = "reading/completeness.rs"]
 mod completeness;
+#[path = "reading/deep.rs"]
+mod deep;
+#[path = "fixtures/deep.rs"]
+mod deep_fixtures;
 mod fixtures;
 
 use exr::image::FlatSamples;

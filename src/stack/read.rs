@@ -31,17 +31,17 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         return Err(Error::settings("there is no input file").help("name a picture file"));
     };
     let is_merged = merge_files::are_elements(sources, options)?;
+    if is_merged && let Some(path) = &options.depth_file {
+        return Err(Error::settings("merged elements have their own depth")
+            .with("found", format!("the depth file {}", path.display()))
+            .help("leave `depth_file` out"));
+    }
     let mut stack = if is_merged {
         merge_files::read_merged(sources, options, &read_layers)?
     } else {
         read_layers(first, options)?
     };
     match (others, &options.depth_file) {
-        (_, Some(path)) if is_merged => {
-            return Err(Error::settings("merged elements have their own depth")
-                .with("found", format!("the depth file {}", path.display()))
-                .help("leave `depth_file` out"));
-        }
         _ if is_merged => {}
         ([], None) => {}
         ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,

@@ -265,7 +265,7 @@ mod tests {
             .chain([surface(f32::INFINITY, 1.0, 1.0)])
             .collect();
         let found: Vec<f32> = reduced(&samples, 4).iter().map(|fragment| fragment.distance).collect();
-        assert!((found[0] - 1.0045).abs() < 1e-4, "{found:?}");
+        assert!((found[0] - 1.0045).abs() < 1e-3, "{found:?}");
         assert_eq!((found[1], found[3]), (3.0, f32::INFINITY));
         assert!((50.0..60.0).contains(&found[2]));
     }
