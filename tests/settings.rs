@@ -207,7 +207,7 @@ fn resolved_settings_are_listed_with_their_origins() {
         SETTINGS.iter().map(|s| s.key).filter(|key| !resolved.clone().any(|k| k == *key)).collect();
     assert_eq!(
         missing,
-        ["convention", "supersample", "kind", "beauty"],
+        ["convention", "supersample", "kind", "alpha", "beauty"],
         "these are about reading, and belong to the stack"
     );
 }
@@ -332,6 +332,7 @@ fn small_stack(values: &Values, convention: DepthConvention) -> Result<Stack, th
         convention: values.convention.or(Some(convention)),
         supersample: values.supersample,
         kind: values.kind,
+        alpha: values.alpha,
         ..ReadOptions::default()
     };
     Stack::from_peels(vec![peel(0.5, 0.2), peel(1.0, 0.5)], Frame::from_size(12, 8), &options)

@@ -136,6 +136,7 @@ impl Fields {
             convention,
             supersample,
             kind,
+            alpha,
             color_channel,
             depth_channel,
             depth_file: _, // a file
@@ -146,7 +147,7 @@ impl Fields {
             max_bytes: _, // a limit
             rows: _,      // a part of the picture
         } = options;
-        self.show("depth", &(convention, supersample, kind));
+        self.show("depth", &(convention, supersample, kind, alpha));
         self.show("channels", &(color_channel, depth_channel, merge, carry, objects));
     }
 

@@ -154,6 +154,7 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);
         options.kind = values.kind.or(options.kind);
+        options.alpha = values.alpha.or(options.alpha);
         options.beauty = values.beauty.clone().or(options.beauty);
     }
     let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
@@ -168,8 +169,8 @@ pub(super) fn has_keys(job: &Job) -> bool {
 
 /// What the job sets about the file, as a layer of values.
 pub(super) fn reading(job: &Job) -> Values {
-    let ReadOptions { convention, supersample, kind, beauty, .. } = read_options(job);
-    Values { convention, supersample, kind, beauty, ..Values::default() }
+    let ReadOptions { convention, supersample, kind, alpha, beauty, .. } = read_options(job);
+    Values { convention, supersample, kind, alpha, beauty, ..Values::default() }
 }
 
 /// The frame number of the job, if it is known.

@@ -102,7 +102,7 @@ pub(crate) fn prepare_with(job: &Job, open: gpu::Open<'_>) -> Result<Prepared, E
 /// Decides what to simulate for `stack`, which was read before or made of planes in memory ([`Stack::from_peels`]).
 ///
 /// What `job` sets for reading has no effect: its sources, its read options, and the values `convention`, `supersample`,
-/// `kind` and `beauty`; the stack has its own. Keys need [`Job::frame`].
+/// `kind`, `alpha` and `beauty`; the stack has its own. Keys need [`Job::frame`].
 ///
 /// # Errors
 /// Those of the lens and of the plan; a setting out of its range, an unknown method or effect.

@@ -42,6 +42,17 @@ pub enum DepthConvention {
     Normalised,
 }
 
+/// How colour and alpha of the input are combined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum AlphaMode {
+    /// Colour is multiplied by alpha, as renderers write it.
+    Premultiplied,
+    /// Colour is not multiplied by alpha.
+    Straight,
+}
+
 /// What the colours and the alpha of a stack's fragments represent.
 ///
 /// As a setting it overrules what is found in the stack, everywhere. Unset, each place of the picture is decided by itself: see
@@ -110,6 +121,11 @@ words! { DepthConvention, open: "auto" "From the file";
     Normalised "normalised" "0 at `near` to 1 at `far`"
 }
 
+words! { AlphaMode, open: "auto" "As the file's format has it";
+    Premultiplied "premultiplied" "Colour is multiplied by alpha",
+    Straight "straight" "Colour is not multiplied by alpha"
+}
+
 words! { StackKind, open: "auto" "From the edges around each pixel";
     PointSampled "point" "Peels with one sample a pixel",
     Coverage "coverage" "Peels of averages over the pixel",
@@ -123,7 +139,9 @@ mod tests {
 
     #[test]
     fn words_in_reports_are_those_of_presets() {
-        let json = |value| serde_json::to_value(value).unwrap();
+        fn json(value: impl serde::Serialize) -> serde_json::Value {
+            serde_json::to_value(value).unwrap()
+        }
         for value in [SensorDistance::FocalLength, SensorDistance::ThinLens] {
             assert_eq!(serde_json::to_value(value).unwrap(), value.name());
         }
@@ -136,6 +154,9 @@ mod tests {
             DepthConvention::Inverse,
             DepthConvention::Normalised,
         ] {
+            assert_eq!(json(value), value.name());
+        }
+        for value in [AlphaMode::Premultiplied, AlphaMode::Straight] {
             assert_eq!(json(value), value.name());
         }
         for value in

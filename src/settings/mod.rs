@@ -18,7 +18,7 @@ mod setting;
 mod switches;
 mod table;
 
-pub use choices::{Border, DepthConvention, SensorDistance, StackKind};
+pub use choices::{AlphaMode, Border, DepthConvention, SensorDistance, StackKind};
 pub use effort::{Effort, Quality};
 pub use focus::{Focus, FocusKey};
 pub(crate) use keys::Keyed;

@@ -6,7 +6,7 @@
 //!
 //! A new setting needs one row, and its use. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
-use super::choices::{Border, DepthConvention, SensorDistance, StackKind};
+use super::choices::{AlphaMode, Border, DepthConvention, SensorDistance, StackKind};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
@@ -164,6 +164,11 @@ settings! {
         kind: StackKind, Setting::new(Kind::Word(StackKind::WORDS), "kind of the stack")
             .otherwise("from the edges around each pixel")
             .attribute("thinlens.kind").flag("kind", "KIND");
+        /// How the input combines colour and alpha
+        ///
+        /// auto: OpenEXR and float pictures are premultiplied, PNG and other integer pictures are straight; a TIFF says which it is.
+        alpha: AlphaMode, Setting::new(Kind::Word(AlphaMode::WORDS), "alpha")
+            .otherwise("as the file's format has it").flag("alpha", "ALPHA");
         /// Anti-aliased picture that peel 0 takes its colour from
         ///
         /// For peels with one sample a pixel: the renderer's own anti-aliased beauty of the same frame. Pixels brighter than

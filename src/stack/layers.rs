@@ -5,7 +5,9 @@ use super::header::ExrFile;
 use super::names::{self, Assigned, PeelChannels};
 use super::options::{Carry, ReadOptions};
 use super::sanitise::Replaced;
-use super::{CarriedChannel, ColorRange, Cryptomatte, Frame, Precision, Window, carried, cryptomatte};
+use super::{
+    AlphaMode, CarriedChannel, ColorRange, Cryptomatte, Frame, Precision, Window, alpha, carried, cryptomatte,
+};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -77,6 +79,14 @@ pub(super) struct Layers {
 }
 
 impl Layer {
+    /// The layer, its colour multiplied by alpha if `alpha` says that the file has it straight.
+    pub(super) fn premultiplied(mut self, alpha: Option<AlphaMode>) -> Self {
+        if alpha == Some(AlphaMode::Straight) {
+            alpha::premultiply(&mut self.color, &self.alpha);
+        }
+        self
+    }
+
     /// The layer as the beauty that the stack holds; `frame` has its windows.
     pub(super) fn into_beauty(self, frame: Frame) -> Beauty {
         Beauty { name: self.prefix, color: self.color, alpha: self.alpha, frame, is_requested: false }
@@ -137,10 +147,10 @@ fn beside_peels(
 ///
 /// # Errors
 /// As [`read_exr`].
-pub(super) fn read_exr_picture(file: ExrFile) -> Result<Layers, Error> {
+pub(super) fn read_exr_picture(file: ExrFile, alpha: Option<AlphaMode>) -> Result<Layers, Error> {
     let mut peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
     peel.depth = None;
-    let options = ReadOptions { carry: Carry::None, ..ReadOptions::default() };
+    let options = ReadOptions { carry: Carry::None, alpha, ..ReadOptions::default() };
     read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
 }
 
@@ -187,8 +197,9 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
 
     let (decoded, replaced) = decode(file, &requested, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
-    let peels = described.into_iter().map(|peel| peel.into_layer(&mut decoded)).collect();
-    let beauty = beauty.map(|(frame, described)| described.into_layer(&mut decoded).into_beauty(frame));
+    let mut layer = |peel: Described| peel.into_layer(&mut decoded).premultiplied(options.alpha);
+    let peels = described.into_iter().map(&mut layer).collect();
+    let beauty = beauty.map(|(frame, described)| layer(described).into_beauty(frame));
     let channels = carried::channels(carried_names, decoded);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {

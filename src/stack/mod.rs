@@ -4,6 +4,7 @@
 //! the file ([`Stack::convention`]). Every conclusion that a file does not state is reported as a [`Finding`].
 
 mod agreement;
+mod alpha;
 mod antialiasing;
 mod background_share;
 mod beauty;
@@ -41,6 +42,7 @@ mod read;
 mod rim_depth;
 mod sanitise;
 mod silhouettes;
+mod tiff_alpha;
 
 pub use antialiasing::Antialiasing;
 #[doc(hidden)]
@@ -60,7 +62,7 @@ pub use read::{read, read_framed_picture, read_picture};
 
 use crate::finding::Finding;
 use crate::image::Plane;
-pub use crate::settings::StackKind;
+pub use crate::settings::{AlphaMode, StackKind};
 use crate::settings::{DepthConvention, Values};
 use std::fmt;
 

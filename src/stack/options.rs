@@ -1,6 +1,6 @@
 //! Input files and options of reading.
 
-use crate::settings::{DepthConvention, StackKind};
+use crate::settings::{AlphaMode, DepthConvention, StackKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +26,8 @@ pub struct ReadOptions {
     pub supersample: Option<usize>,
     /// What the samples of the stack are; if `None`, from the header, else from the edges around each pixel.
     pub kind: Option<StackKind>,
+    /// How the colours are combined with alpha; if `None`, as the format has it: straight in integer pictures, else premultiplied.
+    pub alpha: Option<AlphaMode>,
     /// Name of the colour channel group (`Combined`, `peel0` …), if the naming table does not have it.
     pub color_channel: Option<String>,
     /// Name of the depth channel, if the naming table does not have it.

@@ -1,13 +1,13 @@
 //! Pictures that are not OpenEXR: PNG, TIFF, Radiance HDR, JPEG.
 //!
 //! Integer samples are sRGB with straight alpha: they are decoded to linear light, then premultiplied.
-//! Float samples are assumed linear and premultiplied. Integer depth is scaled to 0 … 1, without decoding.
+//! Float samples are assumed linear and premultiplied. A TIFF that says how it combines colour and alpha is believed. Integer depth is scaled to 0 … 1, without decoding.
 
 use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{ColorRange, Frame, Precision, Window, guard};
+use super::{AlphaMode, ColorRange, Frame, Precision, Window, alpha, guard, tiff_alpha};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -18,8 +18,9 @@ use std::path::Path;
 ///
 /// # Errors
 /// An unknown format, a damaged file, a picture above the memory limit.
-pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers, Error> {
+pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<Layers, Error> {
     let name = opened.name.clone();
+    let stated = tiff_alpha::alpha_mode(&mut opened.input).map_err(|cause| unreadable(&name, cause))?;
     let picture = load(opened, options)?;
     let window = Window { x: 0, y: 0, width: picture.width() as usize, height: picture.height() as usize };
     let (precision, coded) = match picture.color().bytes_per_pixel() / picture.color().channel_count() {
@@ -28,15 +29,27 @@ pub(super) fn read_color(opened: Opened, options: &ReadOptions) -> Result<Layers
         _ => (Precision::Float, None),
     };
     let has_alpha = picture.color().has_alpha();
+    let of_format = if coded.is_some() { AlphaMode::Straight } else { AlphaMode::Premultiplied };
+    let mode = options.alpha.or(stated).unwrap_or(of_format);
     let (mut color, mut alpha) = linear_planes(picture);
     let mut replaced = Replaced::default();
     color.iter_mut().for_each(|plane| sanitise::color(plane.values_mut(), &mut replaced));
     sanitise::alpha(alpha.values_mut(), &mut replaced);
+    if has_alpha && mode == AlphaMode::Straight {
+        alpha::premultiply(&mut color, &alpha);
+    }
     let mut findings = Vec::new();
     if let Some(depth) = coded {
-        let premultiplied = if has_alpha { " and premultiplied" } else { "" };
-        let text = format!("{depth} colour is assumed sRGB, decoded to linear light{premultiplied}");
+        let text = format!("{depth} colour is assumed sRGB, decoded to linear light");
         findings.push(Finding::note("colour", text));
+    }
+    if has_alpha {
+        let why = match (options.alpha, stated) {
+            (Some(_), _) => "as requested",
+            (None, Some(_)) => "as the file says",
+            (None, None) => "as its format has it",
+        };
+        findings.push(Finding::note("alpha", format!("{}, {why}", mode.name())));
     }
     let color_range = if coded.is_some() { ColorRange::UpToWhite } else { ColorRange::Unbounded };
     let frame = Frame { data: window, display: window, pixel_aspect: 1.0 };
@@ -165,21 +178,20 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
     reader.decode().map_err(fail)
 }
 
-/// Linear, premultiplied colour, and alpha.
+/// Linear colour, and alpha.
 fn linear_planes(picture: DynamicImage) -> ([Plane; 3], Plane) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut planes: [Plane; 4] = std::array::from_fn(|_| Plane::zeros(width, height));
     let mut put = |i: usize, pixel: [f32; 4]| {
         planes.iter_mut().zip(pixel).for_each(|(plane, value)| plane.values_mut()[i] = value);
     };
-    let premultiplied = |[r, g, b, a]: [f32; 4]| [r * a, g * a, b * a, a];
     match picture.color().bytes_per_pixel() / picture.color().channel_count() {
         1 => {
             let linear = linear_table(256);
             for (i, pixel) in picture.into_rgba8().pixels().enumerate() {
                 let [r, g, b, a] = pixel.0;
                 let [r, g, b] = [r, g, b].map(|code| linear[usize::from(code)]);
-                put(i, premultiplied([r, g, b, f32::from(a) / 255.0]));
+                put(i, [r, g, b, f32::from(a) / 255.0]);
             }
         }
         2 => {
@@ -187,7 +199,7 @@ fn linear_planes(picture: DynamicImage) -> ([Plane; 3], Plane) {
             for (i, pixel) in picture.into_rgba16().pixels().enumerate() {
                 let [r, g, b, a] = pixel.0;
                 let [r, g, b] = [r, g, b].map(|code| linear[usize::from(code)]);
-                put(i, premultiplied([r, g, b, f32::from(a) / 65535.0]));
+                put(i, [r, g, b, f32::from(a) / 65535.0]);
             }
         }
         _ => picture.into_rgba32f().pixels().enumerate().for_each(|(i, pixel)| put(i, pixel.0)),

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 impl Stack {
     /// A stack of `peels`, nearest first, all of the size of the frame's data window.
     ///
-    /// Of `options` count how depth is written ([`ReadOptions::convention`], planar when `None`) and the samples a picture pixel
-    /// ([`ReadOptions::supersample`]); the rest is about files. As with a file, NaN and infinite colours are replaced, alpha is
+    /// Of `options` count how depth is written ([`ReadOptions::convention`], planar when `None`), the samples a picture pixel
+    /// ([`ReadOptions::supersample`]) and how colour and alpha are combined ([`ReadOptions::alpha`], premultiplied when `None`); the rest is about files. As with a file, NaN and infinite colours are replaced, alpha is
     /// clamped to 0 … 1, what the fragments stand for is recognised by their alpha and depth, and [`Stack::findings`] say what
     /// was concluded.
     ///
@@ -39,7 +39,7 @@ impl Stack {
         check_window("display", frame.display)?;
         peels.iter().enumerate().try_for_each(|(i, peel)| check_sizes(i, peel, frame.data))?;
         let mut replaced = Replaced::default();
-        let layer = |(i, peel)| layer(i, peel, frame.data, &mut replaced);
+        let layer = |(i, peel)| layer(i, peel, frame.data, &mut replaced).premultiplied(options.alpha);
         let layers = Layers {
             name: PathBuf::from("memory"),
             peels: peels.into_iter().enumerate().map(layer).collect(),

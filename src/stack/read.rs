@@ -7,16 +7,15 @@ use super::kind::Announced;
 use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
 use super::{
-    Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, background_share,
-    beauty, camera, carried, cryptomatte, filtered_depth, kind, light, merge_files, names, order, picture,
-    rim_depth,
+    Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
+    background_share, beauty, camera, carried, cryptomatte, filtered_depth, kind, light, merge_files, names,
+    order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::{Image, Plane};
 use crate::settings::Values;
 use exr::meta::attribute::{AttributeValue, Text};
-use std::ops::Range;
 use std::path::Path;
 
 /// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file per peel nearest first, or one picture with
@@ -56,7 +55,7 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     }
     if let Some(path) = &options.beauty {
         let (beauty, findings) =
-            read_beauty(path, options.rows.clone()).map_err(|error| error.with("used as", "`beauty`"))?;
+            read_beauty(path, options).map_err(|error| error.with("used as", "`beauty`"))?;
         stack.beauty = Some(beauty);
         stack.findings.extend(findings);
     }
@@ -79,14 +78,14 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
 /// As [`read`].
 pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
     let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) =
-        read_main_layer(path, None)?;
+        read_main_layer(path, &ReadOptions::default())?;
     let image = Image { planes: [red, green, blue, alpha] };
     Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }
 
 /// Reads the main picture of a file as the beauty of a stack, with what was found of it.
-fn read_beauty(path: &Path, rows: Option<Range<i32>>) -> Result<(Beauty, Vec<Finding>), Error> {
-    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path, rows)?;
+fn read_beauty(path: &Path, options: &ReadOptions) -> Result<(Beauty, Vec<Finding>), Error> {
+    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path, options)?;
     let name = path.display().to_string();
     let of_beauty = |finding: Finding| {
         let text = format!("{name}: {}: {}", finding.about, finding.text);
@@ -96,13 +95,14 @@ fn read_beauty(path: &Path, rows: Option<Range<i32>>) -> Result<(Beauty, Vec<Fin
     Ok((Beauty { name, is_requested: true, ..layer.into_beauty(frame) }, findings))
 }
 
-/// The main picture of a file, or `rows` of it, and what else is known of it.
-fn read_main_layer(path: &Path, rows: Option<Range<i32>>) -> Result<(Layer, Layers), Error> {
+/// The main picture of a file, and what else is known of it. Of `options` count rows and alpha.
+fn read_main_layer(path: &Path, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
+    let ReadOptions { rows, alpha, .. } = options.clone();
     let mut opened = Opened::open(&Source::File(path.to_owned()))?;
     let mut layers = if opened.is_exr()? {
-        layers::read_exr_picture(ExrFile::open(opened)?.cropped(rows))?
+        layers::read_exr_picture(ExrFile::open(opened)?.cropped(rows), alpha)?
     } else {
-        picture::read_color(opened, &ReadOptions { rows, ..ReadOptions::default() })?
+        picture::read_color(opened, &ReadOptions { rows, alpha, ..ReadOptions::default() })?
     };
     match layers.peels.pop() {
         Some(layer) => Ok((layer, layers)),
@@ -236,6 +236,9 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         return Err(in_file(no_depth_at_all()));
     }
     findings.extend(convention::doubt(conclusion, depth_range));
+    if options.alpha.is_none() {
+        findings.extend(alpha::doubt(&peels));
+    }
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
     if let [picture] = peels.as_mut_slice()
