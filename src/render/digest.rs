@@ -136,6 +136,8 @@ impl Fields {
             convention,
             supersample,
             kind,
+            near,
+            far,
             alpha,
             color_channel,
             depth_channel,
@@ -147,7 +149,7 @@ impl Fields {
             max_bytes: _, // a limit
             rows: _,      // a part of the picture
         } = options;
-        self.show("depth", &(convention, supersample, kind, alpha));
+        self.show("depth", &(convention, supersample, kind, near, far, alpha));
         self.show("channels", &(color_channel, depth_channel, merge, carry, objects));
     }
 

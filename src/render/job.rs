@@ -154,6 +154,8 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
         options.convention = values.convention.or(options.convention);
         options.supersample = values.supersample.or(options.supersample);
         options.kind = values.kind.or(options.kind);
+        options.near = values.near.or(options.near);
+        options.far = values.far.or(options.far);
         options.alpha = values.alpha.or(options.alpha);
         options.beauty = values.beauty.clone().or(options.beauty);
     }

@@ -77,11 +77,13 @@ pub(super) fn bordered(scene: Scene, border: Border, astray_px: f32, findings: &
 
 /// The conversion of the stack's depth into planar depth.
 pub(super) fn depth_scale(stack: &Stack, settings: &Settings) -> Result<DepthScale, Error> {
-    let [near, far] = [settings.lens.near.value, settings.lens.far.value];
+    let set = [settings.lens.near.value, settings.lens.far.value];
+    // Depth that has 1 near was turned around as it was read.
+    let [near, far] = if stack.near_is_one { [set[1], set[0]] } else { set };
     if stack.convention == DepthConvention::Normalised && far <= near {
         return Err(Error::settings("the far end of normalised depth must lie beyond its near end")
-            .with("found", format!("near {near}, far {far}"))
-            .help("set the distances of depth 0 and depth 1, `near` and `far`"));
+            .with("found", format!("near {}, far {}", set[0], set[1]))
+            .help("set the distances of depth 0 and depth 1, `near` and `far`: both, if depth 1 is near"));
     }
     let focal_lengths = settings.lens.focal_length_mm.value / settings.lens.sensor_width_mm.value;
     Ok(DepthScale {

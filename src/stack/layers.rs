@@ -74,6 +74,8 @@ pub(super) struct Layers {
     pub(super) cryptomattes: Vec<Cryptomatte>,
     /// Warnings and decisions.
     pub(super) findings: Vec<Finding>,
+    /// Whether the peels are files whose names differ in a number alone that may be that of a frame.
+    pub(super) is_numbered: bool,
     /// Counts of replaced values.
     pub(super) replaced: Replaced,
 }
@@ -214,6 +216,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
         channels,
         cryptomattes,
         findings,
+        is_numbered: false,
         replaced,
     })
 }

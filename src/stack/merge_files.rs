@@ -181,6 +181,7 @@ fn of_deep(file: DeepFile, options: &ReadOptions) -> Shot {
         name,
         peels: Vec::new(),
         is_merged: true,
+        is_numbered: false,
         beauty: None,
         frame,
         precision: if is_half { Precision::Half } else { Precision::Float },

@@ -19,6 +19,9 @@ mod decode;
 mod deep;
 #[doc(hidden)]
 pub mod depth;
+mod depth_specks;
+mod depth_steps;
+mod depth_values;
 mod evidence;
 mod filtered_depth;
 mod frame_number;
@@ -27,6 +30,7 @@ mod framed;
 mod guard;
 mod header;
 mod input;
+mod inverse_depth;
 mod kind;
 mod layers;
 mod light;
@@ -34,10 +38,12 @@ mod merge_files;
 mod merged_peels;
 mod murmur;
 mod names;
+mod no_peel;
 mod options;
 mod order;
 mod picture;
 mod planes;
+mod plausible;
 mod read;
 mod rim_depth;
 mod sanitise;
@@ -155,6 +161,8 @@ pub struct Stack {
     pub frame: Frame,
     /// The convention of [`Peel::depth`].
     pub convention: DepthConvention,
+    /// Whether the file has normalised depth with 1 near and 0 far, as settings with `near` above `far` say: it was turned around.
+    pub near_is_one: bool,
     /// What all fragments represent, if a setting or the header says so, or the number of peels or of samples per pixel does;
     /// `None` where each place of the picture is decided by itself.
     pub kind: Option<StackKind>,

@@ -26,6 +26,10 @@ pub struct ReadOptions {
     pub supersample: Option<usize>,
     /// What the samples of the stack are; if `None`, from the header, else from the edges around each pixel.
     pub kind: Option<StackKind>,
+    /// Planar distance of normalised depth 0; if `None`, from the header. Together with `far` it says whether depth 0 or depth 1 is near.
+    pub near: Option<f32>,
+    /// Planar distance of normalised depth 1; if `None`, from the header.
+    pub far: Option<f32>,
     /// How the colours are combined with alpha; if `None`, as the format has it: straight in integer pictures, else premultiplied.
     pub alpha: Option<AlphaMode>,
     /// Name of the colour channel group (`Combined`, `peel0` …), if the naming table does not have it.

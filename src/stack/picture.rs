@@ -70,6 +70,7 @@ pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<La
         channels,
         cryptomattes,
         findings,
+        is_numbered: false,
         replaced,
     })
 }

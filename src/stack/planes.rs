@@ -52,6 +52,7 @@ impl Stack {
             channels: Vec::new(),
             cryptomattes: Vec::new(),
             findings: Vec::new(),
+            is_numbered: false,
             replaced,
         };
         read::finish(layers, options)

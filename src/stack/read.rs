@@ -6,10 +6,11 @@ use super::input::Opened;
 use super::kind::Announced;
 use super::layers::{self, Beauty, Layer, Layers, place};
 use super::options::{Carry, ReadOptions, Source};
+use super::plausible::{self, Depths, Known};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
     background_share, beauty, camera, carried, cryptomatte, filtered_depth, kind, light, merge_files, names,
-    order, picture, rim_depth,
+    no_peel, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -35,11 +36,15 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
             .with("found", format!("the depth file {}", path.display()))
             .help("leave `depth_file` out"));
     }
+    if !is_merged && options.depth_file.is_none() {
+        no_peel::check_names(sources)?;
+    }
     let mut stack = if is_merged {
         merge_files::read_merged(sources, options, &read_layers)?
     } else {
         read_layers(first, options)?
     };
+    stack.is_numbered = !is_merged && no_peel::are_numbered(sources);
     match (others, &options.depth_file) {
         _ if is_merged => {}
         ([], None) => {}
@@ -208,13 +213,14 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
 /// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
     let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
-    let Layers { peels: layers, is_merged, beauty, mut findings, replaced, .. } = layers;
+    let Layers { peels: layers, beauty, mut findings, replaced, is_merged, is_numbered, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
     let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, if is_merged { merged_finding(layers.len()) } else { peels_finding(&layers) });
     findings.extend(doubts);
     findings.extend(replaced.finding());
     findings.extend(aspect_finding(frame));
+    let names: Vec<String> = layers.iter().map(|layer| layer.prefix.clone()).collect();
     let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
     let peels = layers.into_iter().enumerate().map(|(i, layer)| place_peel(i, layer, frame.data));
     let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
@@ -225,17 +231,10 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         attributes: &attributes,
         depth_channel: &depth_channel,
     };
-    let (conclusion, finding) = convention::conclude(evidence);
-    findings.push(finding);
-    let convention = conclusion.convention;
-    let depth_range = order::depth_range(&peels, convention);
-    if options.rows.is_none()
-        && depth_range.is_none()
-        && peels.iter().all(|peel| peel.depth.values().iter().all(|depth| depth.is_nan()))
-    {
-        return Err(in_file(no_depth_at_all()));
-    }
-    findings.extend(convention::doubt(conclusion, depth_range));
+    let known = Known { options, camera: &camera, attributes: &attributes };
+    let Depths { convention, near_is_one, findings: of_depth } =
+        plausible::correct(&mut peels, convention::conclude(evidence), known).map_err(in_file)?;
+    findings.extend(of_depth);
     if options.alpha.is_none() {
         findings.extend(alpha::doubt(&peels));
     }
@@ -248,6 +247,9 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     }
     if announced.kind != Some(StackKind::Coverage) {
         findings.extend(rim_depth::complete(&mut peels, convention));
+    }
+    if options.rows.is_none() && !is_merged {
+        findings.extend(no_peel::check(&peels, &names, convention, is_numbered).map_err(in_file)?);
     }
     findings.extend(order::sort(&mut peels, convention));
     let (mut kind, mut antialiasing, finding) =
@@ -283,6 +285,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         peels,
         frame,
         convention,
+        near_is_one,
         kind,
         antialiasing,
         supersample,
@@ -294,11 +297,6 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         mattes,
         findings,
     })
-}
-
-fn no_depth_at_all() -> Error {
-    Error::input("the depth is NaN everywhere")
-        .help("check the depth pass of the render, or name another channel with `depth_channel`")
 }
 
 fn peels_finding(layers: &[Layer]) -> Finding {

@@ -1,0 +1,75 @@
+//! Depth in the steps of 8 bits, in a file of more bits: it went through a picture.
+//!
+//! Cost: one read of depth at most; it ends where there are too many values.
+
+use super::Peel;
+use super::depth::foreground;
+use crate::finding::Finding;
+use crate::settings::DepthConvention;
+use std::collections::BTreeSet;
+
+/// Values that 8 bits have.
+const CODES: usize = 256;
+/// Fewest values that are steps: as many cards do not stand at even distances.
+const FEWEST: usize = 32;
+/// Least step, as a share of the largest depth, that is worth a word: half floats have finer ones.
+const COARSE: f32 = 0.002;
+/// How far a value may lie from its step, in steps.
+const ROUNDING: f32 = 0.1;
+
+/// A warning where the depths of the first of `peels` are at most 256, at even distances.
+pub(super) fn doubt(peels: &[Peel], convention: DepthConvention) -> Option<Finding> {
+    let foreground = foreground(convention);
+    let mut values = BTreeSet::new();
+    let mut last = f32::NAN;
+    for &depth in peels.first()?.depth.values() {
+        // Foreground is not negative, so the order of bits is that of depths.
+        if depth != last
+            && foreground.contains(&depth)
+            && values.insert(depth.to_bits())
+            && values.len() > CODES
+        {
+            return None;
+        }
+        last = depth;
+    }
+    let values: Vec<f32> = values.into_iter().map(f32::from_bits).collect();
+    let (low, high) = (*values.first()?, *values.last()?);
+    let step = values.windows(2).map(|pair| pair[1] - pair[0]).fold(f32::INFINITY, f32::min);
+    let steps = (high - low) / step;
+    let is_even = |value: &f32| {
+        let at = (value - low) / step;
+        (at - at.round()).abs() <= ROUNDING
+    };
+    let are_steps = values.len() >= FEWEST
+        && steps < CODES as f32 - 0.5
+        && steps < 2.0 * values.len() as f32
+        && step >= COARSE * high
+        && values.iter().all(is_even);
+    let text = format!(
+        "depth from {low} to {high} has {} values in even steps, as of 8 bits: they are visible in the blur; save it with 16 bits or more",
+        values.len()
+    );
+    are_steps.then(|| Finding::warning("depth", text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    fn doubted(depth: impl Fn(f32) -> f32) -> bool {
+        let plane = Plane::from_fn(100, 10, |x, y| depth((x + 100 * y) as f32 / 999.0));
+        let peel = Peel { color: std::array::from_fn(|_| plane.clone()), alpha: plane.clone(), depth: plane };
+        doubt(&[peel], DepthConvention::Planar).is_some_and(|finding| finding.warning)
+    }
+
+    #[test]
+    fn a_ramp_in_even_steps_is_doubted_and_a_smooth_or_half_float_one_is_not() {
+        assert!(doubted(|at| 2.0 + 10.0 * (at * 255.0).round() / 255.0));
+        assert!(!doubted(|at| 2.0 + 10.0 * at));
+        assert!(!doubted(|at| half::f16::from_f32(2.0 + 0.4 * at).to_f32()));
+        assert!(!doubted(|at| 2.0 + (at * 9.0).round()), "ten cards");
+        assert!(!doubted(|_| 3.0));
+    }
+}

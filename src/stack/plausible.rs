@@ -1,0 +1,87 @@
+//! Whether the depths of a stack can be what the file says, and what they are if not: the way through the checks of the depth's values.
+
+use super::convention::{self, Conclusion};
+use super::depth_values::DepthValues;
+use super::options::ReadOptions;
+use super::{Peel, depth_specks, depth_steps, inverse_depth, order};
+use crate::error::Error;
+use crate::finding::Finding;
+use crate::settings::{DepthConvention, Values};
+use exr::meta::attribute::{AttributeValue, Text};
+use rayon::prelude::*;
+
+/// What is known of a file beside its depths.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known<'a> {
+    /// What to read and how.
+    pub(super) options: &'a ReadOptions,
+    /// The camera data of the header.
+    pub(super) camera: &'a Values,
+    /// The attributes of the header.
+    pub(super) attributes: &'a [(Text, AttributeValue)],
+}
+
+/// What the depths are, after all checks.
+#[derive(Debug)]
+pub(super) struct Depths {
+    /// How they are written.
+    pub(super) convention: DepthConvention,
+    /// See [`super::Stack::near_is_one`].
+    pub(super) near_is_one: bool,
+    /// What was found.
+    pub(super) findings: Vec<Finding>,
+}
+
+/// Checks the depths of `peels`, which `concluded` says how to read and why, and corrects those that are written otherwise.
+///
+/// # Errors
+/// No depth at all; a part of a file of which only the whole says how it is written.
+pub(super) fn correct(
+    peels: &mut [Peel],
+    (mut conclusion, mut finding): (Conclusion, Finding),
+    known: Known<'_>,
+) -> Result<Depths, Error> {
+    let is_whole = known.options.rows.is_none();
+    let values = DepthValues::of(peels);
+    if conclusion.guessed && inverse_depth::is_by_compositor(known.attributes) {
+        let below_one = is_whole.then(|| values.share_below_one());
+        (conclusion, finding) = inverse_depth::conclude(below_one)?;
+    }
+    let convention = conclusion.convention;
+    let mut findings = vec![finding];
+    findings.extend(values.turn_around(peels, convention));
+    if is_whole {
+        let writes_zero = match convention {
+            DepthConvention::Inverse => true,
+            DepthConvention::Ray => !conclusion.guessed,
+            _ => false,
+        };
+        findings.extend(values.check(writes_zero)?);
+        findings.extend(values.doubt());
+        findings.extend(depth_steps::doubt(peels, convention));
+    }
+    let near_is_one = convention == DepthConvention::Normalised && near_is_one(known);
+    if near_is_one {
+        peels.iter_mut().for_each(inverted);
+        findings.push(Finding::note("depth", "depth 1 is nearer than depth 0: `near` is above `far`"));
+    }
+    findings.extend(depth_specks::repair(peels, convention));
+    findings.extend(convention::doubt(conclusion, order::depth_range(peels, convention)));
+    Ok(Depths { convention, near_is_one, findings })
+}
+
+/// Whether the distance of depth 0 is set to be above that of depth 1. Both must be set.
+fn near_is_one(Known { options, camera, .. }: Known<'_>) -> bool {
+    let [near, far] = [options.near.or(camera.near), options.far.or(camera.far)];
+    near.zip(far).is_some_and(|(near, far)| near > far)
+}
+
+/// Turns normalised depth around, so that 0 is near. Background stays.
+fn inverted(peel: &mut Peel) {
+    let invert = |depth: &mut f32| {
+        if *depth >= 0.0 && *depth < f32::INFINITY {
+            *depth = 1.0 - depth.min(1.0);
+        }
+    };
+    peel.depth.values_mut().par_iter_mut().for_each(invert);
+}
