@@ -12,6 +12,7 @@ mod paint;
 mod rendered;
 mod stages;
 mod survey;
+mod units;
 
 #[cfg(feature = "cli")]
 pub(crate) use bands::in_bands_with;
@@ -125,6 +126,8 @@ fn plan_stack(
     stack.findings.extend(findings);
     let summary = StackReport::from(&stack);
     let (lens, sharpness) = stages::lens(&mut stack, &settings, job::frame_number(job))?;
+    let in_use = stages::depth_in_use(&stack, &settings, &lens)?;
+    stack.findings.extend(units::doubt(&in_use, &settings, lens.focus_distance));
     if !job.read_options.objects {
         // Mattes were read to find the focus distance only.
         stack.mattes = Vec::new();

@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
 use crate::methods::{Plan, Registry};
-use crate::scene::{self, Focused, FrameNumber, Scene, SceneStats};
+use crate::scene::{self, DepthInUse, Focused, FrameNumber, Scene, SceneStats};
 use crate::settings::{Border, DepthConvention, Settings};
 use crate::stack::Stack;
 use crate::stack::depth::DepthScale;
@@ -23,6 +23,11 @@ pub(super) fn lens(
     let spec = lens_spec(settings, distance);
     let lens = ThinLens::new(&spec, picture_width)?;
     Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))
+}
+
+/// The depths of `stack`, and how much `lens` blurs them.
+pub(super) fn depth_in_use(stack: &Stack, settings: &Settings, lens: &ThinLens) -> Result<DepthInUse, Error> {
+    Ok(DepthInUse::of(stack, lens, &depth_scale(stack, settings)?))
 }
 
 /// From stack to plan; the stack's peels move into the scene.

@@ -5,14 +5,14 @@
 //! needs.
 
 use super::job::{self, Job};
-use super::stages;
+use super::{stages, units};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::lens::{Optics, ThinLens};
 use crate::methods::{Plan, Target};
 use crate::output::report::StackReport;
 use crate::sample_budget::{self, Outcome};
-use crate::scene::{EffectKind, Scene, SceneStats};
+use crate::scene::{DepthInUse, EffectKind, Scene, SceneStats};
 use crate::settings::{Border, Focus, Settings};
 use crate::stack::{self, Footprint, ReadOptions, Stack, Window};
 use std::ops::Range;
@@ -62,6 +62,7 @@ pub(super) fn survey(job: &Job, footprint: &Footprint, rows: usize) -> Result<Su
     }
     stack.findings = sum.findings;
     stack.findings.extend(of_keys.into_iter().chain(of_focus));
+    stack.findings.extend(units::doubt(&sum.in_use, &settings, lens.focus_distance));
     stack.frame.data.height = footprint.height;
     (summary.height, summary.antialiased) = (footprint.height, sum.stats.antialiased);
     if settings.picture.border.value == Border::Transparent && sum.reach_px > 0 {
@@ -80,6 +81,7 @@ pub(super) fn survey(job: &Job, footprint: &Footprint, rows: usize) -> Result<Su
 /// What the parts add up to.
 struct Sum {
     stats: SceneStats,
+    in_use: DepthInUse,
     outcome: Option<Outcome>,
     reach_px: usize,
     findings: Vec<Finding>,
@@ -89,6 +91,7 @@ impl Sum {
     /// What is known of the part `stack`, whose peels are taken.
     fn of(stack: &mut Stack, job: &Job, settings: &Settings, lens: &ThinLens) -> Result<Self, Error> {
         let mut findings = std::mem::take(&mut stack.findings);
+        let in_use = stages::depth_in_use(stack, settings, lens)?;
         let scene = Scene::from_stack(stack, lens, &stages::depth_scale(stack, settings)?);
         findings.extend(stages::limited(&scene));
         let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
@@ -100,12 +103,13 @@ impl Sum {
             }
             _ => None,
         };
-        Ok(Self { stats, outcome, reach_px, findings })
+        Ok(Self { stats, in_use, outcome, reach_px, findings })
     }
 
     /// Adds the part below. Of findings that differ, the first about a matter stays, and every warning.
     fn add(&mut self, below: Self) {
         self.stats = self.stats.clone().joined(&below.stats);
+        self.in_use = self.in_use.joined(below.in_use);
         self.reach_px = self.reach_px.max(below.reach_px);
         let more = |below: &Outcome| self.outcome.as_ref().is_none_or(|own| below.views > own.views);
         if below.outcome.as_ref().is_some_and(more) {

@@ -6,6 +6,7 @@
 mod background;
 mod border;
 mod bright;
+mod depth_in_use;
 pub(crate) mod effects;
 mod extrapolation;
 mod stats;
@@ -27,6 +28,7 @@ mod workload;
 
 pub use background::Background;
 pub(crate) use bright::{BrightStep, bright_step_floor, brightness, isolation, share_of_disc};
+pub(crate) use depth_in_use::DepthInUse;
 pub(crate) use effects::percent;
 pub use effects::{Effect, EffectKind, Inputs};
 pub use extrapolation::Extrapolation;
