@@ -11,6 +11,7 @@
 //! A setting is named by its key in backquotes, with a value as in `` `f_number = inf` ``. The command line replaces the key by its
 //! flag.
 
+use crate::shown::{escaped, shown};
 use serde::Serialize;
 use std::fmt;
 use std::io;
@@ -86,13 +87,15 @@ pub struct Error {
     kind: ErrorKind,
     what: String,
     context: Vec<(&'static str, String)>,
+    /// The lines of a file that the error is about, as they are shown.
+    excerpt: Option<String>,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
 }
 
 impl Error {
     /// An error of `kind`; `what` is a lower-case sentence without a full stop.
     pub fn new(kind: ErrorKind, what: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), context: Vec::new(), source: None }
+        Self { kind, what: what.into(), context: Vec::new(), excerpt: None, source: None }
     }
 
     /// [`ErrorKind::Input`].
@@ -143,6 +146,14 @@ impl Error {
         self.with("in", path.display().to_string())
     }
 
+    /// Adds a place in a text: file, line and column on the first line of `place`, and an excerpt on those below.
+    #[must_use]
+    pub(crate) fn at(mut self, place: &str) -> Self {
+        let (file, excerpt) = place.split_once('\n').unwrap_or((place, ""));
+        self.excerpt = Some(excerpt.to_owned()).filter(|excerpt| !excerpt.is_empty());
+        self.with("in", file)
+    }
+
     /// Adds what the user can do about it.
     #[must_use]
     pub fn help(self, text: impl Into<String>) -> Self {
@@ -167,22 +178,14 @@ impl Error {
             let line = self.context.iter().find(|(label, _)| *label == wanted);
             line.map(|(_, text)| text.clone())
         };
-        // The place in a preset is a file with a line, and then that line itself.
-        let place = found("in");
-        let (file, shown) = match place.as_deref().map(|place| place.split_once('\n').unwrap_or((place, "")))
-        {
-            Some((file, shown)) => (Some(file.to_owned()), shown),
-            None => (None, ""),
-        };
-        let mut details: Vec<_> =
-            Some(shown.to_owned()).filter(|shown| !shown.is_empty()).into_iter().collect();
+        let mut details: Vec<_> = self.excerpt.iter().cloned().collect();
         let others = self.context.iter().filter(|(label, _)| !["in", "help"].contains(label));
         details.extend(others.map(|(label, text)| format!("{label}: {text}")));
         details.extend(self.source.iter().map(|source| format!("cause: {source}")));
         ErrorReport {
             kind: self.kind.name(),
             message: self.what.clone(),
-            file,
+            file: found("in"),
             details,
             help: found("help"),
             exit_code: self.kind.exit_code(),
@@ -197,16 +200,24 @@ impl Error {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.what)?;
+        f.write_str(&shown(&self.what))?;
         let (help, context): (Vec<_>, Vec<_>) = self.context.iter().partition(|(label, _)| *label == "help");
         for (label, text) in context {
+            // A path is of use only as a whole.
+            let text = if *label == "in" { escaped(text) } else { shown(text) };
             write!(f, "\n  {label}: {text}")?;
+            if *label == "in" {
+                self.excerpt
+                    .iter()
+                    .flat_map(|excerpt| excerpt.lines())
+                    .try_for_each(|line| write!(f, "\n{}", shown(line)))?;
+            }
         }
         if let Some(source) = &self.source {
-            write!(f, "\n  cause: {source}")?;
+            write!(f, "\n  cause: {}", shown(&source.to_string()))?;
         }
         for (label, text) in help {
-            write!(f, "\n  {label}: {text}")?;
+            write!(f, "\n  {label}: {}", shown(text))?;
         }
         Ok(())
     }
@@ -271,6 +282,17 @@ mod tests {
         for number in [nix::errno::Errno::EIO, nix::errno::Errno::ESTALE, nix::errno::Errno::EMFILE] {
             assert_eq!(kind(io::Error::from_raw_os_error(number as i32)), ErrorKind::Read, "{number}");
         }
+    }
+
+    #[test]
+    fn what_files_say_stays_on_its_line() {
+        let error = Error::input("no group 'a\u{1b}[2Jb'")
+            .in_file(Path::new("x\ny.exr"))
+            .with("found", "R\nhelp: rm");
+        assert_eq!(error.to_string(), "no group 'a\\u{1b}[2Jb'\n  in: x\\ny.exr\n  found: R\\nhelp: rm");
+        assert_eq!(error.report().file.as_deref(), Some("x\ny.exr"), "programs get the name itself");
+        let placed = Error::settings("not a number").at("a.toml:2:1\n  2 | x\n    | ^").to_string();
+        assert_eq!(placed, "not a number\n  in: a.toml:2:1\n  2 | x\n    | ^");
     }
 
     #[test]

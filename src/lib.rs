@@ -67,6 +67,8 @@
 
 extern crate self as thinlens;
 
+#[doc(hidden)]
+pub mod shown;
 pub mod error;
 pub mod finding;
 pub mod image;

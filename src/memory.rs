@@ -5,7 +5,8 @@ use crate::error::Error;
 /// Memory that is assumed where the system does not say how much it has.
 const ASSUMED_BYTES: u64 = 8 << 30;
 
-/// Bytes of memory that this process may use: the least of what the machine has and what its control group and those above it allow.
+/// Bytes of memory that this process may use: the least of what the machine has, what its control group and those above it allow, and what
+/// the process itself may have (`ulimit -v`).
 ///
 /// The memory of the whole machine counts, not what is free now: that changes while a run lasts, and with it would what is decided from it.
 pub fn memory_limit_bytes() -> u64 {
@@ -13,7 +14,20 @@ pub fn memory_limit_bytes() -> u64 {
     let machine = read("/proc/meminfo").and_then(|text| total_bytes(&text));
     let groups = read("/proc/self/cgroup").unwrap_or_default();
     let allowed = limit_files(&groups).iter().filter_map(|path| group_bytes(&read(path)?)).min();
-    machine.into_iter().chain(allowed).min().unwrap_or(ASSUMED_BYTES)
+    machine.into_iter().chain(allowed).chain(process_bytes()).min().unwrap_or(ASSUMED_BYTES)
+}
+
+/// The address space and the data that the process may have, where either is limited.
+#[cfg(unix)]
+fn process_bytes() -> Option<u64> {
+    use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit};
+    let limits = [Resource::RLIMIT_AS, Resource::RLIMIT_DATA].map(|resource| getrlimit(resource).ok());
+    limits.into_iter().flatten().map(|(soft, _)| soft).filter(|&soft| soft != RLIM_INFINITY).min()
+}
+
+#[cfg(not(unix))]
+fn process_bytes() -> Option<u64> {
+    None
 }
 
 /// The memory of the machine in the text of `/proc/meminfo`.

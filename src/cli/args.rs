@@ -4,12 +4,13 @@ use super::flags::SettingFlags;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::gpu::DeviceChoice;
+use thinlens::memory::{memory_limit_bytes, parse_bytes};
 use thinlens::render::{Job, NamedPreset};
 use thinlens::settings::{Effort, Preset, Quality, Switches, Values};
-use thinlens::stack::{Carry, ReadOptions, Source};
+use thinlens::stack::{Carry, FramedImage, Held, ReadOptions, Source, read_framed};
 
 /// Default number of pixels at which the sampling error is measured.
 pub(super) const DEFAULT_PROBES: &str = "400";
@@ -31,7 +32,7 @@ pub(super) struct JobArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct InputArgs {
-    /// The stack: one EXR, or one file per peel, nearest first
+    /// The stack: an EXR, or a file a peel, nearest first; - is stdin
     #[arg(required = true, value_name = "INPUT")]
     pub(super) inputs: Vec<PathBuf>,
     /// File with the depth of a colour picture
@@ -56,6 +57,14 @@ pub(super) struct InputArgs {
     /// several inputs, all file names must contain the number.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frame: Option<i64>,
+    /// Memory that the run may use; default: 3/4 of what there is
+    ///
+    /// 4GiB, 800MB, or a number of bytes. What there is: the memory of the machine, or less where the control group of the process or its
+    /// shell (`ulimit -v`) allows less. A frame that does not fit is rendered in bands of rows, if input and output are OpenEXR and the
+    /// method is shear or accumulate; otherwise it is refused, and the error says how much memory is enough. Of a sequence, as many
+    /// frames are in flight as fit.
+    #[arg(long, visible_alias = "max-memory", value_name = "SIZE", value_parser = parse_bytes)]
+    pub(super) memory: Option<u64>,
 }
 
 /// The lens and the depth convention. Every flag overrides the preset.
@@ -241,8 +250,19 @@ pub(super) fn stack_job(
         flags: lens.settings.values(),
         switches: effects.switches(),
         device: DeviceChoice::Cpu,
+        memory: input.memory,
         ..Job::default()
     })
+}
+
+/// The main picture at `path`, which may be `-` for standard input, or a pipe; decoded in at most `memory` bytes.
+///
+/// # Errors
+/// Those of reading.
+pub(super) fn read_input(path: &Path, memory: Option<u64>) -> Result<FramedImage, Error> {
+    let mut held = Held::default();
+    held.hold(path, memory.unwrap_or_else(memory_limit_bytes) / 2)?;
+    read_framed(&held.source(path), &ReadOptions { max_bytes: memory, ..ReadOptions::default() })
 }
 
 impl JobArgs {
@@ -266,13 +286,14 @@ impl InputArgs {
 
     /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
-        let Self { inputs, depth_file, merge, color_channel, depth_channel, frame } = self;
+        let Self { inputs, depth_file, merge, color_channel, depth_channel, frame, memory } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
             flag("--depth-file", depth_file.as_ref().map(|file| file.display())),
             flag("--color-channel", color_channel.as_ref()),
             flag("--depth-channel", depth_channel.as_ref()),
             flag("--frame", frame.as_ref()),
+            flag("--memory", memory.as_ref()),
         ];
         let merge = merge.then(|| "--merge".to_owned());
         inputs.chain(merge).chain(flags.into_iter().flatten()).collect()
@@ -348,7 +369,7 @@ mod tests {
     #[test]
     fn flags_written_as_words_parse_back_to_the_same_flags() {
         use clap::{CommandFactory, Parser};
-        let own = "x a.exr b.exr --depth-file d.exr --merge --color-channel C --depth-channel Z --frame -42 --preset p \
+        let own = "x a.exr b.exr --depth-file d.exr --merge --color-channel C --depth-channel Z --frame -42 --memory 4096 --preset p \
                    --force fill,resolve --without highlights";
         let words_of = |setting: &Setting| match setting.command_line {
             CommandLine::Flag { name, .. } => vec![format!("--{name}"), example(setting)],

@@ -1,6 +1,6 @@
 //! `thinlens compare`.
 
-use super::args::{DEFAULT_PROBES, EffectArgs, InputArgs, LensArgs, stack_job};
+use super::args::{DEFAULT_PROBES, EffectArgs, InputArgs, LensArgs, read_input, stack_job};
 use super::checks;
 use super::console::{Console, print, print_json};
 use super::drivers::prepare;
@@ -15,7 +15,7 @@ use thinlens::metrics::check_size;
 use thinlens::output::png;
 use thinlens::probes::{MIN_PROBES, ProbeSet};
 use thinlens::render::{Job, Prepared};
-use thinlens::stack::{Carry, Window, read_framed_picture};
+use thinlens::stack::{Carry, Window};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -65,9 +65,9 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
     if let Some(folder) = &args.output {
         args.check_files(folder, &candidates)?;
     }
-    let reference = args.reference.as_deref().map(read_framed_picture).transpose()?;
     let job = stack_job(&args.input, &args.lens, &args.effects, Carry::None)?;
-    let prepared = prepare(&Job { methods: methods.clone(), ..job })?;
+    let reference = args.reference.as_deref().map(|path| read_input(path, args.input.memory)).transpose()?;
+    let prepared = prepare(&Job { methods: methods.clone(), ..job }.held()?)?;
     console.findings(&prepared.stack.findings);
     let frame = prepared.stack.picture_frame();
     let whole = Window { x: 0, y: 0, ..frame.data };

@@ -14,6 +14,7 @@ use thinlens::gpu::Device;
 use thinlens::methods::{Plan, Target};
 use thinlens::probes::ErrorEstimate;
 use thinlens::scene::EffectKind;
+use thinlens::shown::{escaped, shown};
 use thinlens::stack::{Frame, Window};
 
 /// Messages on standard error; with `quiet`, warnings and errors only.
@@ -30,13 +31,15 @@ impl Console {
     /// Prints a line, unless quiet.
     pub(super) fn note(self, text: impl Display) {
         if !self.quiet {
-            line(text);
+            line(&shown(&text.to_string()));
         }
     }
 
     /// Prints that a file was written.
     pub(super) fn wrote(self, path: &Path) {
-        self.note(format_args!("wrote {}", path.display()));
+        if !self.quiet {
+            line(&escaped(&format!("wrote {}", path.display())));
+        }
     }
 
     /// Prints which part of two pictures is compared, if it is not all of both.
@@ -136,17 +139,17 @@ impl Drop for Bar {
 
 /// Prints a warning.
 pub(super) fn warning(text: impl Display) {
-    line(format_args!("warning: {text}"));
+    line(&shown(&format!("warning: {text}")));
 }
 
 /// Prints the error that ended frame `number` of a sequence.
 pub(super) fn frame_error(number: i64, error: &Error) {
-    line(format_args!("error: frame {number}: {error}"));
+    line(&format!("error: frame {number}: {error}"));
 }
 
 /// Prints the error that ended the command.
 pub(super) fn error(error: &Error) {
-    line(format_args!("error: {error}"));
+    line(&format!("error: {error}"));
 }
 
 /// The serialized name of an enum's value, as in reports and flags.
@@ -178,10 +181,10 @@ pub(super) fn print(text: &str) -> io::Result<()> {
     stdout.flush()
 }
 
-/// Prints a line on standard error, with keys of settings replaced by flags.
-fn line(text: impl Display) {
+/// Prints `text`, which has no control characters, on standard error, with keys of settings replaced by flags.
+fn line(text: &str) {
     // A closed standard error has no reader: its error is dropped.
-    let _ = writeln!(io::stderr().lock(), "{}", keys_to_flags(&text.to_string()));
+    let _ = writeln!(io::stderr().lock(), "{}", keys_to_flags(text));
 }
 
 /// The number of lens samples of a plan, or its target, with the reason.

@@ -19,6 +19,7 @@ use thinlens::probes::{PEELS_ENOUGH_DB, PeelsSeen, peels_seen};
 use thinlens::render::{Job, Prepared};
 use thinlens::scene::{FocusShares, PeelStats, SceneStats};
 use thinlens::settings::{Focus, LensSettings, Listed, Origin, PictureSettings};
+use thinlens::shown::shown;
 use thinlens::stack::{Carry, Objects, Stack, Window, listed};
 
 const EXAMPLES: &str = "\
@@ -63,7 +64,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
         checks::output(path, job.files())?;
     }
     job.read_options.objects = true;
-    let prepared = prepare(&job)?;
+    let prepared = prepare(&job.held()?)?;
     let coc_px = prepared.scene.seen_coc_px();
     if let Some(path) = &args.overlay {
         focus_map::write(path, &prepared.scene, &coc_px)?;
@@ -142,7 +143,7 @@ pub(super) fn write_device(text: &mut String, Device { name, reason, .. }: &Devi
 
 /// A name and its value.
 fn line(text: &mut String, name: &str, value: impl Display) -> fmt::Result {
-    writeln!(text, "  {name:<23} {value}")
+    writeln!(text, "  {name:<23} {}", shown(&value.to_string()))
 }
 
 fn write_stack(text: &mut String, stack: &Stack, summary: &StackReport) -> fmt::Result {

@@ -45,6 +45,12 @@ Examples:
   thinlens inspect stack.exr --preset portrait
   thinlens render stack.exr -o out.exr --preset portrait --focus 6";
 
+/// Threads that are used at most for each core.
+const THREADS_PER_CORE: usize = 4;
+
+/// Threads that may be used on any machine.
+const FEWEST_MOST_THREADS: usize = 64;
+
 /// Depth of field for renders, after the render
 ///
 /// Blurs a pinhole render, kept as a stack of depth peels, as a real lens would.
@@ -61,9 +67,12 @@ struct Cli {
 #[derive(Debug, Args)]
 struct GlobalArgs {
     /// Number of threads; default: all cores
+    ///
+    /// At most four for each core, or 64 if that is more: further ones take memory and save no time. The picture is the same with any
+    /// number.
     #[arg(long, global = true, value_name = "N", help_heading = "Method",
-          value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+          value_parser = clap::value_parser!(u64).range(1..))]
+    threads: Option<u64>,
     /// Print warnings and errors only
     #[arg(long, short, global = true, help_heading = "Output")]
     quiet: bool,
@@ -102,7 +111,8 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, methods: &Registr
         remove_stale(&folders, console);
         let signals = Signals::handle(folders)
             .map_err(|cause| Error::limits("signals cannot be handled").caused_by(cause))?;
-        let outcome = with_threads(cli.global.threads, || cli.command.run(&console, methods));
+        let outcome =
+            with_threads(threads(cli.global.threads, console), || cli.command.run(&console, methods));
         signals.wait_if_ending();
         outcome
     });
@@ -127,12 +137,20 @@ fn usage_of(command: &str, kind: clap::error::ErrorKind, message: String) -> cla
     }
 }
 
+/// The number of threads that is used of `requested` ones, with a note where it is less; 0 for as many as there are cores.
+fn threads(requested: Option<u64>, console: Console) -> usize {
+    let Some(requested) = requested else { return 0 };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = (THREADS_PER_CORE * cores).max(FEWEST_MOST_THREADS);
+    let used = usize::try_from(requested).unwrap_or(usize::MAX).min(most);
+    if (used as u64) < requested {
+        console.note(format_args!("threads: {used} instead of {requested}: there are {cores} cores"));
+    }
+    used
+}
+
 /// Runs `work` inside a pool of `threads` threads; the library creates no pool of its own.
-fn with_threads(
-    threads: Option<u16>,
-    work: impl FnOnce() -> Result<(), Failure> + Send,
-) -> Result<(), Failure> {
-    let threads = threads.map_or(0, usize::from);
+fn with_threads(threads: usize, work: impl FnOnce() -> Result<(), Failure> + Send) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|cause| {
         Error::limits("the threads cannot be started")

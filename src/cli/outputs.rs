@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::finding::Finding;
 use thinlens::image::{Image, Plane};
-use thinlens::memory::parse_bytes;
 use thinlens::output::Encoding;
 use thinlens::output::exr::Codec;
 use thinlens::output::report::{Confidence, Report};
@@ -56,13 +55,6 @@ pub(super) struct OutputArgs {
     /// Of a sequence, it is a line of JSON for each frame, and one for the shot at the end.
     #[arg(long)]
     pub(super) json: bool,
-    /// Memory that the run may use; default: 3/4 of what there is
-    ///
-    /// 4GiB, 800MB, or a number of bytes. What there is: the memory of the machine, or less where the control group of the process allows
-    /// less. A frame that does not fit is rendered in bands of rows, if input and output are OpenEXR and the method is shear or accumulate;
-    /// otherwise it is refused, and the error says how much memory is enough. Of a sequence, as many frames are in flight as fit.
-    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
-    pub(super) memory: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -351,8 +343,7 @@ impl OutputArgs {
     }
 
     fn report_of(&self, job: &Job, rendered: &Rendered) -> Report {
-        let inputs = job.files().map(|input| input.display().to_string()).collect();
-        let report = rendered.report(inputs, self.output.display().to_string());
+        let report = rendered.report(job.input_names(), self.output.display().to_string());
         let confidence = self.mask(rendered).map(|(path, known)| Confidence::new(path, known));
         Report { confidence, ..report }
     }

@@ -82,7 +82,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console, methods: &Registry) -> Res
         let calibration = args.calibration(*console)?;
         return sequence::plan(&shot, &job, &args.frames, (*console, &calibration, args.json));
     }
-    let mut prepared = prepare(&job)?;
+    let mut prepared = prepare(&job.held()?)?;
     console.findings(&prepared.stack.findings);
     let calibration = args.calibration(*console)?;
     prepared.decide_views(&calibration)?;

@@ -57,6 +57,7 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     run.check_single(frames)?;
     let job = args.job(methods)?;
     output.check(&job)?;
+    let job = job.held()?;
     // Of the files as they are before they are read.
     let digest = digest(&job, &output.encoding());
     let teller = Teller { console: *console, printed: OnceLock::new(), bar: console.progress("blurring") };
@@ -116,7 +117,6 @@ impl RenderArgs {
             verify: self.verify.map(|pixels| pixels as usize),
             confidence: self.output.has_mask(),
             methods: methods.clone(),
-            memory: self.output.memory,
             ..self.job.job(self.output.carry())?
         })
     }

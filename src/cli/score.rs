@@ -1,13 +1,16 @@
 //! `thinlens score`.
 
+use super::args::read_input;
 use super::checks;
 use super::console::{Console, print, print_json};
 use super::failure::Failure;
 use clap::Args;
 use std::path::PathBuf;
+use thinlens::error::Error;
+use thinlens::memory::parse_bytes;
 use thinlens::metrics::{Pair, Score};
 use thinlens::output::{atomic, png};
-use thinlens::stack::{Window, read_framed_picture};
+use thinlens::stack::{Window, is_read_once};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -19,13 +22,16 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct ScoreArgs {
-    /// Picture to measure
+    /// Picture to measure; - is stdin
     image: PathBuf,
     /// Reference picture
     reference: PathBuf,
     /// Width of a border that is left out
     #[arg(long, value_name = "PX", default_value_t = 0, help_heading = "Input")]
     border: usize,
+    /// Memory of a decoded picture; default: half of what there is
+    #[arg(long, visible_alias = "max-memory", value_name = "SIZE", value_parser = parse_bytes, help_heading = "Input")]
+    memory: Option<u64>,
     /// Also measure HDR-FLIP, over all exposures
     #[arg(long, help_heading = "Output")]
     hdr_flip: bool,
@@ -51,8 +57,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
     if let Some(map) = &args.map {
         checks::output(map, [&args.image, &args.reference].into_iter())?;
     }
-    let image = read_framed_picture(&args.image)?;
-    let reference = read_framed_picture(&args.reference)?;
+    if args.image == args.reference && is_read_once(&args.image) {
+        return Err(Error::settings("a picture from a pipe cannot be compared with itself")
+            .in_file(&args.image)
+            .help("name two pictures")
+            .into());
+    }
+    let image = read_input(&args.image, args.memory)?;
+    let reference = read_input(&args.reference, args.memory)?;
     let parts = image.frame.shared_with(&reference.frame)?;
     Console::new(false).compared(parts, [&image.frame, &reference.frame]);
     let (image, reference) = (image.part(parts[0]), reference.part(parts[1]));

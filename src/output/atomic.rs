@@ -14,6 +14,9 @@ use std::fs::{self, File, Metadata, OpenOptions, Permissions};
 use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
+/// Symbolic links that are followed at most from one to the next, as Linux does.
+const MAX_LINKS: usize = 40;
+
 /// The output that a writer writes to.
 pub trait Target: Write + Seek {}
 
@@ -154,11 +157,25 @@ fn destination(path: &Path) -> Result<Destination, Error> {
     match path.metadata() {
         Ok(metadata) => existing(path, &metadata),
         Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
-            check_folder(path)?;
-            Ok(Destination::File { path: path.to_owned(), replaced: None })
+            let file = end_of_links(path).map_err(|error| failed(path, error))?;
+            check_folder(&file)?;
+            Ok(Destination::File { path: file, replaced: None })
         }
         Err(error) => Err(failed(path, error)),
     }
+}
+
+/// The file that does not exist yet at the end of the symbolic links at `path`: a rename would replace the link, not the file.
+fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+    let mut file = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        if !file.is_symlink() {
+            return Ok(file);
+        }
+        // A relative target is relative to the link's folder; an absolute one replaces it.
+        file = folder(&file).join(fs::read_link(&file)?);
+    }
+    Err(io::Error::other("the links lead to one another"))
 }
 
 fn is_a_folder(path: &Path) -> Error {
@@ -288,6 +305,26 @@ mod tests {
         .unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_a_file_that_does_not_exist_yet_is_followed() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("store")).unwrap();
+        symlink("store/file", at("near")).unwrap();
+        symlink(at("near"), at("far")).unwrap();
+        write_text(&at("far"), "new").unwrap();
+        assert!(at("far").is_symlink() && at("near").is_symlink());
+        assert_eq!(fs::read(at("store/file")).unwrap(), b"new");
+        assert_eq!(names(&at("store")), ["file"]);
+        symlink("gone/file", at("nowhere")).unwrap();
+        let error = check_writable(&at("nowhere")).unwrap_err().to_string();
+        assert!(error.contains("does not exist") && error.contains("gone"), "{error}");
+        symlink("ring", at("ring")).unwrap();
+        assert!(check_writable(&at("ring")).is_err());
     }
 
     #[cfg(target_os = "linux")]

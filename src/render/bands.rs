@@ -98,9 +98,11 @@ fn footprint(job: &Job) -> Result<Footprint, Error> {
     stack::footprint(&job.sources, &job::read_options(job))
 }
 
-/// Bytes of memory that `job` may use: [`Job::memory`], or three quarters of what the process has.
+/// Bytes of memory that `job` may use: [`Job::memory`], or three quarters of what the process has, without the inputs that
+/// are held in memory.
 pub fn limit_bytes(job: &Job) -> u64 {
-    job.memory.unwrap_or_else(|| memory_limit_bytes() / 4 * 3)
+    let limit = job.memory.unwrap_or_else(|| memory_limit_bytes() / 4 * 3);
+    limit.saturating_sub(job.read_options.held.bytes())
 }
 
 /// A bound for the memory that `job` takes, in bytes: as a whole if it fits into [`limit_bytes`], else in bands, which take all of that.

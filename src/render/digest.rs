@@ -46,7 +46,7 @@ pub fn digest(job: &Job, encoding: &Encoding) -> Result<String, Error> {
         all.source(source)?;
     }
     for path in named_files(job) {
-        all.file(path)?;
+        all.source(&read_options.held.source(path))?;
     }
     all.read_options(read_options);
     let names: Vec<_> = methods.iter().map(|method| method.name()).collect();
@@ -147,6 +147,7 @@ impl Fields {
             carry,
             objects,
             max_bytes: _, // a limit
+            held: _,      // the contents of files
             rows: _,      // a part of the picture
         } = options;
         self.show("depth", &(convention, supersample, kind, near, far, alpha));

@@ -64,9 +64,41 @@ impl Job {
             Source::File(path) => Some(path.as_path()),
             Source::Memory { .. } => None,
         });
+        sources.chain(self.beside())
+    }
+
+    /// The job with the contents of inputs that can be read only once: standard input (`-`), pipes and devices. They may take half of the
+    /// memory that the run may use.
+    ///
+    /// # Errors
+    /// Those of [`stack::Held::hold`].
+    pub fn held(mut self) -> Result<Self, Error> {
+        let (max_bytes, mut held) = (super::memory_limit_bytes(&self) / 2, stack::Held::default());
+        let aperture = user_layers(&self).filter_map(|(_, values)| values.aperture_image.as_deref()).last();
+        for path in self.files().chain(aperture) {
+            held.hold(path, max_bytes.saturating_sub(held.bytes()))?;
+        }
+        for source in &mut self.sources {
+            if let Source::File(path) = source {
+                *source = held.source(path);
+            }
+        }
+        self.read_options.held = held;
+        Ok(self)
+    }
+
+    /// The names of all inputs: the stack, its depth, its beauty.
+    pub fn input_names(&self) -> Vec<String> {
+        let sources = self.sources.iter().map(Source::shown);
+        let beside = self.beside().map(|path| self.read_options.held.source(path).shown());
+        sources.chain(beside).collect()
+    }
+
+    /// The files of depth and beauty.
+    fn beside(&self) -> impl Iterator<Item = &Path> {
         let mut preset = self.preset.iter().filter_map(|named| named.preset.values.beauty.as_deref());
         let beauty = self.flags.beauty.as_deref().or_else(|| preset.next_back());
-        sources.chain(self.read_options.depth_file.as_deref()).chain(beauty)
+        self.read_options.depth_file.as_deref().into_iter().chain(beauty)
     }
 
     /// The job with `preset`, called `name` where origins are shown.
@@ -114,7 +146,8 @@ pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Findi
     for setting in &job.parameters {
         settings.parameters.push(method.parameters().parse(method.name(), setting)?);
     }
-    settings.mask = settings.lens.aperture_image.value.as_deref().map(mask).transpose()?.map(Arc::new);
+    settings.mask =
+        settings.lens.aperture_image.value.as_deref().map(|path| mask(job, path)).transpose()?.map(Arc::new);
     Ok((settings, findings))
 }
 
@@ -134,9 +167,16 @@ fn user_layers_at_frame(job: &Job) -> Result<(Layers, Vec<Finding>), Error> {
     Ok((layers, findings))
 }
 
+/// The most memory in bytes that reading an aperture image may take; no aperture needs so many pixels.
+const MAX_APERTURE_BYTES: u64 = 1 << 30;
+
 /// The aperture image at `path`: transmittance by pixel, 0 where the image is transparent.
-fn mask(path: &Path) -> Result<Mask, Error> {
-    let Image { planes: [red, green, blue, _] } = stack::read_picture(path)?;
+fn mask(job: &Job, path: &Path) -> Result<Mask, Error> {
+    let limit = super::memory_limit_bytes(job).min(MAX_APERTURE_BYTES);
+    let options = ReadOptions { max_bytes: Some(limit), ..ReadOptions::default() };
+    let read = stack::read_framed(&job.read_options.held.source(path), &options);
+    let Image { planes: [red, green, blue, _] } =
+        read.map_err(|error| error.with("used as", "`aperture_image`"))?.image;
     let light = red.values().iter().zip(green.values()).zip(blue.values());
     Ok(Mask {
         name: path.display().to_string(),

@@ -356,7 +356,7 @@ impl ParameterTable {
 /// `error` with its location in a preset.
 pub(crate) fn at(error: Error, place: Option<&String>) -> Error {
     match place {
-        Some(place) => error.with("in", place.clone()),
+        Some(place) => error.at(place),
         None => error,
     }
 }

@@ -16,6 +16,7 @@ use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::image::FlatSamples;
 use exr::meta::attribute::{Compression, SampleType};
+use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
@@ -25,6 +26,9 @@ use std::sync::{Mutex, PoisonError};
 
 /// Maximum compressed bytes of a batch; a batch has at least one block.
 const BATCH_BYTES: usize = 32 << 20;
+
+/// The part of the memory limit that the decompressed blocks of a batch may take, unless one block takes more.
+const BLOCKS_SHARE: u64 = 8;
 
 /// The use of a channel, which determines its conversion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,7 +139,8 @@ fn decode_unnamed(
             strips.push(Strip { channel: channel.index, usage, rows });
         }
     }
-    let replaced = fill(file, &grids, &bands)?;
+    let most_blocks = most_blocks(&file, max_bytes);
+    let replaced = fill(file, (&grids, &bands), most_blocks)?;
     drop(bands);
     Ok((decoded, replaced))
 }
@@ -143,11 +148,15 @@ fn decode_unnamed(
 fn check_budget(file: &ExrFile, requested: &[(usize, Use)], max_bytes: Option<u64>) -> Result<(), Error> {
     let limit = max_bytes.unwrap_or_else(guard::default_max_bytes);
     let window_of = |channel: usize| file.frame(file.channels[channel].part).data;
-    let bytes = requested.iter().fold(0u64, |sum, &(channel, _)| {
+    let planes = requested.iter().fold(0u64, |sum, &(channel, _)| {
         let size = window_of(channel);
         let pixels = (size.width as u64).saturating_mul(size.height as u64);
         sum.saturating_add(pixels.saturating_mul(4))
     });
+    // A block has all channels of its part, also those that are not requested.
+    let parts = requested.iter().map(|&(channel, _)| file.channels[channel].part);
+    let block = parts.map(|part| block_bytes(file.header(part))).max().unwrap_or(0);
+    let bytes = planes.saturating_add(block);
     if bytes <= limit {
         return Ok(());
     }
@@ -196,8 +205,27 @@ fn cut_values<'a, T>(
         .collect()
 }
 
-/// Decodes all blocks of the parts that have bands into the strips.
-fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> Result<Replaced, Error> {
+/// Bytes of a decompressed block of the part with this header.
+pub(super) fn block_bytes(header: &Header) -> u64 {
+    let size = header.max_block_pixel_size();
+    let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+    pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
+}
+
+/// The number of blocks of a batch: a few for each thread, and fewer where they are large.
+fn most_blocks(file: &ExrFile, max_bytes: Option<u64>) -> usize {
+    let largest = file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0).max(1);
+    let limit = max_bytes.unwrap_or_else(guard::default_max_bytes) / BLOCKS_SHARE;
+    let fitting = usize::try_from(limit / largest).unwrap_or(usize::MAX);
+    (4 * rayon::current_num_threads()).min(fitting).max(1)
+}
+
+/// Decodes all blocks of the parts that have bands, at most `most_blocks` at a time, into the strips.
+fn fill(
+    file: ExrFile,
+    (grids, bands): (&[Grid], &[Vec<Mutex<Vec<Strip<'_>>>>]),
+    most_blocks: usize,
+) -> Result<Replaced, Error> {
     let ExrFile { input, len, meta_data, .. } = file;
     let mut seen: Vec<Vec<bool>> =
         grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();
@@ -207,7 +235,7 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Vec<Mutex<Vec<Strip<'_>>>>]) -> 
     loop {
         let mut batch = Vec::new();
         let mut bytes = 0;
-        while batch.len() < 4 * rayon::current_num_threads() && bytes < BATCH_BYTES {
+        while batch.len() < most_blocks && bytes < BATCH_BYTES {
             let Some(chunk) = chunks.next(&meta_data) else { break };
             let chunk = chunk?;
             let at = locate(&chunk, &meta_data, grids, &mut seen)?;

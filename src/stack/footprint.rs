@@ -4,6 +4,7 @@
 //! what `shear` and `accumulate` were measured to take at most. The estimate is a bound for these two methods, with a fixed number of lens
 //! samples and without a second copy of the scene.
 
+use super::decode::block_bytes;
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::channels_to_read;
@@ -12,7 +13,6 @@ use super::options::{Carry, ReadOptions, Source};
 use super::{Window, camera, deep, names, picture};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
-use exr::meta::header::Header;
 
 /// Bytes of one peel's sample: red, green, blue, alpha and depth.
 const PEEL_BYTES: u64 = 20;
@@ -109,7 +109,7 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
         found.is_in_rows &= more.is_in_rows;
     }
     for path in options.depth_file.iter().chain(&options.beauty) {
-        found.is_in_rows &= Opened::open(&Source::File(path.clone()))?.is_exr()?;
+        found.is_in_rows &= Opened::open(&options.held.source(path))?.is_exr()?;
     }
     if options.beauty.is_some() {
         found.sample_bytes += PEEL_BYTES - 4;
@@ -220,13 +220,6 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
         block_bytes: file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0),
         is_in_rows: true,
     })
-}
-
-/// Bytes of a decompressed block of the part with this header.
-fn block_bytes(header: &Header) -> u64 {
-    let size = header.max_block_pixel_size();
-    let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
-    pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
 #[cfg(test)]

@@ -40,6 +40,11 @@ const F_NUMBER_DIGITS: usize = 2;
 
 /// The frame number in the names of `sources`, which are one frame, if they have one.
 pub(crate) fn frame_number(sources: &[Source]) -> Option<i64> {
+    // The numbers of pipes such as `/dev/fd/63` are the system's.
+    let is_device = |source: &Source| ["/dev", "/proc"].iter().any(|root| source.name().starts_with(root));
+    if sources.iter().any(is_device) {
+        return None;
+    }
     let mut numbers = sources.iter().map(|source| FileName::of(source.name()).in_the_stem().collect());
     let first: Vec<i64> = numbers.next()?;
     let others: Vec<Vec<i64>> = numbers.collect();

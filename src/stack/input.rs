@@ -10,6 +10,11 @@ use std::sync::Arc;
 /// The first bytes of every OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
+/// Whether a file that starts with `head` is in a format that can be read.
+pub(super) fn is_known_format(head: &[u8]) -> bool {
+    head.starts_with(&EXR_MAGIC) || image::guess_format(head).is_ok()
+}
+
 /// A seekable byte stream.
 #[derive(Debug)]
 pub(super) enum Input {
@@ -143,7 +148,7 @@ fn open_file(path: &Path) -> Result<Opened, Error> {
         return Err(Error::input("this is a folder, not a picture").in_file(path).help(help));
     }
     if !metadata.is_file() {
-        let help = "pipes and devices are not supported: save the picture to a file";
+        let help = "a pipe or device can be read only once, and this input is read again: save the picture to a file";
         return Err(Error::input("this is not a regular file").in_file(path).help(help));
     }
     Ok(Opened {

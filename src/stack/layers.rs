@@ -149,10 +149,11 @@ fn beside_peels(
 ///
 /// # Errors
 /// As [`read_exr`].
-pub(super) fn read_exr_picture(file: ExrFile, alpha: Option<AlphaMode>) -> Result<Layers, Error> {
+pub(super) fn read_exr_picture(file: ExrFile, options: &ReadOptions) -> Result<Layers, Error> {
     let mut peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
     peel.depth = None;
-    let options = ReadOptions { carry: Carry::None, alpha, ..ReadOptions::default() };
+    let ReadOptions { alpha, max_bytes, .. } = *options;
+    let options = ReadOptions { carry: Carry::None, alpha, max_bytes, ..ReadOptions::default() };
     read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
 }
 

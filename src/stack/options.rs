@@ -1,5 +1,6 @@
 //! Input files and options of reading.
 
+use super::Held;
 use crate::settings::{AlphaMode, DepthConvention, StackKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -49,6 +50,8 @@ pub struct ReadOptions {
     pub objects: bool,
     /// Maximum size of the decoded input in bytes; half of the machine's memory if `None`.
     pub max_bytes: Option<u64>,
+    /// The contents of files that can be read only once, which are used in place of these files.
+    pub held: Held,
     /// The rows to read, by their `y` in the files; all if `None`. The stack is a crop of the picture: its data window has these rows only.
     /// For OpenEXR only.
     pub rows: Option<Range<i32>>,
@@ -84,6 +87,11 @@ impl Source {
     pub(crate) fn base_name(&self) -> String {
         let name = self.name();
         name.file_name().unwrap_or(name.as_os_str()).to_string_lossy().into_owned()
+    }
+
+    /// The path or name, as text.
+    pub fn shown(&self) -> String {
+        self.name().display().to_string()
     }
 
     /// The path or name to show.

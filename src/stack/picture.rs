@@ -11,7 +11,8 @@ use super::{AlphaMode, ColorRange, Frame, Precision, Window, alpha, guard, tiff_
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
-use image::{DynamicImage, ImageReader, Limits};
+use crate::memory::shown_bytes;
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use std::path::Path;
 
 /// A picture without depth.
@@ -102,6 +103,9 @@ fn fill(values: &mut [f32], from: impl Iterator<Item = f32>) {
     values.iter_mut().zip(from).for_each(|(value, from)| *value = from);
 }
 
+/// Bytes of a pixel in the planes of red, green, blue and alpha.
+const PLANES_BYTES: u64 = 16;
+
 const UNREADABLE: &str = "the picture cannot be read";
 const DAMAGED: &str = "the file is damaged or truncated: copy or save it again";
 
@@ -171,12 +175,34 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
             .with("found", format!("a file that starts with {:?}", String::from_utf8_lossy(&head)))
             .with("expected", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG"));
     }
+    let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
     let mut limits = Limits::default();
-    limits.max_alloc = Some(options.max_bytes.unwrap_or_else(guard::default_max_bytes));
+    limits.max_alloc = Some(limit);
     let mut reader =
         ImageReader::new(opened.input).with_guessed_format().map_err(|cause| unreadable(&name, cause))?;
     reader.limits(limits);
-    reader.decode().map_err(fail)
+    let decoder = reader.into_decoder().map_err(fail)?;
+    check_budget(&decoder, limit).map_err(|error| error.in_file(&name))?;
+    DynamicImage::from_decoder(decoder).map_err(fail)
+}
+
+/// Checks that the decoded picture, its samples as red, green, blue and alpha, and the planes made of them are within `limit` bytes
+/// together.
+///
+/// # Errors
+/// [`Error::limits`] if they are not.
+fn check_budget(decoder: &impl ImageDecoder, limit: u64) -> Result<(), Error> {
+    let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
+    let [all, channels] = [color.bytes_per_pixel(), color.channel_count()].map(u64::from);
+    let converted = if channels == 4 { 0 } else { 4 * all / channels.max(1) };
+    let bytes = (u64::from(width) * u64::from(height)).saturating_mul(all + converted + PLANES_BYTES);
+    if bytes <= limit {
+        return Ok(());
+    }
+    Err(Error::limits("the picture requires more memory than the limit")
+        .with("found", format!("{width}×{height} pixels: {}", shown_bytes(bytes)))
+        .with("limit", shown_bytes(limit))
+        .help("crop or scale the picture, or allow more with `memory`"))
 }
 
 /// Linear colour, and alpha.

@@ -9,8 +9,8 @@ use super::options::{Carry, ReadOptions, Source};
 use super::plausible::{self, Depths, Known};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
-    background_share, beauty, camera, carried, cryptomatte, filtered_depth, kind, light, merge_files, names,
-    no_peel, order, picture, rim_depth,
+    background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, kind, light, merge_files,
+    names, no_peel, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -48,23 +48,34 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     match (others, &options.depth_file) {
         _ if is_merged => {}
         ([], None) => {}
-        ([], Some(path)) => add_depth(&mut stack, &Source::File(path.clone()), options)?,
+        ([], Some(path)) => add_depth(&mut stack, &options.held.source(path), options)?,
         ([depth], None) if stack.lacks_depth() && !has_color(depth)? => {
             add_depth(&mut stack, depth, options)?;
         }
-        (peels, None) => peels.iter().try_for_each(|source| add_peels(&mut stack, source, options))?,
+        (peels, None) => {
+            for source in peels {
+                let options = within_rest(options, &stack);
+                add_peels(&mut stack, source, &options)?;
+            }
+        }
         (_, Some(path)) => {
             return Err(Error::settings("a depth file requires a single colour picture")
                 .with("found", format!("{} pictures and the depth file {}", sources.len(), path.display())));
         }
     }
     if let Some(path) = &options.beauty {
-        let (beauty, findings) =
-            read_beauty(path, options).map_err(|error| error.with("used as", "`beauty`"))?;
+        let (beauty, findings) = read_beauty(&options.held.source(path), &within_rest(options, &stack))
+            .map_err(|error| error.with("used as", "`beauty`"))?;
         stack.beauty = Some(beauty);
         stack.findings.extend(findings);
     }
     finish(stack, options)
+}
+
+/// `options` with the memory that `stack`, which is decoded, leaves of their limit.
+fn within_rest(options: &ReadOptions, stack: &Layers) -> ReadOptions {
+    let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
+    ReadOptions { max_bytes: Some(limit.saturating_sub(stack.decoded_bytes())), ..options.clone() }
 }
 
 /// Reads the main picture of a file of any supported format, scene-linear, as `score` compares it.
@@ -82,16 +93,24 @@ pub fn read_picture(path: &Path) -> Result<Image, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
+    read_framed(&Source::file(path), &ReadOptions::default())
+}
+
+/// The main picture of `source`, as [`read_framed_picture`] reads it, within the limits of `options`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_framed(source: &Source, options: &ReadOptions) -> Result<FramedImage, Error> {
     let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) =
-        read_main_layer(path, &ReadOptions::default())?;
+        read_main_layer(source, options)?;
     let image = Image { planes: [red, green, blue, alpha] };
     Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
 }
 
 /// Reads the main picture of a file as the beauty of a stack, with what was found of it.
-fn read_beauty(path: &Path, options: &ReadOptions) -> Result<(Beauty, Vec<Finding>), Error> {
-    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(path, options)?;
-    let name = path.display().to_string();
+fn read_beauty(source: &Source, options: &ReadOptions) -> Result<(Beauty, Vec<Finding>), Error> {
+    let (layer, Layers { frame, findings, replaced, .. }) = read_main_layer(source, options)?;
+    let name = source.name().display().to_string();
     let of_beauty = |finding: Finding| {
         let text = format!("{name}: {}: {}", finding.about, finding.text);
         Finding { about: "beauty", text, ..finding }
@@ -100,22 +119,28 @@ fn read_beauty(path: &Path, options: &ReadOptions) -> Result<(Beauty, Vec<Findin
     Ok((Beauty { name, is_requested: true, ..layer.into_beauty(frame) }, findings))
 }
 
-/// The main picture of a file, and what else is known of it. Of `options` count rows and alpha.
-fn read_main_layer(path: &Path, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
-    let ReadOptions { rows, alpha, .. } = options.clone();
-    let mut opened = Opened::open(&Source::File(path.to_owned()))?;
+/// The main picture of a file, or the rows of it that `options` request, and what else is known of it.
+fn read_main_layer(source: &Source, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
+    let mut opened = Opened::open(source)?;
     let mut layers = if opened.is_exr()? {
-        layers::read_exr_picture(ExrFile::open(opened)?.cropped(rows), alpha)?
+        layers::read_exr_picture(ExrFile::open(opened)?.cropped(options.rows.clone()), options)?
     } else {
-        picture::read_color(opened, &ReadOptions { rows, alpha, ..ReadOptions::default() })?
+        picture::read_color(opened, options)?
     };
     match layers.peels.pop() {
         Some(layer) => Ok((layer, layers)),
-        None => Err(Error::input("there are no colour channels").in_file(path)),
+        None => Err(Error::input("there are no colour channels").in_file(source.name())),
     }
 }
 
 impl Layers {
+    /// Bytes of the decoded peels and channels.
+    fn decoded_bytes(&self) -> u64 {
+        let samples = |window: Window| (window.width as u64).saturating_mul(window.height as u64);
+        let peels: u64 = self.peels.iter().map(|peel| 20 * samples(peel.window)).sum();
+        peels.saturating_add(4 * self.channels.len() as u64 * samples(self.frame.data))
+    }
+
     fn lacks_depth(&self) -> bool {
         self.peels.len() == 1 && self.peels[0].depth.is_none()
     }

@@ -2,6 +2,7 @@
 
 use super::super::{Effort, Kind, Setting, Value, nearest};
 use crate::error::Error;
+use crate::shown::escaped;
 use serde_json::Value as Json;
 use std::ops::Range;
 use toml::Spanned;
@@ -33,7 +34,7 @@ impl<'a> Document<'a> {
 
     /// An error about the bytes `span`.
     pub(super) fn error(self, what: impl Into<String>, span: Range<usize>) -> Error {
-        Error::settings(what).with("in", self.place(span))
+        Error::settings(what).at(&self.place(span))
     }
 
     /// The location of the bytes `span`: file, line and column, the line itself, and carets under them.
@@ -51,7 +52,7 @@ impl<'a> Document<'a> {
         let margin = " ".repeat(number.len());
         format!(
             "{}:{line}:{}\n  {number} | {}\n  {margin} | {padding}{carets}",
-            self.source,
+            escaped(self.source),
             before.chars().count() + 1,
             self.text[line_start..line_end].trim_end(),
         )
