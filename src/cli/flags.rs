@@ -5,7 +5,7 @@
 
 use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value, Values, Word};
+use thinlens::settings::{CommandLine, Kind, SETTINGS, Setting, Value, Values, Word, Written};
 
 /// Settings whose range is checked while the command line is parsed: a value outside it is a usage error. All others are
 /// checked with the presets, before any file is read.
@@ -15,25 +15,26 @@ const USAGE: [&str; 5] = ["blades", "near_clip", "near", "far", "supersample"];
 #[derive(Debug, Default)]
 pub(super) struct SettingFlags {
     /// The settings on the command line, with their values.
-    values: Vec<(&'static Setting, Value)>,
+    values: Vec<(&'static Setting, Written)>,
 }
 
 impl SettingFlags {
     /// The values as a layer of the library's settings.
     pub(super) fn values(&self) -> Values {
         let mut values = Values::default();
-        for (setting, value) in &self.values {
-            setting.set(&mut values, value);
+        for (setting, written) in &self.values {
+            values.set_written(setting, written);
         }
         values
     }
 
     /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
-        let words = |(setting, value): &(&Setting, Value)| {
-            let value = match value {
+        let words = |(setting, written): &(&Setting, Written)| {
+            let unit = if written.in_metres { "m" } else { "" };
+            let value = match &written.value {
                 Value::Word(word) => kebab(word),
-                value => value.to_string(),
+                value => format!("{value}{unit}"),
             };
             flag_of(setting).map(|name| [format!("--{name}"), value])
         };
@@ -55,7 +56,7 @@ impl FromArgMatches for SettingFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let with_flag = SETTINGS.iter().filter(|setting| flag_of(setting).is_some());
         let values =
-            with_flag.filter_map(|setting| Some((setting, matches.get_one::<Value>(setting.key)?.clone())));
+            with_flag.filter_map(|setting| Some((setting, matches.get_one::<Written>(setting.key)?.clone())));
         Ok(Self { values: values.collect() })
     }
 
@@ -87,8 +88,8 @@ fn argument(setting: &'static Setting) -> Option<Arg> {
         .conflicts_with_all(others.map(|other| other.key))
         .value_parser(parser(setting));
     Some(match setting.kind {
-        Kind::Number(_) => argument.allow_negative_numbers(true),
-        Kind::RedBlue(_) => argument.allow_hyphen_values(true),
+        // With units, negative numbers are no numbers to clap.
+        Kind::Number(_) | Kind::RedBlue(_) => argument.allow_hyphen_values(true),
         _ => argument,
     })
 }
@@ -109,42 +110,47 @@ fn long_help(setting: &Setting) -> String {
 
 /// Parses the text of a flag to the setting's value.
 fn parser(setting: &'static Setting) -> ValueParser {
-    let checked = move |value: Value| {
-        let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&value);
-        if refused { Err(format!("it must be {}", setting.expected())) } else { Ok(value) }
+    let expected = move || format!("it must be {}", setting.expected());
+    let checked = move |written: Written| {
+        let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&written.value);
+        if refused { Err(expected()) } else { Ok(written) }
     };
     match setting.kind {
         Kind::Number(_) => ValueParser::from(move |text: &str| {
-            let number = text.parse().map_err(|_| format!("it must be {}", setting.expected()))?;
-            checked(Value::Number(number))
+            checked(setting.parse_number(text).map_err(|error| keys_to_flags(&error.on_one_line()))?)
         }),
         Kind::Whole(..) | Kind::Count { .. } => ValueParser::from(move |text: &str| {
-            let number = text.parse().map_err(|_| format!("it must be {}", setting.expected()))?;
-            checked(Value::Whole(number))
+            let number = text.trim().parse().map_err(|_| expected())?;
+            checked(plain(Value::Whole(number)))
         }),
         Kind::RedBlue(_) => {
             let expected = "expected two numbers separated by a comma, such as 30,45";
-            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(expected))
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).map(plain).ok_or(expected))
         }
         Kind::Pixel => {
             let expected = "expected a pixel: two numbers separated by a comma, such as 960,540";
-            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).ok_or(expected))
+            ValueParser::from(move |text: &str| pair(text).map(Value::Pair).map(plain).ok_or(expected))
         }
         Kind::Word(words) => PossibleValuesParser::new(words.iter().map(possible_value))
             .map(|name| {
                 let word = words.iter().find(|word| kebab(word.name) == name);
-                Value::Word(word.expect("the parser accepts only names of these words").name)
+                plain(Value::Word(word.expect("the parser accepts only names of these words").name))
             })
             .into(),
-        Kind::Name => ValueParser::from(|text: &str| Ok::<_, String>(Value::Name(text.to_owned()))),
-        Kind::File => PathBufValueParser::new().map(Value::File).into(),
+        Kind::Name => ValueParser::from(|text: &str| Ok::<_, String>(plain(Value::Name(text.to_owned())))),
+        Kind::File => PathBufValueParser::new().map(|path| plain(Value::File(path))).into(),
     }
 }
 
-/// Two finite numbers separated by a comma.
+/// A value without a unit.
+fn plain(value: Value) -> Written {
+    Written { value, in_metres: false }
+}
+
+/// Two finite numbers separated by a comma, or by an x as in `960x540`.
 fn pair(text: &str) -> Option<[f32; 2]> {
     let number = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite());
-    let (first, second) = text.split_once(',')?;
+    let (first, second) = text.split_once([',', 'x'])?;
     Some([number(first)?, number(second)?])
 }
 
@@ -268,6 +274,7 @@ mod tests {
     #[test]
     fn a_pair_is_two_numbers_with_a_comma() {
         assert_eq!(pair("960, 540.5"), Some([960.0, 540.5]));
+        assert_eq!(pair("960x540"), Some([960.0, 540.0]));
         for text in ["960", "960,", "a,b", "1,2,3", "nan,1"] {
             assert_eq!(pair(text), None, "{text}");
         }

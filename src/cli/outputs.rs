@@ -370,6 +370,8 @@ fn target(output: &Path) -> Result<Target, Error> {
         _ if output == Path::new("-") => Ok(Target::Stdout),
         Some("exr") => Ok(Target::Exr),
         Some("png") => Ok(Target::Png),
+        // A pipe or a device gets an EXR, as standard output does.
+        _ if is_device(output) => Ok(Target::Exr),
         // The checks that follow have a better error for a folder.
         _ if output.is_dir() => Ok(Target::Exr),
         _ => Err(Error::settings("the output's file extension is not supported")
@@ -377,6 +379,12 @@ fn target(output: &Path) -> Result<Target, Error> {
             .with("expected", ".exr, .png")
             .help("name the output out.exr or out.png, or - for an EXR on standard output")),
     }
+}
+
+/// Whether `output` is a pipe or a device, by its name or its type.
+fn is_device(output: &Path) -> bool {
+    let is_special = output.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
+    is_special || output.starts_with("/dev/fd") || output == Path::new("/dev/stdout")
 }
 
 /// The format of a mask's file.

@@ -6,7 +6,7 @@ use crate::gpu::DeviceChoice;
 use crate::image::Image;
 use crate::methods::{self, Registry};
 use crate::scene::{self, FrameNumber};
-use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Settings, Switches, Value, Values};
+use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Setting, Settings, Switches, Value, Values};
 use crate::stack::{self, ReadOptions, Source};
 use std::path::Path;
 use std::sync::Arc;
@@ -135,7 +135,8 @@ pub(super) fn user_layers(job: &Job) -> impl Iterator<Item = (Origin, &Values)> 
 /// An unknown method, a parameter that its method does not accept, an aperture image that cannot be read, and keys without a frame
 /// number.
 pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Finding>), Error> {
-    let (user, findings) = user_layers_at_frame(job)?;
+    let (mut user, mut findings) = user_layers_at_frame(job)?;
+    findings.extend(metres_to_units(&mut user, camera));
     let user = user.iter().map(|(origin, values)| (origin.clone(), values));
     let layers: Vec<_> = [(Origin::Header, camera)].into_iter().chain(user).collect();
     let parameters = job.preset.as_ref().map(|p| p.preset.parameters.clone()).unwrap_or_default();
@@ -149,6 +150,18 @@ pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Findi
     settings.mask =
         settings.lens.aperture_image.value.as_deref().map(|path| mask(job, path)).transpose()?.map(Arc::new);
     Ok((settings, findings))
+}
+
+/// Converts distances in metres to depth units in `layers`, over the camera data `camera` of the header; notes about the results.
+fn metres_to_units(layers: &mut Layers, camera: &Values) -> Vec<Finding> {
+    let set = layers.iter().rev().find_map(|(_, values)| values.metres_per_unit);
+    let metres_per_unit = set.or(camera.metres_per_unit).unwrap_or(1.0);
+    let converted = layers.iter_mut().flat_map(|(_, values)| values.metres_to_units(metres_per_unit));
+    let note = |(setting, [metres, units]): (&Setting, [f32; 2])| {
+        let text = format!("{} of {metres} m: {units} depth units of {metres_per_unit} m", setting.name);
+        Finding::note("units", text)
+    };
+    converted.filter(|_| metres_per_unit != 1.0).map(note).collect()
 }
 
 /// The layers of values that the user set, lowest first, with the numbers that their keys give at the job's frame in place of the

@@ -152,6 +152,8 @@ macro_rules! settings {
             pub focal_length_keys: Option<Vec<NumberKey>>,
             /// Effects that are forced on or left out.
             pub switches: Option<Switches>,
+            /// Keys of the distances of this layer that are in metres, and not in depth units.
+            pub in_metres: Vec<&'static str>,
         }
 
         group! {

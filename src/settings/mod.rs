@@ -17,6 +17,7 @@ mod preset;
 mod setting;
 mod switches;
 mod table;
+mod units;
 
 pub use choices::{AlphaMode, Border, DepthConvention, SensorDistance, StackKind};
 pub use effort::{Effort, Quality};
@@ -36,6 +37,7 @@ pub use setting::{CommandLine, Kind, Range, Setting, Value, Word};
 pub use switches::Switches;
 pub(crate) use table::{Interpolation, KEYED, KeyedSetting};
 pub use table::{LensSettings, Listed, PictureSettings, SETTINGS, Values};
+pub use units::Written;
 
 use declare::pick;
 use serde::Serialize;

@@ -316,7 +316,11 @@ impl Setting {
             return Ok(());
         }
         let what = format!("`{}` must be {}", self.key, self.expected());
-        Err(Error::settings(what).with("found", value.to_string()))
+        let error = Error::settings(what).with("found", value.to_string());
+        Err(match self.remedy(value) {
+            Some(help) => error.help(help),
+            None => error,
+        })
     }
 }
 

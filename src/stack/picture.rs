@@ -128,9 +128,24 @@ pub(super) fn size(mut opened: Opened) -> Result<(usize, usize), Error> {
     let name = opened.name.clone();
     let fail =
         |error: image::ImageError| Error::input("the picture cannot be read").in_file(&name).caused_by(error);
-    let format = image::guess_format(&opened.first_bytes()?).map_err(fail)?;
+    let head = opened.first_bytes()?;
+    let format = image::guess_format(&head).map_err(|_| unknown_format(&name, &head))?;
     let (width, height) = ImageReader::with_format(opened.input, format).into_dimensions().map_err(fail)?;
     Ok((width as usize, height as usize))
+}
+
+/// The error of a file that starts with `head`, which is none of the formats.
+fn unknown_format(name: &Path, head: &[u8]) -> Error {
+    let claims_exr = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let what = if claims_exr {
+        "this is not an OpenEXR file"
+    } else {
+        "this is not a picture in a supported format"
+    };
+    Error::input(what)
+        .in_file(name)
+        .with("found", format!("a file that starts with {:?}", String::from_utf8_lossy(head)))
+        .with("expected", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG")
 }
 
 fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error> {
@@ -164,16 +179,7 @@ fn load(mut opened: Opened, options: &ReadOptions) -> Result<DynamicImage, Error
         kind(what).in_file(&name).caused_by(error).help(help)
     };
     if image::guess_format(&head).is_err() {
-        let claims_exr = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-        let what = if claims_exr {
-            "this is not an OpenEXR file"
-        } else {
-            "this is not a picture in a supported format"
-        };
-        return Err(Error::input(what)
-            .in_file(&name)
-            .with("found", format!("a file that starts with {:?}", String::from_utf8_lossy(&head)))
-            .with("expected", "OpenEXR, PNG, TIFF, Radiance HDR, JPEG"));
+        return Err(unknown_format(&name, &head));
     }
     let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
     let mut limits = Limits::default();

@@ -16,6 +16,7 @@ mod plan;
 mod program;
 mod render;
 mod settings;
+mod streams;
 
 use program::stderr;
 use std::process::Output;

@@ -95,3 +95,42 @@ fn a_value_that_the_flag_or_the_lens_cannot_have_is_a_wrong_call() {
         assert_eq!(code(flag, value), Some(2), "{flag} {value}");
     }
 }
+
+#[test]
+fn lens_values_with_units_give_the_picture_of_the_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |name: &str, lens: &str| {
+        let lens = lens.split(' ');
+        let arguments: Vec<&str> =
+            ["render", STACK, "--views", "4", "-o", name].into_iter().chain(lens).collect();
+        let output = run(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(0), "{lens:?}: {}", stderr(&output), lens = arguments);
+        (thinlens::stack::read_picture(&folder.path().join(name)).unwrap(), stderr(&output))
+    };
+    let (numbers, _) = render(
+        "a.exr",
+        "--focal-length 85 --f-number 1.4 --sensor-width 36 --focus 600 --metres-per-unit 0.01",
+    );
+    let written = "--focal-length 85mm --f-number f/1.4 --sensor-width 3.6cm --focus 6m --metres-per-unit cm";
+    let (units, said) = render("b.exr", written);
+    assert_eq!(numbers.planes, units.planes);
+    assert!(said.contains("focus distance of 6 m: 600 depth units of 0.01 m"), "{said}");
+    let preset = "[lens]\nfocal_length_mm = '8.5cm'\nf_number = 'f/1.4'\nsensor_width_mm = 36\nfocus_distance = '600 cm'\n\
+                  [depth]\nmetres_per_unit = '1cm'\n";
+    std::fs::write(folder.path().join("my.toml"), preset).unwrap();
+    assert_eq!(numbers.planes, render("c.exr", "--preset my.toml").0.planes);
+}
+
+#[test]
+fn a_distance_behind_the_camera_is_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    for value in ["-4", "-4m"] {
+        let output = run(folder.path(), &["render", STACK, "-o", "out.exr", "--focus", value]);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        let said = stderr(&output);
+        assert!(
+            said.contains("--focus must be a positive number") && said.contains("from the camera"),
+            "{said}"
+        );
+    }
+}

@@ -1,6 +1,6 @@
 //! The entries of a preset, each with its location in the text, so that errors show the line. The schema is not known here.
 
-use super::super::{Effort, Kind, Setting, Value, nearest};
+use super::super::{Effort, Kind, Setting, Value, Written, nearest};
 use crate::error::Error;
 use crate::shown::escaped;
 use serde_json::Value as Json;
@@ -127,6 +127,29 @@ impl<'a> Entry<'a> {
         numbers?.try_into().ok()
     }
 
+    /// A value that `setting` allows; a number may be a text with a unit.
+    pub(super) fn written(&self, setting: &Setting) -> Result<Written, Error> {
+        let (Kind::Number(_), Some(text)) = (setting.kind, self.value.get_ref().as_str()) else {
+            return Ok(Written { value: self.setting(setting)?, in_metres: false });
+        };
+        let written =
+            setting.parse_number(text).map_err(|error| error.at(&self.document.place(self.value.span())))?;
+        if setting.kind.allows(&written.value) {
+            Ok(written)
+        } else {
+            Err(self.refused(setting, &written.value))
+        }
+    }
+
+    /// The error for a value that `setting` does not allow.
+    fn refused(&self, setting: &Setting, value: &Value) -> Error {
+        let error = self.unsuitable(&setting.expected());
+        match setting.remedy(value) {
+            Some(help) => error.help(help),
+            None => error,
+        }
+    }
+
     /// A value that `setting` allows.
     pub(super) fn setting(&self, setting: &Setting) -> Result<Value, Error> {
         let value = match setting.kind {
@@ -142,8 +165,11 @@ impl<'a> Entry<'a> {
                 Some(self.text()?).filter(|path| !path.is_empty()).map(|path| Value::File(path.into()))
             }
         };
-        let allowed = value.filter(|value| setting.kind.allows(value));
-        allowed.ok_or_else(|| self.unsuitable(&setting.expected()))
+        match value {
+            Some(value) if setting.kind.allows(&value) => Ok(value),
+            Some(value) => Err(self.refused(setting, &value)),
+            None => Err(self.unsuitable(&setting.expected())),
+        }
     }
 
     /// A positive number.

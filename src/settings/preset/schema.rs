@@ -83,15 +83,15 @@ impl<'a> Entry<'a> {
     }
 
     /// Checks the value of `setting` and stores it.
-    fn read_setting(&self, setting: &Setting, values: &mut Values) -> Result<(), Error> {
-        let value = self.setting(setting)?;
+    fn read_setting(&self, setting: &'static Setting, values: &mut Values) -> Result<(), Error> {
+        let written = self.written(setting)?;
         if setting.field == "focus" {
             self.first_focus(values)?;
         }
         if let Some(keyed) = KEYED.iter().find(|keyed| keyed.key == setting.key) {
             self.number_or_keys(keyed, values)?;
         }
-        setting.set(values, &value);
+        values.set_written(setting, &written);
         Ok(())
     }
 

@@ -36,7 +36,9 @@ fn section(table: &str, lines: &[Line]) -> String {
 fn settings(values: &Values) -> impl Iterator<Item = Line> {
     SETTINGS.iter().filter_map(|setting: &Setting| {
         let value = setting.get(values)?;
-        Some((setting.table.to_owned(), setting.preset_key.to_owned(), written(&value)))
+        let in_metres = values.in_metres.contains(&setting.key);
+        let line = if in_metres { text(&format!("{value} m")) } else { written(&value) };
+        Some((setting.table.to_owned(), setting.preset_key.to_owned(), line))
     })
 }
 
