@@ -6,6 +6,8 @@ mod completeness;
 mod deep;
 #[path = "fixtures/deep.rs"]
 mod deep_fixtures;
+#[path = "reading/limits.rs"]
+mod limits;
 mod fixtures;
 
 use exr::image::FlatSamples;

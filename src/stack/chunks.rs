@@ -135,11 +135,12 @@ pub(super) fn content(chunk: &Chunk) -> &[u8] {
     }
 }
 
-/// Checks the sizes in the head of a DWA block: the decoder allocates them without a check.
+/// Checks the sizes in the head of a DWA block of `pixels`: the decoder allocates them without a check. A block that is not smaller when
+/// compressed is stored raw, without sizes.
 ///
 /// # Errors
 /// A counter is larger than the block's pixels allow.
-pub(super) fn check_dwa(content: &[u8], header: &Header) -> Result<(), Error> {
+pub(super) fn check_dwa(content: &[u8], header: &Header, pixels: usize) -> Result<(), Error> {
     let size = header.max_block_pixel_size();
     // No size exceeds the block's 8×8 cells at eight bytes per sample.
     let [width, height] = [size.width(), size.height()].map(|side| side.next_multiple_of(8));
@@ -147,7 +148,7 @@ pub(super) fn check_dwa(content: &[u8], header: &Header) -> Result<(), Error> {
     let (counters, _) = content.as_chunks();
     // The first counter is a version, the last one a compression method.
     let sizes = counters.iter().take(DWA_COUNTERS - 1).skip(1).map(|bytes| u64::from_le_bytes(*bytes));
-    let raw = content.len() == size.area() * header.channels.bytes_per_pixel;
+    let raw = content.len() == pixels * header.channels.bytes_per_pixel;
     if raw || sizes.into_iter().all(|size| size <= limit as u64) {
         Ok(())
     } else {

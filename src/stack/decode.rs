@@ -70,6 +70,8 @@ enum Rows<'a> {
 #[derive(Clone)]
 struct Grid {
     width: usize,
+    /// Rows of the part.
+    height: usize,
     /// The rows that are read, counted from the top of the part.
     rows: Range<usize>,
     block_width: usize,
@@ -79,12 +81,18 @@ struct Grid {
 impl Grid {
     fn new(file: &ExrFile, part: usize) -> Self {
         let header = file.header(part);
-        let width = header.layer_size.width();
+        let (width, height) = (header.layer_size.width(), header.layer_size.height());
         let (block_width, block_height) = match header.blocks {
             BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block()),
             BlockDescription::Tiles(tiles) => (tiles.tile_size.width(), tiles.tile_size.height()),
         };
-        Self { width, rows: file.rows(part), block_width, block_height }
+        Self { width, height, rows: file.rows(part), block_width, block_height }
+    }
+
+    /// The number of pixels of the block in this column and row of blocks; those at the right and lower edge may be smaller.
+    fn pixels_of(&self, column: usize, band: usize) -> usize {
+        let width = self.width.saturating_sub(column * self.block_width).min(self.block_width);
+        width * self.height.saturating_sub(band * self.block_height).min(self.block_height)
     }
 
     fn columns(&self) -> usize {
@@ -305,7 +313,7 @@ fn place(
 ) -> Result<Replaced, Error> {
     let header = &meta_data.headers[chunk.layer_index];
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        chunks::check_dwa(chunks::content(&chunk), header)?;
+        chunks::check_dwa(chunks::content(&chunk), header, grid.pixels_of(column, band))?;
     }
     let block = UncompressedBlock::decompress_chunk(chunk, meta_data, false)
         .map_err(|error| decoder_error("a block of pixels cannot be decompressed", error))?;
