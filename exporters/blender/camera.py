@@ -16,8 +16,6 @@ from .shared import ExportError, lens
 # Cycles reads one blade as a disc and two as three.
 BLADES = {1: 0, 2: 3}
 LARGEST_SQUEEZE = 4.0
-# Pixels whose sides differ by less than this share are square.
-SQUARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -111,8 +109,6 @@ def lens_of(camera: Any, view: View, say: Say) -> Any:
     if not 1.0 <= squeeze <= LARGEST_SQUEEZE:
         say(f"warning: the aperture's ratio {squeeze:g} is not offered by thinlens (1 to 4); the stack has ratio 1")
         squeeze = 1.0
-    if abs(view.pixel_aspect - 1.0) > SQUARE:
-        say(f"warning: pixels are {view.pixel_aspect:g} times as wide as high; thinlens blurs as if they were square")
     if not dof.use_dof:
         say(f"note: depth of field is off in camera {camera.name}; its lens is written all the same")
     # Without depth of field the focus may never have been set.

@@ -15,7 +15,7 @@ use thinlens::metrics::check_size;
 use thinlens::output::png;
 use thinlens::probes::{MIN_PROBES, ProbeSet};
 use thinlens::render::{Job, Prepared};
-use thinlens::stack::{Carry, Window};
+use thinlens::stack::Carry;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -70,14 +70,17 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
     let prepared = prepare(&Job { methods: methods.clone(), ..job }.held()?)?;
     console.findings(&prepared.stack.findings);
     let frame = prepared.stack.picture_frame();
-    let whole = Window { x: 0, y: 0, ..frame.data };
     let (part, reference) = match reference {
         Some(reference) => {
             let parts = frame.shared_with(&reference.frame)?;
             console.compared(parts, [&frame, &reference.frame]);
             (parts[0], Some(reference.part(parts[1])))
         }
-        None => (whole, None),
+        None => {
+            let parts = frame.shared_with(&frame)?;
+            console.compared(parts, [&frame; 2]);
+            (parts[0], None)
+        }
     };
     if let Some(reference) = &reference {
         check_size((part.width, part.height), reference)?;

@@ -50,7 +50,7 @@ impl Console {
         if !parts.into_iter().zip(frames).all(is_whole) {
             let [Window { x, y, width, height }, _] = parts;
             self.note(format_args!(
-                "compared: {width}×{height} pixels that both pictures show, from column {x} and row {y} on"
+                "compared: {width}×{height} pixels that both pictures show of the display window, from column {x} and row {y} on"
             ));
         }
     }

@@ -67,7 +67,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console, methods: &Registry) -> 
     let prepared = prepare(&job.held()?)?;
     let coc_px = prepared.scene.seen_coc_px();
     if let Some(path) = &args.overlay {
-        focus_map::write(path, &prepared.scene, &coc_px)?;
+        focus_map::write(path, &prepared.scene, &coc_px, &prepared.stack.picture_frame())?;
         console.wrote(path);
     }
     let focus = FocusShares::from_coc(&coc_px);

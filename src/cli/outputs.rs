@@ -11,12 +11,13 @@ use thinlens::error::Error;
 use thinlens::finding::Finding;
 use thinlens::image::{Image, Plane};
 use thinlens::output::Encoding;
+use thinlens::output::displayed::Displayed;
 use thinlens::output::exr::Codec;
 use thinlens::output::report::{Confidence, Report};
 use thinlens::output::{atomic, exr, png, report};
 use thinlens::render::{Job, Rendered};
 use thinlens::sequence::Pattern;
-use thinlens::stack::{Carried, Carry, Precision};
+use thinlens::stack::{Carried, Carry, Frame, Precision};
 use thinlens::usage::Stage;
 
 /// The output files.
@@ -295,12 +296,13 @@ impl OutputArgs {
         let Rendered { image, frame, stack, made, .. } = rendered;
         let encoding = self.encoding();
         let (options, exposure) = (encoding.exr_options(stack.precision), encoding.exposure_stops);
+        let displayed = Displayed::new(frame);
         if let Some(preview) = &self.preview {
-            png::write_made(preview, image, exposure, made)?;
+            png::write_made(preview, &displayed.image(image), exposure, made)?;
         }
         if let Some((path, known)) = self.mask(rendered) {
             match mask_target(path)? {
-                Target::Png => png::write_mask(path, known)?,
+                Target::Png => png::write_mask(path, &displayed.plane(known))?,
                 Target::Exr | Target::Stdout => {
                     // The same in every channel, so that any of them can be used as the mask.
                     let mask = Image { planes: std::array::from_fn(|_| known.clone()) };
@@ -310,7 +312,10 @@ impl OutputArgs {
         }
         match target(&self.output)? {
             Target::Exr | Target::Stdout => exr::write(&self.output, image, frame, &stack.carried, &options),
-            Target::Png => png::write_made(&self.output, image, exposure, made).map(|()| Vec::new()),
+            Target::Png => {
+                png::write_made(&self.output, &displayed.image(image), exposure, made)?;
+                Ok(shown(&displayed, frame).into_iter().collect())
+            }
         }
     }
 
@@ -347,6 +352,16 @@ impl OutputArgs {
         let confidence = self.mask(rendered).map(|(path, known)| Confidence::new(path, known));
         Report { confidence, ..report }
     }
+}
+
+/// Says what of the picture the PNG shows, if it is not all of its pixels as they are.
+fn shown(displayed: &Displayed, frame: &Frame) -> Option<Finding> {
+    let (width, height) = displayed.size();
+    let text = format!(
+        "the PNG shows the display window in square pixels, {width}×{height}; the picture is {}, an EXR has all of it",
+        frame.data
+    );
+    (!displayed.is_whole()).then(|| Finding::note("frame", text))
 }
 
 fn codecs() -> impl TypedValueParser<Value = Codec> {

@@ -8,7 +8,7 @@
 //!
 //! The outline is a disc, or a regular polygon whose corners lie on the unit circle. Curved blades have arcs as sides, all of one
 //! curvature, from corner to corner, up to the curvature of the circle itself. An anamorphic lens shows the outline narrower
-//! than high: `x` is divided by the squeeze.
+//! than high. So do pixels that are wider than high, counted in pixels. The larger of both extents is 1, the CoC radius.
 
 use crate::error::Error;
 use crate::settings::Values;
@@ -24,8 +24,14 @@ pub struct Aperture {
     rotation: f32,
     /// Curvature of the sides in units of the circle's: 0 for straight ones, 1 for a disc.
     curvature: f32,
-    /// Height over width.
+    /// Height over width, in pixels.
     squeeze: f32,
+}
+
+/// The radius of an aperture that is `squeeze` times as high as wide, in the units in which its height is 1 if pixels are square, as the
+/// larger of its extents in pixels whose width divided by their height is `pixel_aspect`.
+pub fn aperture_radius(squeeze: f32, pixel_aspect: f32) -> f32 {
+    pixel_aspect.max(squeeze.recip())
 }
 
 /// One side of a polygon with its midpoint to the right: the line `x = apothem`, or an arc of the circle about `(centre, 0)`.
@@ -144,6 +150,12 @@ impl Aperture {
         Ok(Self { squeeze, ..self })
     }
 
+    /// The same aperture as seen in pixels whose width divided by their height is `aspect`.
+    #[must_use]
+    pub fn in_pixels(self, aspect: f32) -> Self {
+        Self { squeeze: self.squeeze * aspect, ..self }
+    }
+
     /// The same aperture with straight sides unless `curved`, and as wide as high unless `squeezed`.
     #[must_use]
     pub fn simplified(self, curved: bool, squeezed: bool) -> Self {
@@ -154,9 +166,14 @@ impl Aperture {
         }
     }
 
-    /// Height over width.
+    /// Height over width, in pixels.
     pub fn squeeze(&self) -> f32 {
         self.squeeze
+    }
+
+    /// Width and height relative to those of the outline as wide as high; the larger is 1.
+    pub(crate) fn scale(&self) -> Vec2 {
+        Vec2::new(self.squeeze.max(1.0).recip(), self.squeeze.min(1.0))
     }
 
     /// One side of the polygon; `None` for a disc.
@@ -166,7 +183,7 @@ impl Aperture {
 
     /// Area in units of the squared aperture radius: π, or `n/2 · sin(2π/n)` and the area between chords and arcs.
     pub fn area(&self) -> f32 {
-        self.side().map_or(PI, |side| self.blades as f32 * side.area()) / self.squeeze
+        self.side().map_or(PI, |side| self.blades as f32 * side.area()) * self.scale().element_product()
     }
 
     /// Mean of `x²` and of `y²` over the shape: 1/4 each, or `(2 + cos(2π/n)) / 12` for straight blades.
@@ -185,7 +202,7 @@ impl Aperture {
             let simpson: f32 = (0..=intervals).map(|i| weight(i) * fourth(i)).sum::<f32>() * step / 3.0;
             simpson / 8.0 / side.area()
         });
-        Vec2::new(moment / (self.squeeze * self.squeeze), moment)
+        moment * self.scale() * self.scale()
     }
 
     /// Maps a point of the unit disc into the shape. The map preserves area: a uniform disc becomes a uniform polygon.
@@ -202,7 +219,7 @@ impl Aperture {
                 Vec2::from_angle(self.side_angle(number)).rotate(upright)
             }
         };
-        unsqueezed / Vec2::new(self.squeeze, 1.0)
+        unsqueezed * self.scale()
     }
 
     /// Signed distance of `point` from the outline of the shape scaled by `scale`, in the units of `point`; negative outside. Exact without
@@ -210,7 +227,7 @@ impl Aperture {
     ///
     /// A negative scale rotates the shape by 180°.
     pub(crate) fn depth_inside(&self, point: Vec2, scale: f32) -> f32 {
-        let turned = if scale < 0.0 { -point } else { point } * Vec2::new(self.squeeze, 1.0);
+        let turned = if scale < 0.0 { -point } else { point } / self.scale();
         let (depth, normal) = match self.side() {
             None => (scale.abs() - turned.length(), turned.normalize_or(Vec2::Y)),
             Some(side) => {
@@ -221,7 +238,7 @@ impl Aperture {
             }
         };
         // From the space where the shape is as wide as high back to that of `point`: distances across shrink by the squeeze.
-        depth / (normal * Vec2::new(self.squeeze, 1.0)).length()
+        depth / (normal / self.scale()).length()
     }
 
     /// A disc with the same squeeze.
@@ -232,7 +249,7 @@ impl Aperture {
 
     /// Distance of the outline from the centre along the unit vector `direction`.
     pub(super) fn distance(&self, direction: Vec2) -> f32 {
-        let upright = direction * Vec2::new(self.squeeze, 1.0);
+        let upright = direction / self.scale();
         let distance = self.side().map_or(1.0, |side| {
             let angle = self.angle_from_side(upright);
             side.distance(angle - 2.0 * side.half_angle * (0.5 * angle / side.half_angle).round())
@@ -242,7 +259,7 @@ impl Aperture {
 
     /// Smallest distance of the outline from the centre; for a disc, its radius.
     pub fn apothem(&self) -> f32 {
-        self.side().map_or(1.0, |side| side.apothem) / self.squeeze.max(1.0)
+        self.side().map_or(1.0, |side| side.apothem) * self.scale().min_element()
     }
 
     /// Outward unit normals of straight sides that are not squeezed; none for a disc.
@@ -264,7 +281,7 @@ impl Aperture {
         });
         let disc = Bound::Circle { centre: Vec2::ZERO, radius: 1.0 };
         let bounds = if side.is_some() { bounds.collect() } else { vec![disc] };
-        Outline { bounds, squeeze: self.squeeze }
+        Outline { bounds, shape: self.scale() }
     }
 
     /// Angle of `point` from the normal of side 0, in `u` coordinates.
@@ -289,14 +306,15 @@ enum Bound {
 #[derive(Debug, Clone)]
 pub struct Outline {
     bounds: Vec<Bound>,
-    squeeze: f32,
+    /// Width and height relative to those of the bounds.
+    shape: Vec2,
 }
 
 impl Outline {
     /// Left and right end of the shape scaled by `scale` in the row at `y` from its centre; `None` outside. A negative scale rotates it by
     /// 180°.
     pub fn row(&self, y: f32, scale: f32) -> Option<[f32; 2]> {
-        let (turned_y, size) = (y * scale.signum(), scale.abs());
+        let (turned_y, size) = (y * scale.signum() / self.shape.y, scale.abs());
         let [mut left, mut right] = [f32::NEG_INFINITY, f32::INFINITY];
         for bound in &self.bounds {
             match *bound {
@@ -324,7 +342,7 @@ impl Outline {
             }
         }
         let extent = if scale < 0.0 { [-right, -left] } else { [left, right] };
-        (left < right).then(|| extent.map(|x| x / self.squeeze))
+        (left < right).then(|| extent.map(|x| x * self.shape.x))
     }
 }
 
@@ -338,7 +356,14 @@ mod tests {
         outlines.into_iter().flat_map(|(blades, rotation_deg)| {
             let straight = Aperture::new(blades, rotation_deg).unwrap();
             let curved = straight.curved(0.6).unwrap();
-            [straight, curved, straight.squeezed(2.0).unwrap(), curved.squeezed(1.4).unwrap()]
+            let wide = straight.in_pixels(0.6);
+            [
+                straight,
+                curved,
+                wide,
+                straight.squeezed(2.0).unwrap(),
+                curved.squeezed(1.4).unwrap().in_pixels(0.5),
+            ]
         })
     }
 
@@ -459,6 +484,19 @@ mod tests {
         assert!(oval.depth_inside(Vec2::new(0.0, 0.99), 1.0) > 0.0, "as high as the disc");
         assert!((oval.depth_inside(Vec2::new(0.5, 0.0), 1.0)).abs() < 1e-6, "half as wide");
         assert!((oval.depth_inside(Vec2::new(0.51, 0.0), 1.0) + 0.01).abs() < 1e-3, "in its own units");
+    }
+
+    #[test]
+    fn an_aperture_on_wide_pixels_is_as_round_as_on_square_ones_when_it_is_shown() {
+        for (squeeze, aspect) in [(1.0, 2.0), (1.0, 0.5), (2.0, 2.0), (1.5, 0.9), (2.0, 0.25)] {
+            let shape = Aperture::DISC.squeezed(squeeze).unwrap().in_pixels(aspect);
+            let radius = aperture_radius(squeeze, aspect);
+            // In widths of a pixel, a pixel is 1 / aspect high.
+            let [across, down] =
+                [shape.distance(Vec2::X), shape.distance(Vec2::Y) / aspect].map(|extent| radius * extent);
+            assert!((down - 1.0).abs() < 1e-6 && (across * squeeze - 1.0).abs() < 1e-6, "{across}, {down}");
+            assert!((shape.scale().max_element() - 1.0).abs() < 1e-6, "the unit circle holds it");
+        }
     }
 
     #[test]

@@ -9,15 +9,17 @@ pub struct Field {
     pub axis_px: Vec2,
     /// Distance from the axis to the corners of the frame, in picture pixels.
     pub half_diagonal_px: f32,
-    /// Distance from the camera's centre to the picture, in picture pixels.
+    /// Distance from the camera's centre to the picture, in widths of a picture pixel.
     pub focal_length_px: f32,
+    /// Width of a pixel divided by its height.
+    pub pixel_aspect: f32,
 }
 
 impl Field {
     /// The field of a picture of `width` × `height` pixels with its axis at the centre and a focal length of the picture's width.
     pub fn from_picture_size(width: usize, height: usize) -> Self {
         let axis_px = 0.5 * Vec2::new(width as f32, height as f32);
-        Self { axis_px, half_diagonal_px: axis_px.length(), focal_length_px: width as f32 }
+        Self { axis_px, half_diagonal_px: axis_px.length(), focal_length_px: width as f32, pixel_aspect: 1.0 }
     }
 
     /// `place`, in pixels from the picture's corner, as an offset from the axis that has length 1 in the frame's corners.
@@ -32,7 +34,8 @@ impl Field {
 
     /// Cosine of the field angle at `place`.
     pub(crate) fn cosine(&self, place: Vec2) -> f32 {
-        let tangent = (place - self.axis_px).length() / self.focal_length_px;
+        let from_axis = (place - self.axis_px) / Vec2::new(1.0, self.pixel_aspect);
+        let tangent = from_axis.length() / self.focal_length_px;
         1.0 / tangent.hypot(1.0)
     }
 }
@@ -53,5 +56,10 @@ mod tests {
         let field = Field { focal_length_px: 100.0, ..Field::from_picture_size(640, 360) };
         assert_eq!(field.cosine(Vec2::new(320.0, 180.0)), 1.0);
         assert!((field.cosine(Vec2::new(320.0, 280.0)) - 0.5f32.sqrt()).abs() < 1e-6);
+        let wide = Field { pixel_aspect: 2.0, ..field };
+        assert!(
+            (wide.cosine(Vec2::new(320.0, 380.0)) - 0.5f32.sqrt()).abs() < 1e-6,
+            "200 rows, half as high"
+        );
     }
 }

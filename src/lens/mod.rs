@@ -11,8 +11,8 @@ mod barrel;
 mod sharpness;
 mod views;
 
-pub use aperture::Aperture;
 pub(crate) use aperture::Outline;
+pub use aperture::{Aperture, aperture_radius};
 pub(crate) use barrel::{BarrelShares, Falloff};
 pub use field::Field;
 pub use glam::Vec2;

@@ -17,7 +17,7 @@
 //! cosine of the field angle, times the share of the aperture's light that passes the barrel.
 
 use super::views::{moved_views, views, views_in_turns};
-use super::{Aperture, ApertureImage, Field, View};
+use super::{Aperture, ApertureImage, Field, View, aperture_radius};
 use crate::error::Error;
 use crate::settings::Settings;
 use glam::Vec2;
@@ -88,11 +88,15 @@ impl Optics {
         let lens = &settings.lens;
         lens.check()?;
         let straight = Aperture::new(lens.blades.value, lens.rotation_deg.value)?;
-        let aperture = straight.curved(lens.blade_curvature.value)?.squeezed(lens.squeeze.value)?;
+        let aperture = straight
+            .curved(lens.blade_curvature.value)?
+            .squeezed(lens.squeeze.value)?
+            .in_pixels(field.pixel_aspect);
         let image = settings.mask.as_ref().map(|mask| ApertureImage::new(mask, lens.rotation_deg.value));
         let px_per_um = 1e-3 * f64::from(field.focal_length_px) / f64::from(lens.focal_length_mm.value);
         // A defocus of 1 µm along the axis at the sensor blurs to a CoC diameter of 1 µm over the f-number.
-        let coc_px_per_um = 0.5 / f64::from(lens.f_number.value) * px_per_um;
+        let radius = f64::from(aperture_radius(lens.squeeze.value, field.pixel_aspect));
+        let coc_px_per_um = 0.5 / f64::from(lens.f_number.value) * px_per_um * radius;
         let px = |um: f32, px_per_um: f64| (f64::from(um) * px_per_um) as f32;
         let colors = |[red, blue]: [f32; 2]| [red, 0.0, blue];
         let optics = Self {
@@ -183,7 +187,7 @@ impl Optics {
             Some(image) => {
                 // In the lens as seen from the camera: see the head of `aperture`.
                 let seen = image.lit_point(point);
-                Vec2::new(-seen.x / self.aperture.squeeze(), seen.y)
+                Vec2::new(-seen.x, seen.y) * self.aperture.scale()
             }
             None => self.aperture.warp_disc(point),
         }
@@ -229,9 +233,10 @@ impl Optics {
 
     /// Light that passes the aperture, as an area in squared aperture radii.
     pub fn area(&self) -> f32 {
-        self.image
-            .as_ref()
-            .map_or_else(|| self.aperture.area(), |image| PI * image.mean() / self.aperture.squeeze())
+        self.image.as_ref().map_or_else(
+            || self.aperture.area(),
+            |image| PI * image.mean() * self.aperture.scale().element_product(),
+        )
     }
 
     /// Mean transmittance over a square of `side` about the lens point `lens`, both in aperture radii; 1 without an image, for points
@@ -239,7 +244,7 @@ impl Optics {
     pub(crate) fn light_around(&self, lens: Vec2, side: f32) -> f32 {
         self.image
             .as_ref()
-            .map_or(1.0, |image| image.around(Vec2::new(-lens.x * self.aperture.squeeze(), lens.y), side))
+            .map_or(1.0, |image| image.around(Vec2::new(-lens.x, lens.y) / self.aperture.scale(), side))
     }
 
     /// The open interval of the line through the lens's centre along the unit vector `direction`, seen from position `height` of the

@@ -7,11 +7,13 @@
 //!
 //! Cost: reads the neighbours of each pixel. Memory: one picture. Limits: the width of lines is fixed in pixels, whatever the resolution.
 
+use super::displayed::Displayed;
 use super::png::{self, Rgb8};
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;
 use crate::scene::{Scene, surface};
+use crate::stack::Frame;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -42,12 +44,13 @@ enum Line {
     Contour,
 }
 
-/// Writes the map of `scene`, whose [`Scene::seen_coc_px`] is `coc_px`, as PNG to the file `path`.
+/// Writes the map of `scene`, whose [`Scene::seen_coc_px`] is `coc_px`, as PNG to the file `path`: the display window of its `frame`, in
+/// square pixels.
 ///
 /// # Errors
 /// As [`super::atomic::write()`], and for a picture without pixels.
-pub fn write(path: &Path, scene: &Scene, coc_px: &Plane) -> Result<(), Error> {
-    png::write_rgb(path, picture(scene, coc_px))
+pub fn write(path: &Path, scene: &Scene, coc_px: &Plane, frame: &Frame) -> Result<(), Error> {
+    png::write_rgb(path, Displayed::new(frame).rgb(picture(scene, coc_px)))
 }
 
 fn picture(scene: &Scene, coc_px: &Plane) -> Rgb8 {

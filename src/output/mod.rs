@@ -7,6 +7,7 @@ pub mod atomic;
 #[cfg(feature = "cli")]
 pub(crate) mod data_uri;
 mod digest_of;
+pub mod displayed;
 mod encoding;
 pub mod exr;
 pub mod focus_map;

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::finding::Finding;
-use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens};
+use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens, aperture_radius};
 use crate::methods::{Plan, Registry};
 use crate::scene::{self, DepthInUse, Focused, FrameNumber, Scene, SceneStats};
 use crate::settings::{Border, DepthConvention, Settings};
@@ -17,9 +17,11 @@ pub(super) fn lens(
 ) -> Result<(ThinLens, Sharpness), Error> {
     let scale = depth_scale(stack, settings)?;
     let focus = &settings.lens.focus.value;
-    let Focused { distance, reason } = scene::focus_distance(stack, &scale, focus, frame)?;
-    stack.findings.extend(reason.map(|reason| Finding::note("focus", reason)));
-    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32;
+    let Focused { distance, reason, is_elsewhere } = scene::focus_distance(stack, &scale, focus, frame)?;
+    let finding = |reason| Finding { warning: is_elsewhere, ..Finding::note("focus", reason) };
+    stack.findings.extend(reason.map(finding));
+    let radius = aperture_radius(settings.lens.squeeze.value, stack.frame.usable_pixel_aspect());
+    let picture_width = stack.frame.display.width as f32 / stack.supersample as f32 * radius;
     let spec = lens_spec(settings, distance);
     let lens = ThinLens::new(&spec, picture_width)?;
     Ok((lens, spec.sharpness(picture_width, SHARP_COC_PX)))

@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::settings::{Focus, FocusKey, Interpolation};
 use crate::stack::depth::DepthScale;
 use crate::stack::{ObjectMatte, Stack, Window};
+use rayon::prelude::*;
 
 /// Accumulated alpha from which on a surface is visible.
 const VISIBLE_ALPHA: f32 = 0.5;
@@ -27,28 +28,26 @@ pub struct Focused {
     pub distance: f32,
     /// How it was found; `None` where the setting is the distance itself, or a point.
     pub reason: Option<String>,
+    /// Whether focus is elsewhere than was asked for, because nothing is there.
+    pub is_elsewhere: bool,
 }
 
 /// Planar distance of `focus` in `stack`, which is frame `frame` of its sequence. Points are in picture pixels of the display window.
 ///
 /// # Errors
 /// [`crate::error::ErrorKind::Settings`] for a point outside the picture, for a point or an object where there is only background, for
-/// an unknown object ([`Stack::object`]), and for focus keys without a frame number.
+/// an unknown object ([`Stack::object`]), for focus keys without a frame number, and for a picture of background alone.
 pub fn focus_distance(
     stack: &Stack,
     scale: &DepthScale,
     focus: &Focus,
     frame: Option<FrameNumber>,
 ) -> Result<Focused, Error> {
-    let without_reason = |distance| Focused { distance, reason: None };
+    let without_reason = |distance| Focused { distance, reason: None, is_elsewhere: false };
     match focus {
         Focus::Distance(distance) => Ok(without_reason(*distance)),
         Focus::Point(point) => distance_at(stack, scale, *point).map(without_reason),
-        Focus::Centre => {
-            let Window { width, height, .. } = stack.frame.display;
-            let centre = [width, height].map(|samples| 0.5 * samples as f32 / stack.supersample as f32);
-            distance_at(stack, scale, centre).map(without_reason)
-        }
+        Focus::Centre => distance_at_centre(stack, scale),
         Focus::Object(name) => distance_of_object(stack, scale, name),
         Focus::Keys(keys) => {
             let frame = frame.ok_or_else(|| no_frame_number("focus"))?;
@@ -57,21 +56,114 @@ pub fn focus_distance(
     }
 }
 
+/// Planar distance of the visible surface nearest to the centre of the display window.
+fn distance_at_centre(stack: &Stack, scale: &DepthScale) -> Result<Focused, Error> {
+    let Window { width, height, .. } = stack.frame.display;
+    let s = stack.supersample as f32;
+    let centre = [width, height].map(|samples| 0.5 * samples as f32 / s);
+    let Some([column, row]) = sample_at(stack, centre) else {
+        return distance_beside_centre(stack, scale, centre);
+    };
+    let depth = visible_depth(stack, scale, column, row);
+    if depth.is_finite() {
+        return Ok(Focused { distance: depth, reason: None, is_elsewhere: false });
+    }
+    distance_beside_centre(stack, scale, centre)
+}
+
+/// Planar distance of the visible surface nearest to `centre`, a pixel of the display window without one: of a pixel that shows a surface,
+/// else of any that has one.
+fn distance_beside_centre(stack: &Stack, scale: &DepthScale, centre: [f32; 2]) -> Result<Focused, Error> {
+    let [left, top] = origin_from_display(stack);
+    let s = stack.supersample as f32;
+    let from_centre = |column: usize, row: usize| {
+        let [right, down] =
+            [column as f32 + 0.5 + left - centre[0] * s, row as f32 + 0.5 + top - centre[1] * s];
+        right * right + down * down
+    };
+    let nearest_of_row = |row: usize| {
+        let found = (0..stack.width()).filter_map(|column| {
+            let depth = visible_depth(stack, scale, column, row);
+            let is_faint = covered(stack, column, row) < VISIBLE_ALPHA;
+            depth.is_finite().then(|| Nearest {
+                is_faint,
+                square: from_centre(column, row),
+                at: [column, row],
+                depth,
+            })
+        });
+        found.reduce(Nearest::nearer)
+    };
+    // Of two as near, the one above or to the left, whatever the number of threads.
+    let rows: Vec<Option<Nearest>> = (0..stack.height()).into_par_iter().map(nearest_of_row).collect();
+    let Some(nearest) = rows.into_iter().flatten().reduce(Nearest::nearer) else {
+        return Err(Error::settings("there is only background in the picture: nothing to focus on")
+            .help("check the depth, or give the distance with `focus_distance`"));
+    };
+    let [x, y] = [nearest.at[0] as f32 + left, nearest.at[1] as f32 + top].map(|sample| (sample / s).floor());
+    let reason = format!(
+        "nothing is at the centre of the picture, {}, {}: focused at {}, on what is nearest to it, at {x}, {y}; set `focus_point` or \
+         `focus_distance`",
+        centre[0], centre[1], nearest.depth
+    );
+    Ok(Focused { distance: nearest.depth, reason: Some(reason), is_elsewhere: true })
+}
+
+/// A surface beside the centre.
+#[derive(Debug, Clone, Copy)]
+struct Nearest {
+    /// Whether its pixel shows less than half of it.
+    is_faint: bool,
+    /// Square of its distance from the centre in samples.
+    square: f32,
+    /// Its column and row.
+    at: [usize; 2],
+    /// Its planar depth.
+    depth: f32,
+}
+
+impl Nearest {
+    fn nearer(self, other: Self) -> Self {
+        let of = |nearest: &Self| (nearest.is_faint, nearest.square);
+        if of(&other) < of(&self) { other } else { self }
+    }
+}
+
+/// Alpha of all fragments of a sample together.
+fn covered(stack: &Stack, column: usize, row: usize) -> f32 {
+    1.0 - stack.peels.iter().map(|peel| 1.0 - peel.alpha.get(column, row)).product::<f32>()
+}
+
+/// The first sample of the data window, from the corner of the display window.
+fn origin_from_display(stack: &Stack) -> [f32; 2] {
+    let (data, display) = (stack.frame.data, stack.frame.display);
+    [(data.x - display.x) as f32, (data.y - display.y) as f32]
+}
+
+/// The sample at pixel `point` of the display window; `None` outside of the data window.
+fn sample_at(stack: &Stack, point: [f32; 2]) -> Option<[usize; 2]> {
+    let ([left, top], s) = (origin_from_display(stack), stack.supersample as f32);
+    let (column, row) = ((point[0] * s).floor() - left, (point[1] * s).floor() - top);
+    let is_inside =
+        column >= 0.0 && row >= 0.0 && column < stack.width() as f32 && row < stack.height() as f32;
+    is_inside.then_some([column as usize, row as usize])
+}
+
 /// Planar distance of the visible surface at pixel `point` of the display window.
 fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32, Error> {
-    let s = stack.supersample as f32;
-    let frame = &stack.frame;
-    let column = (point[0] * s).floor() - (frame.data.x - frame.display.x) as f32;
-    let row = (point[1] * s).floor() - (frame.data.y - frame.display.y) as f32;
-    let (width, height) = (stack.width(), stack.height());
     let place = format!("{}, {}", point[0], point[1]);
-    if !(column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32) {
+    let Some([column, row]) = sample_at(stack, point) else {
+        let Window { width, height, .. } = stack.picture_frame().display;
+        let s = stack.supersample as f32;
+        let [left, top] = origin_from_display(stack).map(|start| start / s);
+        let [right, bottom] = [left + stack.width() as f32 / s, top + stack.height() as f32 / s];
         return Err(Error::settings("the focus point lies outside the picture")
             .with("found", place)
-            .with("picture", format!("{} × {} pixels", width as f32 / s, height as f32 / s))
+            .with("picture", format!("{width} × {height} pixels"))
+            .with("its pixels", format!("{left} to {right} from the left, {top} to {bottom} from the top"))
             .help("give pixels from the left and from the top: `focus_point = [X, Y]`"));
-    }
-    let depth = visible_depth(stack, scale, column as usize, row as usize);
+    };
+    let depth = visible_depth(stack, scale, column, row);
     if depth.is_finite() {
         return Ok(depth);
     }
@@ -85,11 +177,11 @@ fn distance_at(stack: &Stack, scale: &DepthScale, point: [f32; 2]) -> Result<f32
 
 /// Planar depth of the visible surface at a sample of the data window; `+∞` for background.
 fn visible_depth(stack: &Stack, scale: &DepthScale, column: usize, row: usize) -> f32 {
-    let [x0, y0] = stack.frame.data_origin_from_centre();
+    let [x0, _] = stack.frame.data_origin_from_centre();
+    let y = stack.frame.row_from_centre(row as f32);
     let visible = visible_fragment(stack.peels.iter().map(|peel| peel.alpha.get(column, row)));
-    visible.map_or(f32::INFINITY, |i| {
-        scale.planar(stack.peels[i].depth.get(column, row), x0 + column as f32, y0 + row as f32)
-    })
+    visible
+        .map_or(f32::INFINITY, |i| scale.planar(stack.peels[i].depth.get(column, row), x0 + column as f32, y))
 }
 
 /// Index of the fragment that a pixel shows, of fragments of these alphas, nearest first; `None` if all are empty.
@@ -126,7 +218,7 @@ fn distance_of_object(stack: &Stack, scale: &DepthScale, name: &str) -> Result<F
         if max < OBJECT_COVERAGE { format!(", none covered by more than {max:.2}") } else { String::new() };
     let reason =
         format!("object '{name}' of {cryptomatte}: {distance}, the median of {count} {pixels}{weak}");
-    Ok(Focused { distance, reason: Some(reason) })
+    Ok(Focused { distance, reason: Some(reason), is_elsewhere: false })
 }
 
 /// The weighted median of pairs of value and weight: the first value, in rising order, at which the sum of weights reaches half of their
@@ -155,7 +247,7 @@ fn distance_of_pull(
         Ok((found.distance, how))
     };
     let (distance, reason) = value_at(keys, frame, Interpolation::Reciprocal, at_key)?;
-    Ok(Focused { distance, reason: Some(reason) })
+    Ok(Focused { distance, reason: Some(reason), is_elsewhere: false })
 }
 
 #[cfg(test)]

@@ -220,6 +220,7 @@ fn field(frame: &Frame, supersample: usize, scale: &DepthScale) -> Field {
         axis_px: -Vec2::new(left, top) / samples,
         half_diagonal_px: 0.5 * width.hypot(height) / samples,
         focal_length_px: scale.focal_px / samples,
+        pixel_aspect: frame.usable_pixel_aspect(),
     }
 }
 
@@ -229,11 +230,11 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
     if width == 0 {
         return 0;
     }
-    let [x0, y0] = frame.data_origin_from_centre();
+    let [x0, _] = frame.data_origin_from_centre();
     let rows = peel.depth.values_mut().par_chunks_mut(width).zip(peel.alpha.values().par_chunks(width));
     rows.enumerate()
         .map(|(y, (depth, alpha))| {
-            scale.planar_row(depth, y0 + y as f32, x0);
+            scale.planar_row(depth, frame.row_from_centre(y as f32), x0);
             let mut limited = 0;
             for (depth, &alpha) in depth.iter_mut().zip(alpha) {
                 let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };

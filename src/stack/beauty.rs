@@ -17,7 +17,8 @@
 //! A beauty that the user names must fit the peels. One that the stack holds itself is left out where it does not.
 
 use super::agreement::differing_share;
-use super::layers::{Beauty, place};
+use super::layers::Beauty;
+use super::windows::place;
 use super::{Frame, Peel};
 use crate::error::Error;
 use crate::finding::Finding;

@@ -1,10 +1,11 @@
 //! Data copied from input to output: channels that no peel uses, and attributes that are still valid.
 
 use super::decode::Decoded;
-use super::header::ExrFile;
+use super::header::{Channel, ExrFile};
 use super::options::Carry;
-use super::{Carried, CarriedChannel, Cryptomatte, Window};
+use super::{Carried, CarriedChannel, Cryptomatte, Window, windows};
 use crate::finding::Finding;
+use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names as standard};
 
@@ -136,7 +137,7 @@ fn number_field<'a>(own: &'a mut LayerAttributes, name: &Text) -> Option<&'a mut
 /// Indices of the channels of `file` to copy, and a finding about those that cannot be copied. The channels of `mattes` are included
 /// with every value of `carry`.
 ///
-/// Only channels with the picture's data window `data` can be copied.
+/// Only channels within the picture's data window `data` can be copied.
 pub(super) fn choose(
     file: &ExrFile,
     used: &[usize],
@@ -151,30 +152,31 @@ pub(super) fn choose(
     let is_matte = |index: &usize| mattes.iter().any(|matte| matte.has(&file.channels[*index].name));
     let all = (0..file.channels.len()).filter(|index| requested(index) || is_matte(index));
     let (fitting, others): (Vec<_>, Vec<_>) =
-        all.partition(|&index| file.frame(file.channels[index].part).data == data);
+        all.partition(|&index| windows::is_within(file.frame(file.channels[index].part).data, data));
     let text = || {
-        format!(
-            "{} channels have another data window than the picture: not copied to the output",
-            others.len()
-        )
+        let count = others.len();
+        format!("{count} channels have pixels outside of the picture's data window: not copied to the output")
     };
     let findings = if others.is_empty() { Vec::new() } else { vec![Finding::warning("channels", text())] };
     (fitting, findings)
 }
 
-/// The decoded channels with their names.
+/// The decoded channels, each with its window, in the data window `data`.
 pub(super) fn channels(
-    named: Vec<(String, bool)>,
+    described: Vec<(Channel, Window)>,
     decoded: impl Iterator<Item = Decoded>,
+    data: Window,
 ) -> Vec<CarriedChannel> {
     let samples = decoded.filter_map(|decoded| match decoded {
         Decoded::Samples(samples) => Some(samples),
         Decoded::Plane(_) => None,
     });
-    let together = named.into_iter().zip(samples);
-    together
-        .map(|((name, quantize_linearly), samples)| CarriedChannel { name, samples, quantize_linearly })
-        .collect()
+    let carried = |((channel, window), samples): ((Channel, Window), FlatSamples)| CarriedChannel {
+        name: channel.name,
+        samples: windows::place_samples(samples, window, data),
+        quantize_linearly: channel.quantize_linearly,
+    };
+    described.into_iter().zip(samples).map(carried).collect()
 }
 
 /// The attributes that are valid for the output.

@@ -11,7 +11,7 @@
 //! Cost: reading two channels per rank. Memory: one float per sample.
 
 use super::header::ExrFile;
-use super::{CarriedChannel, Stack, Window, murmur};
+use super::{CarriedChannel, Stack, Window, murmur, windows};
 use crate::error::Error;
 use crate::settings::nearest;
 use exr::image::FlatSamples;
@@ -89,14 +89,14 @@ pub struct Objects {
     pub doubt: Option<String>,
 }
 
-/// The cryptomattes of `file` whose channels have the data window `data`, objects before materials. `deeper` are the prefixes of
+/// The cryptomattes of `file` whose channels are within the data window `data`, objects before materials. `deeper` are the prefixes of
 /// the peels whose cryptomattes are left out.
 pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptomatte> {
     let described = described(file);
     let mut groups: BTreeMap<&str, BTreeMap<&str, [Option<&str>; 4]>> = BTreeMap::new();
     for channel in &file.channels {
         if let Some((name, rank, role)) = rank_channel(&channel.name)
-            && file.frame(channel.part).data == data
+            && windows::is_within(file.frame(channel.part).data, data)
             && (!ID_CHANNELS.contains(&role) || channel.sample_type == SampleType::F32)
         {
             groups.entry(name).or_default().entry(rank).or_default()[role].get_or_insert(&channel.name);
@@ -355,7 +355,10 @@ pub(crate) fn listed(names: &[String], max: usize) -> String {
 
 fn no_cryptomatte(name: &str) -> Error {
     Error::settings(format!("the file has no cryptomatte: the object '{name}' cannot be found"))
-        .with("looked for", "32-bit channels such as CryptoObject00.R G B A, with the picture's data window")
+        .with(
+            "looked for",
+            "32-bit channels such as CryptoObject00.R G B A, within the picture's data window",
+        )
         .help("render with a Cryptomatte pass, or focus on a pixel with `focus_point = [X, Y]`")
 }
 

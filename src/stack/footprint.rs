@@ -7,10 +7,10 @@
 use super::decode::block_bytes;
 use super::header::ExrFile;
 use super::input::Opened;
-use super::layers::channels_to_read;
+use super::layers::{channels_to_read, frame_of};
 use super::merge_files::{self, Extent};
 use super::options::{Carry, ReadOptions, Source};
-use super::{Window, camera, deep, names, picture};
+use super::{Frame, Window, camera, deep, names, picture, windows};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
 
@@ -95,22 +95,32 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
     if merge_files::are_elements(sources, options)? {
         return of_elements(sources, options);
     }
-    let mut found = of_file(first, options)?;
+    let (mut found, frame) = of_file(first, options)?;
+    let mut windows = vec![frame.data];
     let without_carry = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
     for source in others.iter().filter(|_| options.depth_file.is_none()) {
         // A file of depth alone completes the peel of the first.
-        let Some(more) = of_peels(source, &without_carry)? else {
-            found.is_in_rows &= Opened::open(source)?.is_exr()?;
+        let Some((more, own)) = of_peels(source, &without_carry)? else {
+            found.is_in_rows &= has_rows_of(source, frame)?;
             continue;
         };
+        // Rows are cut by the coordinates of each file.
+        let offset = windows::offset(own, frame).unwrap_or([0, 0]);
+        found.is_in_rows &= offset[1] == 0;
+        windows.push(windows::moved(own.data, offset));
         found.peels += more.peels;
         found.sample_bytes += more.sample_bytes;
         found.block_bytes = found.block_bytes.max(more.block_bytes);
         found.is_in_rows &= more.is_in_rows;
     }
-    for path in options.depth_file.iter().chain(&options.beauty) {
+    if let Some(path) = &options.depth_file {
+        found.is_in_rows &= has_rows_of(&options.held.source(path), frame)?;
+    }
+    if let Some(path) = &options.beauty {
         found.is_in_rows &= Opened::open(&options.held.source(path))?.is_exr()?;
     }
+    let data = windows::union(&windows, frame.display);
+    (found.width, found.height, found.top) = (data.width, data.height, data.y);
     if options.beauty.is_some() {
         found.sample_bytes += PEEL_BYTES - 4;
     }
@@ -158,21 +168,23 @@ fn of_deep(source: &Source, options: &ReadOptions) -> Result<(Extent, Footprint)
 
 /// What a file without deep parts has, and what of it stays in memory.
 fn of_flat(source: &Source, options: &ReadOptions) -> Result<(Extent, Footprint), Error> {
-    let footprint = of_file(source, options)?;
-    let mut opened = Opened::open(source)?;
-    let left = if opened.is_exr()? {
-        let file = ExrFile::open(opened)?;
-        let (assigned, _) = channels_to_read(&file, options)?;
-        assigned.peels.first().map_or(0, |first| file.frame(file.channels[first.color[0]].part).data.x)
-    } else {
-        0
-    };
-    let window = Window { x: left, y: footprint.top, width: footprint.width, height: footprint.height };
+    let (footprint, frame) = of_file(source, options)?;
+    let window = frame.data;
     Ok((Extent { window, peels: footprint.peels, strip_bytes: 0 }, footprint))
 }
 
-/// The footprint of the peels in `source`; `None` for a file of depth alone.
-fn of_peels(source: &Source, options: &ReadOptions) -> Result<Option<Footprint>, Error> {
+/// Whether the depth in `source` can be read by the rows of a picture with this `frame`.
+fn has_rows_of(source: &Source, frame: Frame) -> Result<bool, Error> {
+    let mut opened = Opened::open(source)?;
+    if !opened.is_exr()? {
+        return Ok(false);
+    }
+    let own = ExrFile::open(opened)?.frame(0);
+    Ok(windows::offset(own, frame).is_none_or(|[_, down]| down == 0))
+}
+
+/// The footprint of the peels in `source` and their frame; `None` for a file of depth alone.
+fn of_peels(source: &Source, options: &ReadOptions) -> Result<Option<(Footprint, Frame)>, Error> {
     let mut opened = Opened::open(source)?;
     if !opened.is_exr()? {
         return Ok(None);
@@ -181,7 +193,7 @@ fn of_peels(source: &Source, options: &ReadOptions) -> Result<Option<Footprint>,
     names::has_color(&file.names()).then(|| of_exr(&file, options)).transpose()
 }
 
-fn of_file(source: &Source, options: &ReadOptions) -> Result<Footprint, Error> {
+fn of_file(source: &Source, options: &ReadOptions) -> Result<(Footprint, Frame), Error> {
     let mut opened = Opened::open(source)?;
     if opened.is_exr()? {
         return of_exr(&ExrFile::open(opened)?, options);
@@ -189,7 +201,7 @@ fn of_file(source: &Source, options: &ReadOptions) -> Result<Footprint, Error> {
     let (width, height) = picture::size(opened)?;
     let supersample = options.supersample.unwrap_or(1);
     let sample_bytes = PEEL_BYTES;
-    Ok(Footprint {
+    let of_picture = Footprint {
         width,
         height,
         top: 0,
@@ -198,19 +210,19 @@ fn of_file(source: &Source, options: &ReadOptions) -> Result<Footprint, Error> {
         sample_bytes,
         block_bytes: 0,
         is_in_rows: false,
-    })
+    };
+    Ok((of_picture, Frame::from_size(width, height)))
 }
 
-fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
+fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<(Footprint, Frame), Error> {
     let (assigned, carried) = channels_to_read(file, options)?;
-    let first =
-        assigned.peels.first().ok_or_else(|| Error::input("the file has no peel").in_file(&file.name))?;
-    let frame = file.frame(file.channels[first.color[0]].part);
+    let frame = frame_of(file, &assigned.peels)
+        .ok_or_else(|| Error::input("the file has no peel").in_file(&file.name))?;
     let size_of = |index: &usize| if file.channels[*index].sample_type == SampleType::F16 { 2 } else { 4 };
     let peels = assigned.peels.len();
     let beauty = if assigned.beauty.is_some() { PEEL_BYTES - 4 } else { 0 };
     let (camera, _) = camera::values(&file.attributes());
-    Ok(Footprint {
+    let of_peels = Footprint {
         width: frame.data.width,
         height: frame.data.height,
         top: frame.data.y,
@@ -219,7 +231,8 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<Footprint, Error> {
         sample_bytes: PEEL_BYTES * peels as u64 + beauty + carried.iter().map(size_of).sum::<u64>(),
         block_bytes: file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0),
         is_in_rows: true,
-    })
+    };
+    Ok((of_peels, frame))
 }
 
 #[cfg(test)]

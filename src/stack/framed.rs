@@ -23,8 +23,8 @@ impl FramedImage {
 }
 
 impl Frame {
-    /// The parts of this picture and of `other` that can be compared pixel by pixel, each in pixels of its own data window: what both show of
-    /// the frame, where they have display windows of one size. All of both, where they have not, or where their data windows are equal.
+    /// The parts of this picture and of `other` that can be compared pixel by pixel, each in pixels of its own data window. Where they have
+    /// display windows of one size: what both show of it, or where that is nothing, what both have of the frame. Else all of both.
     ///
     /// # Errors
     /// [`crate::error::ErrorKind::Input`] for two parts of one frame that share no pixel.
@@ -36,7 +36,11 @@ impl Frame {
         }
         let x = frames.map(|frame| span(frame.data.x, frame.display.x, frame.data.width));
         let y = frames.map(|frame| span(frame.data.y, frame.display.y, frame.data.height));
-        match [shared(x), shared(y)] {
+        let displayed = [self.display.width, self.display.height].map(|size| [0, size as i64]);
+        let of_display = [shared(x, Some(displayed[0])), shared(y, Some(displayed[1]))];
+        let of_frame = || [shared(x, None), shared(y, None)];
+        let found = if of_display.iter().all(Option::is_some) { of_display } else { of_frame() };
+        match found {
             [Some((left, width)), Some((top, height))] => {
                 Ok([0, 1].map(|picture| Window { x: left[picture], y: top[picture], width, height }))
             }
@@ -54,11 +58,12 @@ fn span(start: i32, origin: i32, size: usize) -> [i64; 2] {
     [start, start + size as i64]
 }
 
-/// Where the common pixels of two spans begin in each, and their number.
-fn shared(spans: [[i64; 2]; 2]) -> Option<([i32; 2], usize)> {
+/// Where the common pixels of two spans, and of the one `within`, begin in each of the two, and their number.
+fn shared(spans: [[i64; 2]; 2], within: Option<[i64; 2]>) -> Option<([i32; 2], usize)> {
     let [[a, a_end], [b, b_end]] = spans;
-    let start = a.max(b);
-    let count = usize::try_from(a_end.min(b_end) - start).ok().filter(|&count| count > 0)?;
+    let [from, to] = within.unwrap_or([i64::MIN, i64::MAX]);
+    let start = a.max(b).max(from);
+    let count = usize::try_from(a_end.min(b_end).min(to) - start).ok().filter(|&count| count > 0)?;
     let from = |own: i64| i32::try_from(start - own).ok();
     Some(([from(a)?, from(b)?], count))
 }
@@ -82,7 +87,11 @@ mod tests {
         let [overscan, whole, crop] = [frame(-8, -4, 80, 44), frame(0, 0, 64, 36), frame(10, 20, 64, 36)];
         assert_eq!(overscan.shared_with(&whole).unwrap(), [window(8, 4, 64, 36), window(0, 0, 64, 36)]);
         assert_eq!(whole.shared_with(&crop).unwrap(), [window(10, 20, 54, 16), window(0, 0, 54, 16)]);
-        assert_eq!(overscan.shared_with(&overscan).unwrap(), [window(0, 0, 80, 44); 2]);
+        assert_eq!(overscan.shared_with(&overscan).unwrap(), [window(8, 4, 64, 36); 2], "what is displayed");
+        let beside = frame(-30, 0, 20, 36);
+        assert_eq!(overscan.shared_with(&beside).unwrap_err().kind(), crate::error::ErrorKind::Input);
+        let outside = frame(-8, -4, 8, 44);
+        assert_eq!(outside.shared_with(&outside).unwrap(), [window(0, 0, 8, 44); 2], "all that there is");
     }
 
     #[test]

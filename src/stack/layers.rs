@@ -1,10 +1,11 @@
 //! The peels of one file, before they are combined with those of other files.
 
 use super::decode::{Decoded, Use, decode};
-use super::header::ExrFile;
+use super::header::{Channel, ExrFile};
 use super::names::{self, Assigned, PeelChannels};
 use super::options::{Carry, ReadOptions};
 use super::sanitise::Replaced;
+use super::windows::{self, place_depth};
 use super::{
     AlphaMode, CarriedChannel, ColorRange, Cryptomatte, Frame, Precision, Window, alpha, carried, cryptomatte,
 };
@@ -60,7 +61,7 @@ pub(super) struct Layers {
     pub(super) is_merged: bool,
     /// The anti-aliased colour of the first peel, if there is any.
     pub(super) beauty: Option<Beauty>,
-    /// Frame of the first peel.
+    /// Display window of the first peel, and the data window of the channels, which holds all peels.
     pub(super) frame: Frame,
     /// Numeric type of the colour channels.
     pub(super) precision: Precision,
@@ -87,6 +88,11 @@ impl Layer {
             alpha::premultiply(&mut self.color, &self.alpha);
         }
         self
+    }
+
+    /// Whether any of its pixels has light or alpha.
+    pub(super) fn has_content(&self) -> bool {
+        self.color.iter().chain([&self.alpha]).any(|plane| plane.values().iter().any(|&value| value != 0.0))
     }
 
     /// The layer as the beauty that the stack holds; `frame` has its windows.
@@ -136,8 +142,9 @@ fn beside_peels(
     let Assigned { peels, beauty, .. } = assigned;
     let used: Vec<usize> =
         peels.iter().chain(beauty).flat_map(requested_channels).map(|(index, _)| index).collect();
-    let data = peels.first().map(|first| file.frame(file.channels[first.color[0]].part).data);
-    let Some(data) = data else { return (Vec::new(), Vec::new(), Vec::new()) };
+    let Some(Frame { data, .. }) = frame_of(file, peels) else {
+        return (Vec::new(), Vec::new(), Vec::new());
+    };
     let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
     let cryptomattes = cryptomatte::find(file, data, &deeper);
     let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
@@ -157,16 +164,25 @@ pub(super) fn read_exr_picture(file: ExrFile, options: &ReadOptions) -> Result<L
     read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
 }
 
-/// Decodes one channel of an OpenEXR file as depth, and returns its name.
+/// Decodes one channel of an OpenEXR file as depth, and returns its name and its windows.
 ///
 /// # Errors
 /// As [`read_exr`].
-pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String), Error> {
+pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String, Frame), Error> {
     let requested = options.depth_channel.as_deref();
     let index = names::depth_alone(&file.names(), requested).map_err(|error| error.in_file(&file.name))?;
-    let name = file.channels[index].name.clone();
+    let Channel { name, part, .. } = file.channels[index].clone();
+    let frame = file.frame(part);
     let (decoded, _) = decode(file, &[(index, Use::Depth)], options.max_bytes)?;
-    Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name))
+    Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name, frame))
+}
+
+/// Display window of the first of `peels`, and the window that holds them all; `None` if there are none.
+pub(super) fn frame_of(file: &ExrFile, peels: &[PeelChannels]) -> Option<Frame> {
+    let frame = |peel: &PeelChannels| file.frame(file.channels[peel.color[0]].part);
+    let first = frame(peels.first()?);
+    let windows: Vec<Window> = peels.iter().map(|peel| frame(peel).data).collect();
+    Some(Frame { data: windows::union(&windows, first.display), ..first })
 }
 
 fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Result<Layers, Error> {
@@ -176,24 +192,25 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
         .chain(&assigned.beauty)
         .try_for_each(|peel| check_one_part(&file, peel))
         .map_err(|error| error.in_file(&file.name))?;
-    let Some(first) = assigned.peels.first() else {
+    let Some(frame) = frame_of(&file, &assigned.peels) else {
         return Err(Error::input("the file has no peel").in_file(&file.name));
     };
-    let frame = file.frame(file.channels[first.color[0]].part);
     let (cryptomattes, kept, of_kept) = beside_peels(&file, &assigned, options);
     let Assigned { peels, beauty, mut findings } = assigned;
     findings.extend(of_kept);
     let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
-    let named = |&index: &usize| (file.channels[index].name.clone(), file.channels[index].quantize_linearly);
-    let carried_names: Vec<(String, bool)> = kept.iter().map(named).collect();
+    let kept =
+        kept.iter().map(|&index| (file.channels[index].clone(), file.frame(file.channels[index].part).data));
+    let kept: Vec<(Channel, Window)> = kept.collect();
     let is_half =
         |peel: &PeelChannels| peel.color.iter().all(|&c| file.channels[c].sample_type == SampleType::F16);
     let precision = if peels.iter().all(is_half) { Precision::Half } else { Precision::Float };
     let (name, attributes) = (file.name.clone(), file.attributes());
     let described: Vec<Described> =
         peels.into_iter().map(|peel| Described::from_channels(&file, peel)).collect();
+    findings.extend(described.iter().filter_map(Described::depth_beyond_window));
     let beauty = beauty.map(|beauty| {
         (file.frame(file.channels[beauty.color[0]].part), Described::from_channels(&file, beauty))
     });
@@ -203,7 +220,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let mut layer = |peel: Described| peel.into_layer(&mut decoded).premultiplied(options.alpha);
     let peels = described.into_iter().map(&mut layer).collect();
     let beauty = beauty.map(|(frame, described)| layer(described).into_beauty(frame));
-    let channels = carried::channels(carried_names, decoded);
+    let channels = carried::channels(kept, decoded, frame.data);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {
         name,
@@ -267,6 +284,11 @@ impl Described {
         }
     }
 
+    /// What is assumed of depth where only the colour has pixels.
+    fn depth_beyond_window(&self) -> Option<Finding> {
+        windows::depth_beyond(&self.depth_channel, self.depth_window, self.window)
+    }
+
     fn into_layer(self, decoded: &mut impl Iterator<Item = Decoded>) -> Layer {
         let Self { channels, window, depth_window, depth_channel, found } = self;
         let mut next = || planes(decoded.by_ref()).next().unwrap_or_default();
@@ -275,7 +297,7 @@ impl Described {
             Some(_) => next(),
             None => Plane::filled(window.width, window.height, 1.0),
         };
-        let depth = channels.depth.map(|_| place(next(), depth_window, window, f32::INFINITY));
+        let depth = channels.depth.map(|_| place_depth(next(), depth_window, window));
         Layer { color, alpha, depth, window, prefix: channels.prefix, depth_channel, found }
     }
 }
@@ -285,38 +307,4 @@ fn planes(decoded: impl Iterator<Item = Decoded>) -> impl Iterator<Item = Plane>
         Decoded::Plane(plane) => Some(plane),
         Decoded::Samples(_) => None,
     })
-}
-
-/// `plane` of window `from` as a plane of window `to`, with `outside` where it has no pixels.
-pub(super) fn place(plane: Plane, from: Window, to: Window, outside: f32) -> Plane {
-    if from == to {
-        return plane;
-    }
-    let mut placed = Plane::filled(to.width, to.height, outside);
-    // Coordinates are below 2^30 (see `guard`), so their differences fit into 32 bits.
-    let left = from.x.max(to.x);
-    let right = (from.x + from.width as i32).min(to.x + to.width as i32);
-    if left >= right {
-        return placed;
-    }
-    for y in from.y.max(to.y)..(from.y + from.height as i32).min(to.y + to.height as i32) {
-        let source = &plane.row((y - from.y) as usize)[(left - from.x) as usize..(right - from.x) as usize];
-        placed.row_mut((y - to.y) as usize)[(left - to.x) as usize..(right - to.x) as usize]
-            .copy_from_slice(source);
-    }
-    placed
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_crop_is_placed_in_the_larger_window_and_surrounded_by_the_outside_value() {
-        let crop = Window { x: -1, y: 5, width: 1, height: 1 };
-        let whole = Window { x: -2, y: 4, width: 3, height: 2 };
-        let placed = place(Plane::filled(1, 1, 7.0), crop, whole, 0.0);
-        assert_eq!(placed.values(), [0.0, 0.0, 0.0, 0.0, 7.0, 0.0]);
-        assert_eq!(place(placed, whole, crop, 0.0).values(), [7.0]);
-    }
 }

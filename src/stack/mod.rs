@@ -50,6 +50,7 @@ mod rim_depth;
 mod sanitise;
 mod silhouettes;
 mod tiff_alpha;
+mod windows;
 
 pub use antialiasing::Antialiasing;
 #[doc(hidden)]
@@ -213,6 +214,13 @@ impl Frame {
         Self { data: window, display: window, pixel_aspect: 1.0 }
     }
 
+    /// Width of a pixel divided by its height; 1 within a thousandth of it, and where the ratio is not one that a picture has, from 1/8 to
+    /// 8.
+    pub fn usable_pixel_aspect(&self) -> f32 {
+        let aspect = self.pixel_aspect;
+        if (0.125..=8.0).contains(&aspect) && (aspect - 1.0).abs() >= 1e-3 { aspect } else { 1.0 }
+    }
+
     /// This frame, in samples, in picture pixels of `supersample` samples along each axis.
     fn in_pixels(&self, supersample: usize) -> Self {
         let step = i32::try_from(supersample).unwrap_or(i32::MAX).max(1);
@@ -223,6 +231,11 @@ impl Frame {
             height: window.height / supersample.max(1),
         };
         Self { data: window(self.data), display: window(self.display), pixel_aspect: self.pixel_aspect }
+    }
+
+    /// Position on the sensor of row `row` of the data window, down from the centre of the display window, in widths of a pixel.
+    pub fn row_from_centre(&self, row: f32) -> f32 {
+        (self.data_origin_from_centre()[1] + row) / self.usable_pixel_aspect()
     }
 
     /// Position of the data window's first pixel centre relative to the centre of the display window, in pixels right and down.

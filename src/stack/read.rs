@@ -4,9 +4,10 @@ use super::convention::{self, Evidence};
 use super::header::ExrFile;
 use super::input::Opened;
 use super::kind::Announced;
-use super::layers::{self, Beauty, Layer, Layers, place};
+use super::layers::{self, Beauty, Layer, Layers};
 use super::options::{Carry, ReadOptions, Source};
 use super::plausible::{self, Depths, Known};
+use super::windows::{self, place, place_depth};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
     background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, kind, light, merge_files,
@@ -16,8 +17,12 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::{Image, Plane};
 use crate::settings::Values;
+use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use std::path::Path;
+
+/// Number of peels that are listed; of more, the last stands for the rest.
+const LISTED: usize = 12;
 
 /// Reads one stack from `sources`: one multi-layer or multi-part EXR, one file per peel nearest first, or one picture with
 /// its depth.
@@ -172,7 +177,7 @@ fn has_color(source: &Source) -> Result<bool, Error> {
 fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Result<(), Error> {
     let mut opened = Opened::open(source)?;
     let name = opened.name.clone();
-    let (depth, channel) = if opened.is_exr()? {
+    let (depth, channel, frame) = if opened.is_exr()? {
         let file = ExrFile::open(opened)?.cropped(options.rows.clone());
         // The program that wrote the depth determines its convention, so the attributes of its header replace those of the colour.
         let identifying = identifying_attributes(file.attributes());
@@ -182,25 +187,38 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     } else {
         let (depth, findings) = picture::read_depth(opened, options)?;
         stack.findings.extend(findings);
-        (depth, String::new())
+        let frame = Frame::from_size(depth.width(), depth.height());
+        (depth, String::new(), frame)
     };
     let [layer] = stack.peels.as_mut_slice() else {
         return Err(Error::settings("a depth file requires a single colour picture")
             .in_file(&stack.name)
             .with("found", format!("{} peels", stack.peels.len())));
     };
-    let (width, height) = (layer.window.width, layer.window.height);
-    if (depth.width(), depth.height()) != (width, height) {
+    let Some(window) = placed(frame, stack.frame, options) else {
+        let shown = |Frame { data, display, .. }: Frame, file: &Path| {
+            let Window { x, y, width, height } = data;
+            format!("{width}×{height} pixels at ({x}, {y}), display window {display}, in {}", file.display())
+        };
         return Err(Error::input("depth and colour differ in size")
-            .with("colour", format!("{width}×{height} pixels in {}", stack.name.display()))
-            .with("depth", format!("{}×{} pixels in {}", depth.width(), depth.height(), name.display()))
-            .help("render both at the same size"));
-    }
+            .with("colour", shown(stack.frame, &stack.name))
+            .with("depth", shown(frame, &name))
+            .help("render both at the same size, or with one display window"));
+    };
     let shown = if channel.is_empty() { String::new() } else { format!("channel {channel} of ") };
-    stack.findings.push(Finding::note("depth", format!("taken from {shown}{}", name.display())));
-    layer.depth = Some(depth);
+    let shown = format!("{shown}{}", name.display());
+    stack.findings.extend(windows::depth_beyond(&shown, window, layer.window));
+    stack.findings.push(Finding::note("depth", format!("taken from {shown}")));
+    layer.depth = Some(place_depth(depth, window, layer.window));
     layer.depth_channel = channel;
     Ok(())
+}
+
+/// The data window of a picture with windows `own` in the coordinates of a stack with windows `other`; `None` if it shows another frame.
+fn placed(own: Frame, other: Frame, options: &ReadOptions) -> Option<Window> {
+    // Rows are cut by the coordinates of each file: these are the same in all files that are read in rows (see `footprint`).
+    let offset = if options.rows.is_some() { [0, 0] } else { windows::offset(own, other)? };
+    Some(windows::moved(own.data, offset))
 }
 
 /// The attributes of a depth file's header that identify the program that wrote it, and those of thinlens.
@@ -228,18 +246,45 @@ fn add_peels(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     if more.color_range == ColorRange::Unbounded {
         stack.color_range = more.color_range;
     }
+    let to = placed(more.frame, stack.frame, &options);
+    if to.is_none() {
+        stack.findings.push(other_frame(&stack.name, stack.frame, (&more.name, more.frame)));
+    }
+    // All of a file moves as its first peel does.
+    let offset = to.map_or([0, 0], |to| [to.x - more.frame.data.x, to.y - more.frame.data.y]);
     for layer in more.peels {
-        let layer = Layer { found: format!("{} in {}", layer.found, more.name.display()), ..layer };
-        stack.peels.push(layer);
+        let window = windows::moved(layer.window, offset);
+        let found = format!("{} in {}", layer.found, more.name.display());
+        stack.peels.push(Layer { window, found, ..layer });
     }
     Ok(())
 }
 
+/// The warning about peels of a file whose windows do not fit those of the first.
+fn other_frame(name: &Path, frame: Frame, (other, windows): (&Path, Frame)) -> Finding {
+    let text = format!(
+        "the display windows of {} and {} differ in size, {} and {}: peels are placed by the coordinates of their pixels",
+        name.display(),
+        other.display(),
+        frame.display,
+        windows.display
+    );
+    Finding::warning("frame", text)
+}
+
 /// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
-    let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
-    let Layers { peels: layers, beauty, mut findings, replaced, is_merged, is_numbered, .. } = layers;
+    let Layers { name, frame: of_channels, precision, color_range, attributes, cryptomattes, .. } = layers;
+    let Layers {
+        peels: layers, beauty, mut channels, mut findings, replaced, is_merged, is_numbered, ..
+    } = layers;
     let in_file = |error: Error| error.in_file(&name);
+    let frame = whole_frame(&layers, of_channels, options).map_err(in_file)?;
+    findings.extend(union_finding(&layers, frame));
+    for channel in &mut channels {
+        let samples = std::mem::replace(&mut channel.samples, FlatSamples::F32(Vec::new()));
+        channel.samples = windows::place_samples(samples, of_channels.data, frame.data);
+    }
     let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, if is_merged { merged_finding(layers.len()) } else { peels_finding(&layers) });
     findings.extend(doubts);
@@ -327,8 +372,6 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
 fn peels_finding(layers: &[Layer]) -> Finding {
     let named =
         |layer: &Layer| if layer.prefix.is_empty() { "root".to_owned() } else { layer.prefix.clone() };
-    /// Number of names that are listed; of more, the last stands for the rest.
-    const LISTED: usize = 12;
     let mut list: Vec<String> = layers.iter().take(LISTED).map(named).collect();
     if let Some(last) = layers.get(LISTED..).and_then(<[Layer]>::last) {
         list.extend(["…".to_owned(), named(last)]);
@@ -344,21 +387,56 @@ fn merged_finding(count: usize) -> Finding {
 }
 
 fn aspect_finding(frame: Frame) -> Option<Finding> {
-    // Negated after the comparison, so that NaN is reported too.
-    let square = (frame.pixel_aspect - 1.0).abs() < 1e-3;
-    let text = format!("the pixel aspect ratio is {}, but pixels are treated as square", frame.pixel_aspect);
-    (!square).then(|| Finding::warning("frame", text))
+    let (stated, usable) = (frame.pixel_aspect, frame.usable_pixel_aspect());
+    if usable == 1.0 && !((stated - 1.0).abs() < 1e-3) {
+        let text = format!("the pixel aspect ratio is {stated}, but pixels are treated as square");
+        return Some(Finding::warning("frame", text));
+    }
+    let text =
+        format!("pixels are {stated} times as wide as high: blur is round when the picture is shown so");
+    (usable != 1.0).then(|| Finding::note("frame", text))
+}
+
+/// The frame of a stack of `layers`, in which the channels of its first file have the frame `first`: its data window holds all of them.
+fn whole_frame(layers: &[Layer], first: Frame, options: &ReadOptions) -> Result<Frame, Error> {
+    let parts: Vec<Window> = layers.iter().map(|layer| layer.window).chain([first.data]).collect();
+    if parts.iter().all(|window| *window == first.data) {
+        return Ok(first);
+    }
+    let mut data = windows::rows_of(windows::union(&parts, first.display), options.rows.as_ref());
+    // Of a frame that is read in rows, only headers say what all of them are to be placed in.
+    if options.rows.is_none() {
+        let with_content = layers.iter().filter(|layer| layer.has_content());
+        data = with_content.fold(data, |data, layer| windows::joined(data, layer.window));
+    }
+    let bytes = windows::bytes(data, layers.len());
+    let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
+    if bytes <= limit {
+        return Ok(Frame { data, ..first });
+    }
+    let shown: Vec<String> = parts.iter().take(LISTED).map(Window::to_string).collect();
+    Err(Error::limits(
+        "the peels lie too far apart: the window around all of them requires more memory than the limit",
+    )
+    .with("found", shown.join(", "))
+    .with("limit", format!("{} MiB, of {} MiB for {data}", limit >> 20, bytes >> 20))
+    .help("render all peels with one data window, or leave out those that are not in the picture"))
+}
+
+/// Says that peels have data windows of their own.
+fn union_finding(layers: &[Layer], frame: Frame) -> Option<Finding> {
+    let smaller = layers.iter().filter(|layer| layer.window != frame.data).count();
+    let text = format!(
+        "{smaller} of {} peels cover a part of the data window {}; they are empty outside of it",
+        layers.len(),
+        frame.data
+    );
+    (smaller > 0).then(|| Finding::note("frame", text))
 }
 
 /// `layer` as peel number `i`, in the data window of the stack.
 fn place_peel(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
     let Layer { color, alpha, depth, window, found, .. } = layer;
-    // Of a peel with a smaller window, a few rows of the stack may have none.
-    if window.height > 0 && !data.contains(window) {
-        return Err(Error::input(format!("peel {i} is not within the data window of peel 0"))
-            .with("found", format!("peel 0 at {data}, peel {i} at {window}"))
-            .help("render all peels with one data window"));
-    }
     let Some(depth) = depth else {
         return Err(Error::input(format!("peel {i} has no depth channel"))
             .with("found", found)

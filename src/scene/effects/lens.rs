@@ -32,15 +32,16 @@ pub(super) fn blade_curvature(inputs: &Inputs<'_>) -> Effect {
 
 pub(super) fn squeeze(inputs: &Inputs<'_>) -> Effect {
     let ratio = inputs.optics.aperture.squeeze();
-    let narrower_px = (1.0 - 1.0 / ratio) * inputs.max_blur_px();
-    let on = narrower_px > MIN_OUTLINE_PX;
+    let larger = ratio.max(ratio.recip());
+    let (shape, side) = if ratio < 1.0 { ("lower", "high") } else { ("narrower", "wide") };
+    let less_px = (1.0 - 1.0 / larger) * inputs.max_blur_px();
+    let on = less_px > MIN_OUTLINE_PX;
     let (reason, change) = if ratio == 1.0 {
         ("the aperture is as wide as high".to_owned(), NO_EFFECT.to_owned())
     } else {
-        let reason =
-            format!("at the largest blur the aperture is {narrower_px:.2} px narrower on either side");
+        let reason = format!("at the largest blur the aperture is {less_px:.2} px {shape} on either side");
         let without = if on { "without it" } else { "with it off" };
-        (reason, format!("{without}, every blurred point is {ratio} times too wide"))
+        (reason, format!("{without}, every blurred point is {larger} times too {side}"))
     };
     Effect::new(EffectKind::Squeeze, on, reason, change)
 }
