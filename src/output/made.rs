@@ -120,7 +120,7 @@ fn with_origin(settings: &Settings, reading: Values) -> Values {
             listed.setting.set(&mut values, value);
         }
     }
-    for path in [&mut values.aperture_image, &mut values.beauty].into_iter().flatten() {
+    for path in [&mut values.aperture_image, &mut values.beauty, &mut values.holdout].into_iter().flatten() {
         if let Ok(full) = std::path::absolute(&*path) {
             *path = full;
         }

@@ -143,6 +143,11 @@ fn check(job: &Job, footprint: &Footprint) -> Result<(), Error> {
         return Err(Error::limits("the sampling error is not measured in a frame that is rendered in bands")
             .help("leave `verify` out"));
     }
+    if job::read_options(job).holdout.is_some() {
+        return Err(
+            Error::limits("a frame with a holdout is not rendered in bands").help("leave `holdout` out")
+        );
+    }
     if job.confidence {
         return Err(Error::limits("there is no confidence mask of a frame that is rendered in bands")
             .help("leave `confidence` out"));

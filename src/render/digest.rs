@@ -72,14 +72,23 @@ fn named_files(job: &Job) -> impl Iterator<Item = &Path> {
         job::user_layers(job).filter_map(move |(_, values)| pick(values)).last()
     };
     let beauty = last(|values| values.beauty.as_ref()).or(job.read_options.beauty.as_ref());
+    let holdout = last(|values| values.holdout.as_ref()).or(job.read_options.holdout.as_ref());
     let aperture = last(|values| values.aperture_image.as_ref());
-    [job.read_options.depth_file.as_ref(), beauty, aperture].into_iter().flatten().map(PathBuf::as_path)
+    [job.read_options.depth_file.as_ref(), beauty, holdout, aperture]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
 }
 
 /// `values` with the base names of files.
 fn without_folders(values: &Values) -> Values {
     let base = |path: &Option<PathBuf>| path.as_deref().map(|path| PathBuf::from(base_name(path)));
-    Values { aperture_image: base(&values.aperture_image), beauty: base(&values.beauty), ..values.clone() }
+    Values {
+        aperture_image: base(&values.aperture_image),
+        beauty: base(&values.beauty),
+        holdout: base(&values.holdout),
+        ..values.clone()
+    }
 }
 
 /// The last part of `path`.
@@ -143,6 +152,7 @@ impl Fields {
             depth_channel,
             depth_file: _, // a file
             beauty: _,     // a file
+            holdout: _,    // a file
             merge,
             carry,
             objects,

@@ -8,7 +8,7 @@ use crate::methods::{self, Registry};
 use crate::scene::{self, FrameNumber};
 use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Setting, Settings, Switches, Value, Values};
 use crate::stack::{self, ReadOptions, Source};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A preset and the name it was requested by.
@@ -58,7 +58,7 @@ impl Job {
         Self { sources: sources.into_iter().collect(), ..Self::default() }
     }
 
-    /// Every file that the job names and reads: the stack, its depth, its beauty.
+    /// Every file that the job names and reads: the stack, its depth, its beauty, its holdout.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let sources = self.sources.iter().filter_map(|source| match source {
             Source::File(path) => Some(path.as_path()),
@@ -87,18 +87,21 @@ impl Job {
         Ok(self)
     }
 
-    /// The names of all inputs: the stack, its depth, its beauty.
+    /// The names of all inputs: the stack, its depth, its beauty, its holdout.
     pub fn input_names(&self) -> Vec<String> {
         let sources = self.sources.iter().map(Source::shown);
         let beside = self.beside().map(|path| self.read_options.held.source(path).shown());
         sources.chain(beside).collect()
     }
 
-    /// The files of depth and beauty.
+    /// The files of depth, beauty and holdout.
     fn beside(&self) -> impl Iterator<Item = &Path> {
-        let mut preset = self.preset.iter().filter_map(|named| named.preset.values.beauty.as_deref());
-        let beauty = self.flags.beauty.as_deref().or_else(|| preset.next_back());
-        self.read_options.depth_file.as_deref().into_iter().chain(beauty)
+        let last = |pick: fn(&Values) -> Option<&PathBuf>| {
+            user_layers(self).filter_map(|(_, values)| pick(values)).last().map(PathBuf::as_path)
+        };
+        let beauty = last(|values| values.beauty.as_ref()).or(self.read_options.beauty.as_deref());
+        let holdout = last(|values| values.holdout.as_ref()).or(self.read_options.holdout.as_deref());
+        self.read_options.depth_file.as_deref().into_iter().chain(beauty).chain(holdout)
     }
 
     /// The job with `preset`, called `name` where origins are shown.
@@ -211,6 +214,7 @@ pub(super) fn read_options(job: &Job) -> ReadOptions {
         options.far = values.far.or(options.far);
         options.alpha = values.alpha.or(options.alpha);
         options.beauty = values.beauty.clone().or(options.beauty);
+        options.holdout = values.holdout.clone().or(options.holdout);
     }
     let focus = user_layers(job).filter_map(|(_, values)| values.focus.as_ref()).last();
     options.objects |= focus.is_some_and(Focus::needs_mattes);
@@ -224,8 +228,8 @@ pub(super) fn has_keys(job: &Job) -> bool {
 
 /// What the job sets about the file, as a layer of values.
 pub(super) fn reading(job: &Job) -> Values {
-    let ReadOptions { convention, supersample, kind, alpha, beauty, .. } = read_options(job);
-    Values { convention, supersample, kind, alpha, beauty, ..Values::default() }
+    let ReadOptions { convention, supersample, kind, alpha, beauty, holdout, .. } = read_options(job);
+    Values { convention, supersample, kind, alpha, beauty, holdout, ..Values::default() }
 }
 
 /// The frame number of the job, if it is known.

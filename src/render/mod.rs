@@ -57,6 +57,8 @@ pub struct Prepared {
     pub sharpness: Sharpness,
     /// The stack in CoC space, extended beyond the frame ([`Scene::outside_px`]), with what the plan does before any method sees it.
     pub scene: Scene,
+    /// What the scene shows of its alpha, as its red; `None` if that is all.
+    shown: Option<Scene>,
     /// Statistics of the scene, including what lies beyond the frame.
     pub stats: SceneStats,
     /// What will be simulated, with reasons.
@@ -132,6 +134,7 @@ fn plan_stack(
         // Mattes were read to find the focus distance only.
         stack.mattes = Vec::new();
     }
+    let shown = stages::shown(&mut stack, &settings, &lens)?;
     let (scene, stats, plan) = stages::decide(&mut stack, &settings, &lens, &job.methods)?;
     if job.confidence {
         confidence::check(&plan)?;
@@ -147,6 +150,7 @@ fn plan_stack(
         lens,
         sharpness,
         scene,
+        shown,
         stats,
         plan,
         device,
@@ -196,7 +200,18 @@ impl Prepared {
     /// Those of the method.
     pub fn blur(self, progress: &Progress<'_>) -> Result<Rendered, Error> {
         let Self {
-            mut stack, summary, settings, lens, scene, stats, plan, mut device, gpu, mut clock, ..
+            mut stack,
+            summary,
+            settings,
+            lens,
+            scene,
+            shown,
+            stats,
+            plan,
+            mut device,
+            gpu,
+            mut clock,
+            ..
         } = self;
         let (sources, reading) = (self.sources, self.reading);
         let outside_px = scene.outside_px;
@@ -204,7 +219,7 @@ impl Prepared {
         let kept = (self.verify.is_some() || self.confidence).then(|| scene.clone());
         let field = scene.field;
         clock.skip();
-        let Painted { image, outcome, fault } = match &gpu {
+        let Painted { mut image, outcome, fault } = match &gpu {
             Some(gpu) => paint::on_gpu(gpu, scene, &plan, progress)?,
             None => paint::on_cpu(scene, (&stats, &plan), &calibration, progress)?,
         };
@@ -217,7 +232,6 @@ impl Prepared {
                 .push(Finding::warning("device", format!("the frame was rendered on the CPU: {fault}")));
             device = Device::cpu(fault);
         }
-        let gpu_usage = gpu.and_then(|gpu| gpu.usage().ok());
         let views = outcome.as_ref().map(|outcome| outcome.views).or(plan.views);
         let plan = Plan { views, ..plan };
         clock.skip();
@@ -227,6 +241,11 @@ impl Prepared {
         if probe.is_some() {
             clock.lap(Stage::Verify);
         }
+        clock.skip();
+        if let Some(shown) = shown {
+            image.planes[3] = paint::shown_alpha(gpu.as_ref(), shown, &plan, progress)?;
+        }
+        let gpu_usage = gpu.and_then(|gpu| gpu.usage().ok());
         let image = finish::finish(image, &plan, field);
         clock.lap(Stage::Blur);
         let known = kept.filter(|_| self.confidence);

@@ -3,7 +3,7 @@
 use crate::cost::Calibration;
 use crate::error::Error;
 use crate::gpu::{self, Device, DeviceChoice, Gpu};
-use crate::image::Image;
+use crate::image::{Image, Plane};
 use crate::methods::{self, METHODS, Plan, Progress, Target};
 use crate::sample_budget::{self, Outcome};
 use crate::scene::{EffectKind, Scene, SceneStats};
@@ -56,6 +56,23 @@ pub(super) fn on_cpu(
         }
     };
     Ok(Painted { image, outcome: Some(outcome), fault: None })
+}
+
+/// What a picture by `plan` shows of its alpha: the red of `scene`, blurred as its picture is, on `gpu` if there is one. No light is drawn.
+pub(super) fn shown_alpha(
+    gpu: Option<&Gpu>,
+    scene: Scene,
+    plan: &Plan,
+    progress: &Progress<'_>,
+) -> Result<Plane, Error> {
+    let plan = Plan { target: None, ..plan.clone().forced(EffectKind::Highlights, false) };
+    let image = match gpu {
+        Some(gpu) => methods::render_on(gpu, scene, &plan, progress)?.0,
+        None => methods::render(scene, &plan, progress)?,
+    };
+    let [mut alpha, ..] = image.planes;
+    alpha.values_mut().iter_mut().for_each(|alpha| *alpha = alpha.clamp(0.0, 1.0));
+    Ok(alpha)
 }
 
 /// Where to carry out `plan`, and the GPU if it is one; `demanded` is the one that `choice` insists on.

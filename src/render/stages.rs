@@ -2,12 +2,13 @@
 
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::image::Plane;
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens, aperture_radius};
 use crate::methods::{Plan, Registry};
 use crate::scene::{self, DepthInUse, Focused, FrameNumber, Scene, SceneStats};
 use crate::settings::{Border, DepthConvention, Settings};
-use crate::stack::Stack;
 use crate::stack::depth::DepthScale;
+use crate::stack::{Peel, Stack};
 
 /// The lens that `settings` set for `stack`, with the number of its frame, and the depths between which it is sharp.
 pub(super) fn lens(
@@ -44,6 +45,25 @@ pub(super) fn decide(
     let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
     methods.prepare(scene, settings)
+}
+
+/// The scene whose red is what the fragments of `stack` show of their alpha, with the border of the stack's own scene; `None` without a
+/// holdout. Takes [`Stack::shown`].
+pub(super) fn shown(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<Option<Scene>, Error> {
+    let shown = std::mem::take(&mut stack.shown);
+    if shown.is_empty() {
+        return Ok(None);
+    }
+    let white = |(peel, red): (&Peel, Plane)| {
+        let black = Plane::zeros(red.width(), red.height());
+        Peel { color: [red, black.clone(), black], alpha: peel.alpha.clone(), depth: peel.depth.clone() }
+    };
+    let mut peels = stack.peels.iter().zip(shown).map(white).collect();
+    std::mem::swap(&mut stack.peels, &mut peels);
+    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
+    stack.peels = peels;
+    let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
+    Ok(Some(bordered(scene, settings.picture.border.value, astray_px, &mut Vec::new())))
 }
 
 /// The warning about fragments of `scene` whose CoC radius was limited, if there are any.

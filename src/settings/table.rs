@@ -176,6 +176,11 @@ settings! {
         /// nearer to a true render.
         beauty: PathBuf, Setting::new(Kind::File, "beauty").otherwise("none, or the file's group Peel0.Beauty")
             .flag("beauty", "FILE");
+        /// Objects that hide what is behind them and are not seen
+        ///
+        /// A stack, a picture with depth or deep samples of the same frame. They take light away at their depth, along every lens
+        /// ray, and the picture is transparent where they are in front: another picture can be put there.
+        holdout: PathBuf, Setting::new(Kind::File, "holdout").otherwise("none").flag("holdout", "FILE");
     }
 
     /// Settings of the picture apart from its lens, each value with its origin.

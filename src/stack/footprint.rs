@@ -124,6 +124,14 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
     if options.beauty.is_some() {
         found.sample_bytes += PEEL_BYTES - 4;
     }
+    if let Some(path) = &options.holdout {
+        // Both stacks, their fragments merged, and merged once more for what they show of their alpha.
+        let own = ReadOptions { holdout: None, depth_file: None, beauty: None, ..without_carry };
+        let more = footprint(&[options.held.source(path)], &own)?;
+        found.peels += more.peels;
+        found.sample_bytes = 3 * (found.sample_bytes + more.sample_bytes);
+        found.block_bytes = found.block_bytes.max(more.block_bytes);
+    }
     Ok(found)
 }
 

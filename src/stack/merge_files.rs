@@ -10,7 +10,7 @@ use super::layers::{Layer, Layers};
 use super::merged_peels::{Peels, Row};
 use super::options::{Carry, ReadOptions, Source};
 use super::sanitise::Replaced;
-use super::{ColorRange, Frame, Precision, Window, camera, guard};
+use super::{ColorRange, Frame, Peel, Precision, Window, camera, guard};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
@@ -136,16 +136,59 @@ pub(super) fn read_merged(
     let mut shot = open(sources, &of_element, read_flat)?;
     let data = shot.window(options.rows.as_ref());
     let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
-    let mut peels = Peels::new(data, shot.convention, limit);
+    let (peels, counts) = merge(&mut shot.elements, data, shot.convention, limit)
+        .map_err(|error| error.in_file(&shot.about.name))?;
+    Ok(shot.into_layers(peels, counts, data))
+}
+
+/// The peels of the fragments of two elements without deep samples, sorted by depth, and their data window.
+///
+/// # Errors
+/// More memory than allowed.
+pub(super) fn merge_layers(
+    elements: [Vec<Layer>; 2],
+    convention: DepthConvention,
+    max_bytes: u64,
+) -> Result<(Vec<Peel>, Window), Error> {
+    let mut elements = elements.map(Element::Flat);
+    let windows = elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
+    let data = windows.reduce(united).unwrap_or(Window { x: 0, y: 0, width: 0, height: 0 });
+    merge(&mut elements, data, convention, max_bytes).map(|(peels, _)| (peels.into_peels(), data))
+}
+
+/// The peels of the fragments of `elements` in the window `data`, and what merging did.
+fn merge(
+    elements: &mut [Element],
+    data: Window,
+    convention: DepthConvention,
+    max_bytes: u64,
+) -> Result<(Peels, Counts), Error> {
+    let mut peels = Peels::new(data, convention, max_bytes);
     let mut counts = Counts::default();
     for top in (0..data.height).step_by(STRIP_ROWS) {
         let height = STRIP_ROWS.min(data.height - top);
         let strip = Window { y: data.y + top as i32, height, ..data };
-        let (rows, of_strip) = shot.rows(strip, limit.saturating_sub(peels.bytes()))?;
+        let (rows, of_strip) = rows_of(elements, strip, convention, max_bytes.saturating_sub(peels.bytes()))?;
         counts.add(of_strip);
-        peels.put(top, &rows).map_err(|error| error.in_file(&shot.about.name))?;
+        peels.put(top, &rows)?;
     }
-    Ok(shot.into_layers(peels, counts, data))
+    Ok((peels, counts))
+}
+
+/// The fragments of the rows of `strip`.
+fn rows_of(
+    elements: &mut [Element],
+    strip: Window,
+    convention: DepthConvention,
+    max_bytes: u64,
+) -> Result<(Vec<Row>, Counts), Error> {
+    elements.iter_mut().try_for_each(|element| element.load(strip, max_bytes))?;
+    let (elements, far) = (&*elements, FarDepth::new(convention));
+    let of_row = |y: usize| merged_row(elements, Window { y: strip.y + y as i32, height: 1, ..strip }, &far);
+    let rows: Vec<(Row, Counts)> = (0..strip.height).into_par_iter().map(of_row).collect();
+    let mut counts = Counts::default();
+    rows.iter().for_each(|(_, of_row)| counts.add(*of_row));
+    Ok((rows.into_iter().map(|(row, _)| row).collect(), counts))
 }
 
 /// Opens all elements, and checks that they are of one picture.
@@ -289,18 +332,6 @@ impl Shot {
         let end = whole.y + whole.height as i32;
         let y = rows.start.clamp(whole.y, end);
         Window { y, height: (rows.end.clamp(y, end) - y) as usize, ..whole }
-    }
-
-    /// The fragments of the rows of `strip`.
-    fn rows(&mut self, strip: Window, max_bytes: u64) -> Result<(Vec<Row>, Counts), Error> {
-        self.elements.iter_mut().try_for_each(|element| element.load(strip, max_bytes))?;
-        let (elements, far) = (&self.elements, FarDepth::new(self.convention));
-        let of_row =
-            |y: usize| merged_row(elements, Window { y: strip.y + y as i32, height: 1, ..strip }, &far);
-        let rows: Vec<(Row, Counts)> = (0..strip.height).into_par_iter().map(of_row).collect();
-        let mut counts = Counts::default();
-        rows.iter().for_each(|(_, of_row)| counts.add(*of_row));
-        Ok((rows.into_iter().map(|(row, _)| row).collect(), counts))
     }
 
     /// The stack of `peels`, of the pixels in `data`.

@@ -98,6 +98,11 @@ impl Peels {
             .help("crop or scale the picture, or allow more memory")
     }
 
+    /// The peels.
+    pub(super) fn into_peels(self) -> Vec<Peel> {
+        self.peels
+    }
+
     /// The peels as layers, whose depth is called `depth_channel`.
     pub(super) fn into_layers(self, depth_channel: &str) -> Vec<Layer> {
         let window = self.window;

@@ -29,6 +29,7 @@ mod footprint;
 mod framed;
 mod guard;
 mod header;
+mod holdout;
 mod held;
 mod input;
 mod inverse_depth;
@@ -173,6 +174,8 @@ pub struct Stack {
     pub antialiasing: Antialiasing,
     /// Samples per picture pixel along each axis: 1, or more for [`StackKind::Supersampled`].
     pub supersample: usize,
+    /// What the fragments of each peel show of their alpha: all of it, or nothing of a holdout's. Empty without a holdout.
+    pub shown: Vec<Plane>,
     /// Numeric type of the colour channels.
     pub precision: Precision,
     /// Range of the colours.

@@ -41,6 +41,8 @@ pub struct ReadOptions {
     pub depth_file: Option<PathBuf>,
     /// The renderer's own anti-aliased picture of a point-sampled stack: peel 0 takes its colour.
     pub beauty: Option<PathBuf>,
+    /// A stack, a picture with depth or deep samples that hide what is behind them and are not seen.
+    pub holdout: Option<PathBuf>,
     /// Whether the files are elements of one picture, whose fragments are merged by depth, and not its peels. Several files with deep
     /// samples always are.
     pub merge: bool,

@@ -10,8 +10,8 @@ use super::plausible::{self, Depths, Known};
 use super::windows::{self, place, place_depth};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
-    background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, kind, light, merge_files,
-    names, no_peel, order, picture, rim_depth,
+    background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout, kind, light,
+    merge_files, names, no_peel, order, picture, rim_depth,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -74,7 +74,11 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         stack.beauty = Some(beauty);
         stack.findings.extend(findings);
     }
-    finish(stack, options)
+    let stack = finish(stack, options)?;
+    match &options.holdout {
+        Some(path) => holdout::apply(stack, &options.held.source(path), options, &read),
+        None => Ok(stack),
+    }
 }
 
 /// `options` with the memory that `stack`, which is decoded, leaves of their limit.
@@ -359,6 +363,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         kind,
         antialiasing,
         supersample,
+        shown: Vec::new(),
         precision,
         color_range,
         camera,

@@ -68,9 +68,11 @@ impl Frame {
 pub(super) fn job_at(number: i64, shot: &Shot, job: &Job) -> Result<Job, Error> {
     let sources = shot.inputs_at(number).into_iter().map(Source::File).collect();
     let mut job = Job { frame: Some(number), sources, ..job.clone() };
-    let of_preset = job.preset.as_mut().and_then(|named| named.preset.values.beauty.as_mut());
-    let files = [job.read_options.depth_file.as_mut(), job.flags.beauty.as_mut(), of_preset];
-    for file in files.into_iter().flatten() {
+    let of_preset = job.preset.as_mut().map(|named| &mut named.preset.values);
+    let of_preset =
+        of_preset.into_iter().flat_map(|values| [values.beauty.as_mut(), values.holdout.as_mut()]);
+    let files = [job.read_options.depth_file.as_mut(), job.flags.beauty.as_mut(), job.flags.holdout.as_mut()];
+    for file in files.into_iter().chain(of_preset).flatten() {
         *file = Pattern::file_at(file, number)?;
     }
     Ok(job)
