@@ -1,7 +1,7 @@
 //! Whether a file is all there: not still being written, not cut short.
 //!
 //! Reads the header, the table of offsets and the head of the last chunk, whatever the size of the picture. All that OpenEXR can be is
-//! understood: parts, tiles, resolution levels, and deep data, which cannot be rendered. Nothing is decompressed.
+//! understood: parts, tiles, resolution levels, and deep data. Nothing is decompressed.
 
 use super::Source;
 use super::guard::{self, RawHeader, RawPart};

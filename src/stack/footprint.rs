@@ -5,12 +5,12 @@
 //! samples and without a second copy of the scene.
 
 use super::decode::block_bytes;
+use super::elements::Extent;
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{channels_to_read, frame_of};
-use super::merge_files::{self, Extent};
 use super::options::{Carry, ReadOptions, Source};
-use super::{Frame, Window, camera, deep, names, picture, windows};
+use super::{Frame, Window, camera, deep, merge_files, names, picture, windows};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
 
@@ -164,7 +164,7 @@ fn of_elements(sources: &[Source], options: &ReadOptions) -> Result<Footprint, E
 
 /// What a deep file has, and what of it stays in memory: nothing.
 fn of_deep(source: &Source, options: &ReadOptions) -> Result<(Extent, Footprint), Error> {
-    let (extent, attributes) = Extent::of_deep(source, options)?;
+    let (extent, attributes) = Extent::of_deep(deep::open(source, options)?)?;
     let Window { y: top, width, height, .. } = extent.window;
     let (camera, _) = camera::values(&attributes);
     let supersample = options.supersample.or(camera.supersample).unwrap_or(1).max(1);

@@ -63,8 +63,7 @@ impl Peels {
     /// # Errors
     /// [`crate::error::ErrorKind::Limits`] for more peels than the limit allows.
     pub(super) fn put(&mut self, top: usize, rows: &[Row]) -> Result<(), Error> {
-        // A stack has a peel, if an empty one.
-        let most = rows.iter().map(Row::most).max().unwrap_or(0).max(1);
+        let most = rows.iter().map(Row::most).max().unwrap_or(0);
         while self.peels.len() < most {
             if self.bytes_of(most) > self.max_bytes {
                 return Err(self.too_large(most));
@@ -104,7 +103,11 @@ impl Peels {
     }
 
     /// The peels as layers, whose depth is called `depth_channel`.
-    pub(super) fn into_layers(self, depth_channel: &str) -> Vec<Layer> {
+    pub(super) fn into_layers(mut self, depth_channel: &str) -> Vec<Layer> {
+        // A stack has a peel, if an empty one.
+        if self.peels.is_empty() {
+            self.peels.push(self.empty());
+        }
         let window = self.window;
         let layer = |(i, Peel { color, alpha, depth }): (usize, Peel)| Layer {
             color,
@@ -168,7 +171,8 @@ mod tests {
     fn more_peels_than_the_limit_are_refused_before_they_are_allocated() {
         let window = Window { x: 0, y: 0, width: 1 << 28, height: 1 << 28 };
         let mut peels = Peels::new(window, DepthConvention::Planar, 1 << 30);
-        assert!(peels.put(0, &[Row::default()]).unwrap_err().to_string().contains("1024 MiB"));
+        let one = Row { ends: vec![1], fragments: vec![fragment(4.0)] };
+        assert!(peels.put(0, &[one]).unwrap_err().to_string().contains("1024 MiB"));
     }
 
     #[test]

@@ -22,6 +22,7 @@ pub mod depth;
 mod depth_specks;
 mod depth_steps;
 mod depth_values;
+mod elements;
 mod evidence;
 mod filtered_depth;
 mod frame_number;

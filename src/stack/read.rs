@@ -314,12 +314,14 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     }
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
+    // Elements were completed before they were merged.
     if let [picture] = peels.as_mut_slice()
         && announced.is_beauty()
+        && !is_merged
     {
         findings.extend(filtered_depth::unblend(picture, convention));
     }
-    if announced.kind != Some(StackKind::Coverage) {
+    if announced.kind != Some(StackKind::Coverage) && !is_merged {
         findings.extend(rim_depth::complete(&mut peels, convention));
     }
     if options.rows.is_none() && !is_merged {

@@ -3,6 +3,7 @@
 use super::deep_fixtures::{DeepPart, NONE, RLE, ZIP, ZIPS, deep_bytes, fog, grey};
 use super::fixtures::{Part, exr_bytes, exr_bytes_displayed, failure, failure_with, source};
 use super::{first_pixels, warnings};
+use exr::image::FlatSamples;
 use thinlens::error::ErrorKind;
 use thinlens::render::{Job, render};
 use thinlens::settings::{Effort, Values};
@@ -287,4 +288,40 @@ fn a_header_that_claims_more_than_the_file_has_is_refused() {
     bytes[at + 8..at + 16].copy_from_slice(&[0xff, 0xff, 0xff, 0x1f, 0xff, 0xff, 0xff, 0x1f]);
     let error = failure_with(bytes, &ReadOptions::default());
     assert_eq!(error.kind(), ErrorKind::Input, "{error}");
+}
+
+#[test]
+fn the_edges_of_a_flat_element_get_their_depth_before_it_is_merged() {
+    // A card whose rim has a quarter of the pixel and the depth of the background, over a wall.
+    let row = |inside: f32, rim: f32, outside: f32| {
+        let place = |x: usize| {
+            if (4..8).contains(&x) {
+                inside
+            } else if x == 3 || x == 8 {
+                rim
+            } else {
+                outside
+            }
+        };
+        FlatSamples::F32((0..12 * 6).map(|i| place(i % 12)).collect())
+    };
+    let card = Part::flat((12, 6), "R=0 G=0 B=0 A=0 Z=0")
+        .with("R", row(0.5, 0.125, 0.0))
+        .with("A", row(1.0, 0.25, 0.0))
+        .with("Z", row(2.0, 1e10, 1e10));
+    let wall = Part::flat((12, 6), "R=0.25 G=0.25 B=0.25 A=1 Z=9");
+    let merge = ReadOptions { merge: true, ..ReadOptions::default() };
+    let stack = read(&[source(exr_bytes(vec![wall])), source(exr_bytes(vec![card]))], &merge).unwrap();
+    let depths = |peel: usize| [3, 5, 8].map(|x| stack.peels[peel].depth.get(x, 3));
+    assert_eq!([depths(0), depths(1)], [[2.0; 3], [9.0; 3]]);
+}
+
+#[test]
+fn negative_depth_of_deep_samples_is_the_distance_along_an_axis_that_points_backwards() {
+    let [before, behind] = [1.0, -1.0].map(|sign| {
+        DeepPart::volumes(3, 2, move |_, _| {
+            vec![fog(sign * 2.0, sign * 4.0, 0.2, 0.5), fog(sign * 3.0, sign * 3.0, 0.1, 1.0)]
+        })
+    });
+    assert_eq!(stack_of(&[deep(&[behind])]).peels, stack_of(&[deep(&[before])]).peels);
 }

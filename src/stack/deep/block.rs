@@ -82,7 +82,9 @@ impl Block {
 /// A table that cannot be decompressed, is not ascending, or counts more samples than `chunk` has bytes for.
 pub(super) fn sample_ends(chunk: &Chunk, layout: &Layout, table: &[u8]) -> Result<Vec<u32>, Error> {
     let Window { width, height, .. } = chunk.window;
-    let table = layout.packing.unpack(table, 4 * width * height)?;
+    let size = 4 * width * height;
+    // The OpenEXR library writes the tables of tiles at the edges as long as those of whole tiles, where they are not packed.
+    let table = layout.packing.unpack(table.get(..size).unwrap_or(table), size)?;
     let (entries, _) = table.as_chunks();
     let mut ends = Vec::with_capacity(width * height);
     let mut before = 0_u32;
@@ -179,6 +181,16 @@ mod tests {
         for (counts, bytes) in [([2, 1, 0, 1], 8), ([1, 3, 0, 1], 20), ([1, u32::MAX, 0, 1], 16), ([0; 4], 4)]
         {
             assert!(sample_ends(&chunk(bytes), &layout, &table(counts)).is_err(), "{counts:?}");
+        }
+    }
+
+    #[test]
+    fn a_table_that_is_longer_than_its_pixels_need_is_not_packed() {
+        let mut layout = layout(&[SampleType::F32], [Some(0); ROLES]);
+        for packing in [Packing::None, Packing::Rle, Packing::Zip] {
+            layout.packing = packing;
+            let longer = [table([1, 3, 0, 1]), vec![9; 48]].concat();
+            assert_eq!(sample_ends(&chunk(16), &layout, &longer).unwrap(), [1, 3, 3, 4], "{packing:?}");
         }
     }
 

@@ -176,10 +176,12 @@ impl DeepElement {
     }
 }
 
-/// Where a sample begins and ends. A back that is not behind the front is that of a surface.
+/// Where a sample begins and ends. A back that is not behind the front is that of a surface. A sample behind the camera is one before it, of a
+/// program whose axis points backwards.
 fn distances(depth: f32, back: Option<f32>, far: &FarDepth) -> (f32, f32) {
-    let front = far.of(depth);
-    let back = back.map_or(front, |back| far.of(back));
+    let back = back.unwrap_or(depth);
+    let (depth, back) = if depth < 0.0 && back <= 0.0 { (-depth, -back) } else { (depth, back) };
+    let (front, back) = (far.of(depth), far.of(back));
     if front == f32::INFINITY && depth <= 0.0 && back < front {
         // The camera is within the volume.
         return (back * NEAREST_FRONT, back);
@@ -192,4 +194,25 @@ fn too_many(samples: u64, max_bytes: u64) -> Error {
         .with("found", format!("{samples} samples in the rows of one block"))
         .with("limit", format!("{} MiB", max_bytes >> 20))
         .help("merge samples before writing the file, or allow more memory")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::DepthConvention;
+
+    #[test]
+    fn a_sample_lies_before_the_camera_whichever_way_the_axis_points() {
+        let far = FarDepth::new(DepthConvention::Planar);
+        let at = |depth: f32, back: Option<f32>| distances(depth, back, &far);
+        assert_eq!(
+            [at(2.0, None), at(2.0, Some(5.0)), at(2.0, Some(1.0))],
+            [(2.0, 2.0), (2.0, 5.0), (2.0, 2.0)]
+        );
+        assert_eq!([at(-2.0, None), at(-2.0, Some(-5.0))], [(2.0, 2.0), (2.0, 5.0)]);
+        assert_eq!(at(-1.0, Some(4.0)), (0.04, 4.0), "around the camera");
+        for background in [f32::INFINITY, f32::NAN, 1e10, 0.0] {
+            assert_eq!(at(background, None).0, f32::INFINITY, "{background}");
+        }
+    }
 }
