@@ -17,6 +17,7 @@ mod program;
 mod render;
 mod settings;
 mod streams;
+mod windows;
 
 use program::stderr;
 use std::process::Output;
