@@ -11,6 +11,8 @@ mod limits;
 mod fixtures;
 #[path = "reading/windows.rs"]
 mod windows;
+#[path = "reading/values.rs"]
+mod values;
 
 use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Compression, Text, TimeCode};

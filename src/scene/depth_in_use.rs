@@ -7,12 +7,20 @@ use crate::stack::Stack;
 use crate::stack::depth::DepthScale;
 use rayon::prelude::*;
 
+/// The largest half float, which stands for background where depth was converted.
+const HALF_MAX: f32 = 65504.0;
+/// Share of the frame's width from which on a CoC radius counts as wide.
+const WIDE: f32 = 0.25;
+/// Values that are processed at once.
+const LANES: usize = 16;
+
 /// The depths of a stack's fragments, and the blur that a lens makes of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DepthInUse {
     /// Planar depth of the nearest and of the farthest surface in depth units; the first is above the second where there is none.
     pub(crate) range: [f32; 2],
-    /// Smallest and largest CoC radius of surfaces and background, without sign, in picture pixels.
+    /// Smallest and largest CoC radius of surfaces and background, without sign, in picture pixels. The smallest is 0 where focus lies
+    /// between surfaces.
     pub(crate) coc_px: [f32; 2],
     /// Number of fragments.
     pub(crate) fragments: u64,
@@ -22,44 +30,41 @@ pub(crate) struct DepthInUse {
     pub(crate) width_px: f32,
 }
 
-impl DepthInUse {
-    /// Share of the frame's width from which on a CoC radius counts as wide.
-    const WIDE: f32 = 0.25;
+/// The depths of some fragments.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    range: [f32; 2],
+    fragments: u64,
+    /// Fragments of finite depth.
+    surfaces: u64,
+    wide: u64,
+}
 
+impl DepthInUse {
     /// Those of `stack` with `lens`; `scale` has its depth units.
     pub(crate) fn of(stack: &Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
-        let nothing = Self::nothing(stack.frame.display.width as f32 / stack.supersample as f32);
+        let width_px = stack.frame.display.width as f32 / stack.supersample as f32;
         let [x0, y0] = stack.frame.data_origin_from_centre();
+        let limit_px = WIDE * width_px;
+        // The CoC radius grows with depth, from where it is negative.
+        let wide = [lens.depth_planar(-limit_px), lens.depth_planar(limit_px)]
+            .map(|depth| depth.unwrap_or(f32::INFINITY));
+        let is_wide_at_infinity = lens.coc_infinity_px > limit_px;
         let of_row = |peel: usize, y: usize| {
-            let (peel, mut row) = (&stack.peels[peel], nothing);
+            let peel = &stack.peels[peel];
             let mut depths = peel.depth.row(y).to_vec();
             scale.planar_row(&mut depths, y0 + y as f32, x0);
-            let fragments = peel.alpha.row(y).iter().zip(depths).filter(|(alpha, _)| **alpha > 0.0);
-            fragments.for_each(|(_, depth)| row.add(depth, lens));
-            row
+            Seen::of(peel.alpha.row(y), &depths, wide)
         };
         let of_peel = |peel: usize| {
             let rows = (0..stack.height()).into_par_iter();
-            rows.map(|y| of_row(peel, y)).reduce(|| nothing, Self::joined)
+            rows.map(|y| of_row(peel, y)).reduce(|| Seen::NOTHING, Seen::joined)
         };
-        (0..stack.peels.len()).map(of_peel).fold(nothing, Self::joined)
-    }
-
-    fn nothing(width_px: f32) -> Self {
-        let none = [f32::INFINITY, f32::NEG_INFINITY];
-        Self { range: none, coc_px: none, fragments: 0, wide: 0, width_px }
-    }
-
-    #[inline]
-    fn add(&mut self, depth: f32, lens: &ThinLens) {
-        let coc_px = lens.coc_radius_px(depth).abs();
-        self.fragments += 1;
-        self.wide += u64::from(coc_px > Self::WIDE * self.width_px);
-        let wider = |[low, high]: [f32; 2], value: f32| [low.min(value), high.max(value)];
-        self.coc_px = wider(self.coc_px, coc_px);
-        if depth.is_finite() {
-            self.range = wider(self.range, depth);
-        }
+        let seen = (0..stack.peels.len()).map(of_peel).fold(Seen::NOTHING, Seen::joined);
+        let background = seen.fragments - seen.surfaces;
+        let wide = seen.wide + if is_wide_at_infinity { background } else { 0 };
+        let coc_px = seen.coc_px(lens);
+        Self { range: seen.range, coc_px, fragments: seen.fragments, wide, width_px }
     }
 
     /// Those of two parts of a frame together: ends and counts do not depend on the order.
@@ -72,5 +77,80 @@ impl DepthInUse {
             wide: self.wide + other.wide,
             width_px: self.width_px,
         }
+    }
+}
+
+impl Seen {
+    const NOTHING: Self =
+        Self { range: [f32::INFINITY, f32::NEG_INFINITY], fragments: 0, surfaces: 0, wide: 0 };
+
+    /// Those of one row; depths below the first of `wide` and above the second count as wide.
+    fn of(alpha: &[f32], depth: &[f32], wide: [f32; 2]) -> Self {
+        let ([mut low, mut high], mut counts) = (Self::NOTHING.range.map(|end| [end; LANES]), [0_u32; 3]);
+        for (alpha, depth) in alpha.chunks(LANES).zip(depth.chunks(LANES)) {
+            let ends = low.iter_mut().zip(&mut high);
+            for ((low, high), (&alpha, &depth)) in ends.zip(alpha.iter().zip(depth)) {
+                let present = alpha > 0.0;
+                let surface = present & (depth < f32::INFINITY) & (depth != HALF_MAX);
+                *low = if surface & (depth < *low) { depth } else { *low };
+                *high = if surface & (depth > *high) { depth } else { *high };
+                counts[0] += u32::from(present);
+                counts[1] += u32::from(surface);
+                counts[2] += u32::from(surface & ((depth < wide[0]) | (depth > wide[1])));
+            }
+        }
+        let low = low.into_iter().fold(f32::INFINITY, f32::min);
+        let high = high.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        let [fragments, surfaces, wide] = counts.map(u64::from);
+        Self { range: [low, high], fragments, surfaces, wide }
+    }
+
+    fn joined(self, other: Self) -> Self {
+        Self {
+            range: [self.range[0].min(other.range[0]), self.range[1].max(other.range[1])],
+            fragments: self.fragments + other.fragments,
+            surfaces: self.surfaces + other.surfaces,
+            wide: self.wide + other.wide,
+        }
+    }
+
+    /// See [`DepthInUse::coc_px`].
+    fn coc_px(&self, lens: &ThinLens) -> [f32; 2] {
+        let [near, far] = self.range;
+        let mut coc_px = [f32::INFINITY, f32::NEG_INFINITY];
+        let mut add = |value: f32| coc_px = [coc_px[0].min(value), coc_px[1].max(value)];
+        if near <= far {
+            [near, far].into_iter().for_each(|depth| add(lens.coc_radius_px(depth).abs()));
+            if (near..=far).contains(&lens.focus_distance) {
+                add(0.0);
+            }
+        }
+        if self.fragments > self.surfaces {
+            add(lens.coc_infinity_px);
+        }
+        coc_px
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surfaces_count_by_depth_and_empty_samples_do_not() {
+        let alpha = [1.0, 0.5, 0.0, 1.0, 1.0];
+        let depth = [3.0, 12.0, 1.0, f32::INFINITY, HALF_MAX];
+        let seen = Seen::of(&alpha, &depth, [4.0, 11.0]);
+        assert_eq!((seen.range, seen.fragments, seen.surfaces, seen.wide), ([3.0, 12.0], 4, 2, 2));
+    }
+
+    #[test]
+    fn the_least_blur_is_none_where_focus_lies_between_surfaces() {
+        let blur = |range: [f32; 2], focus: f32| {
+            let lens = ThinLens { coc_infinity_px: 10.0, focus_distance: focus, opening_px: 10.0 };
+            Seen { range, fragments: 5, surfaces: 5, wide: 0 }.coc_px(&lens)
+        };
+        assert_eq!(blur([2.0, 8.0], 4.0), [0.0, 10.0]);
+        assert_eq!(blur([4.0, 8.0], 2.0), [5.0, 7.5]);
     }
 }

@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn words_in_reports_are_those_of_presets() {
-        fn json(value: impl serde::Serialize) -> serde_json::Value {
+        fn json(value: impl Serialize) -> serde_json::Value {
             serde_json::to_value(value).unwrap()
         }
         for value in [SensorDistance::FocalLength, SensorDistance::ThinLens] {

@@ -70,8 +70,16 @@ pub(super) fn doubt(peels: &[Peel]) -> Option<Finding> {
 /// How the two readings fit the neighbours of one peel, summed in the order of rows.
 fn fit_of(peel: &Peel) -> Fit {
     let (width, height) = (peel.alpha.width(), peel.alpha.height());
+    // Pairs count only where one of them is neither empty nor opaque.
+    let is_between = |y: usize| {
+        let between = |&alpha: &f32| (alpha >= LEAST_ALPHA) & (alpha <= 1.0 - ALPHA_STEP);
+        peel.alpha.row(y).iter().fold(false, |any, alpha| any | between(alpha))
+    };
     let of_row = |y: usize| {
         let mut fit = Fit::default();
+        if !is_between(y) && (y == 0 || !is_between(y - 1)) {
+            return fit;
+        }
         let row = peel.alpha.row(y);
         for x in 1..width {
             add(&mut fit, peel, [(x - 1, y), (x, y)], [row[x - 1], row[x]]);

@@ -15,6 +15,8 @@ use rayon::prelude::*;
 
 /// The number that programs write where there is no depth.
 const NONE: f32 = -1.0;
+/// The largest half float, which stands for background where depth was converted.
+const HALF_MAX: f32 = 65504.0;
 /// Share of the fragments with a negative depth beside positive ones that is worth a warning.
 const WARNED_SHARE: f64 = 0.01;
 
@@ -30,10 +32,6 @@ impl Ends {
 
     fn joined(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn add(&mut self, value: f32) {
-        *self = self.joined(Self { low: value, high: value });
     }
 
     fn is_empty(self) -> bool {
@@ -93,24 +91,48 @@ impl DepthValues {
     }
 
     fn of_row(alpha: &[f32], depth: &[f32]) -> Self {
-        let mut row = Self::NOTHING;
-        for (_, &depth) in alpha.iter().zip(depth).filter(|&(&alpha, _)| alpha > 0.0) {
-            row.fragments += 1;
-            if depth.is_nan() {
-                row.nan += 1;
-            } else if depth == 0.0 {
-                row.zero += 1;
-            } else if depth > 0.0 && depth < BACKGROUND {
-                row.positive_count += 1;
-                row.below_one += u64::from(depth < 1.0);
-                row.positive.add(depth);
-            } else if depth < 0.0 && depth > -BACKGROUND {
-                row.none += u64::from(depth == NONE);
-                row.negative_count += u64::from(depth != NONE);
-                row.negative.add(depth);
+        // Each lane has ends of its own, so that no iteration depends on the previous one.
+        const LANES: usize = 16;
+        let nothing = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
+        let ([mut low, mut high], [mut negative_low, mut negative_high]) = (nothing, nothing);
+        let (mut counts, mut positive_count, mut below_one) = ([0_u32; 5], 0_u32, 0_u32);
+        for (alpha, depth) in alpha.chunks(LANES).zip(depth.chunks(LANES)) {
+            for (lane, (&alpha, &depth)) in alpha.iter().zip(depth).enumerate() {
+                let present = alpha > 0.0;
+                let positive = present & (depth > 0.0) & (depth < BACKGROUND);
+                let negative = present & (depth < 0.0) & (depth > -BACKGROUND);
+                let is_none = depth == NONE;
+                counts[0] += u32::from(present);
+                counts[1] += u32::from(present & (depth == 0.0));
+                counts[2] += u32::from(present & is_none);
+                counts[3] += u32::from(present & depth.is_nan());
+                counts[4] += u32::from(negative & !is_none);
+                positive_count += u32::from(positive);
+                below_one += u32::from(positive & (depth < 1.0));
+                low[lane] = if positive & (depth < low[lane]) { depth } else { low[lane] };
+                high[lane] = if positive & (depth > high[lane]) { depth } else { high[lane] };
+                negative_low[lane] =
+                    if negative & (depth < negative_low[lane]) { depth } else { negative_low[lane] };
+                negative_high[lane] =
+                    if negative & (depth > negative_high[lane]) { depth } else { negative_high[lane] };
             }
         }
-        row
+        let [fragments, zero, none, nan, negative_count] = counts.map(u64::from);
+        let ends = |low: [f32; LANES], high: [f32; LANES]| Ends {
+            low: low.into_iter().fold(f32::INFINITY, f32::min),
+            high: high.into_iter().fold(f32::NEG_INFINITY, f32::max),
+        };
+        Self {
+            fragments,
+            zero,
+            none,
+            nan,
+            positive_count: u64::from(positive_count),
+            below_one: u64::from(below_one),
+            negative_count,
+            positive: ends(low, high),
+            negative: ends(negative_low, negative_high),
+        }
     }
 
     /// Counts have no order, and ends do not round: the sum is the same whatever the order.
@@ -174,7 +196,8 @@ impl DepthValues {
     /// No depth but 0, −1 and NaN, which stand for no depth. A frame that shows background alone gets a warning, if its depths say so:
     /// they are far, or `writes_zero`.
     pub(super) fn check(&self, writes_zero: bool) -> Result<Option<Finding>, Error> {
-        let is_distance = !self.positive.is_empty() || self.negative_count > 0;
+        let is_far = self.positive.is_one() && self.positive.low == HALF_MAX;
+        let is_distance = !self.positive.is_empty() && !is_far || self.negative_count > 0;
         if self.fragments == 0 || is_distance {
             return Ok(None);
         }
@@ -224,7 +247,7 @@ mod tests {
     fn a_frame_of_sky_is_a_warning_and_an_empty_one_is_nothing() {
         let found =
             |depths: &[f32], writes_zero| DepthValues::of(&[peel(depths)]).check(writes_zero).unwrap();
-        assert!(found(&[1e10, f32::INFINITY], false).is_some_and(|finding| finding.warning));
+        assert!(found(&[1e10, f32::INFINITY, 65504.0], false).is_some_and(|finding| finding.warning));
         assert!(found(&[0.0, 0.0], true).is_some_and(|finding| finding.warning));
         let empty = Peel { alpha: Plane::zeros(2, 1), ..peel(&[0.0, 0.0]) };
         assert_eq!(DepthValues::of(&[empty]).check(false).unwrap(), None);

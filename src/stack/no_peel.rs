@@ -76,8 +76,8 @@ fn frames(names: impl Iterator<Item = String>) -> Error {
     Error::settings("the files are frames of a sequence, not peels of one frame")
         .with("found", names.take(4).collect::<Vec<_>>().join(" "))
         .help(
-            "render them with `thinlens sequence`, or give one frame; peels of one frame are called peel0, peel1 and so on, nearest \
-             first",
+            "render a sequence by a pattern in quotes, as in 'shot.####.exr', or give one frame; peels of one frame are called \
+             peel0, peel1 and so on, nearest first",
         )
 }
 

@@ -1,0 +1,176 @@
+//! Values that cannot be what they are given as: depth, peels, alpha.
+
+use crate::fixtures::{Part, exr_bytes, failure, source, stack_of};
+use crate::warnings;
+use exr::image::FlatSamples;
+use exr::meta::attribute::{AttributeValue, Text};
+use thinlens::error::ErrorKind;
+use thinlens::settings::{AlphaMode, DepthConvention};
+use thinlens::stack::{ReadOptions, Source, Stack, StackKind, read};
+
+const SIZE: (usize, usize) = (24, 16);
+
+/// One value a pixel.
+fn samples(value: impl Fn(usize, usize) -> f32) -> FlatSamples {
+    FlatSamples::F32((0..SIZE.0 * SIZE.1).map(|i| value(i % SIZE.0, i / SIZE.0)).collect())
+}
+
+/// An opaque grey picture with this depth in channel `channel`.
+fn picture(channel: &str, depth: impl Fn(usize, usize) -> f32) -> Part {
+    Part::flat(SIZE, "R=0.5 G=0.5 B=0.5 A=1").with(channel, samples(depth))
+}
+
+/// A block at `near` before a wall at `far`, `shift` columns to the right.
+fn block(near: f32, far: f32, shift: usize) -> impl Fn(usize, usize) -> f32 {
+    move |x, y| if (6 + shift..12 + shift).contains(&x) && (4..10).contains(&y) { near } else { far }
+}
+
+fn read_with(part: Part, options: &ReadOptions) -> Stack {
+    read(&[source(exr_bytes(vec![part]))], options).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn is_said(stack: &Stack, text: &str) -> bool {
+    stack.findings.iter().any(|finding| finding.text.contains(text))
+}
+
+#[test]
+fn depth_of_nothing_but_zero_or_minus_one_is_refused() {
+    for (value, named) in
+        [(0.0, "is 0 everywhere"), (-1.0, "is -1 everywhere"), (f32::NAN, "is NaN everywhere")]
+    {
+        let error = failure(exr_bytes(vec![picture("Z", |_, _| value)]));
+        assert_eq!(error.kind(), ErrorKind::Input);
+        assert!(
+            error.to_string().contains(named) && error.to_string().contains("`depth_channel`"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn one_distance_beside_any_background_is_read_as_before() {
+    for background in [0.0, -1.0, 1e10, f32::INFINITY, f32::NAN, f32::NEG_INFINITY] {
+        let depth = |x: usize, y: usize| if y < 8 { background } else { 3.0 + x as f32 };
+        let options = ReadOptions { kind: Some(StackKind::PointSampled), ..ReadOptions::default() };
+        let stack = read_with(picture("Z", depth), &options);
+        let read: Vec<u32> = stack.peels[0].depth.values().iter().map(|depth| depth.to_bits()).collect();
+        let FlatSamples::F32(written) = samples(depth) else { unreachable!() };
+        assert_eq!(read, written.iter().map(|depth| depth.to_bits()).collect::<Vec<_>>(), "{background}");
+        assert!(warnings(&stack).is_empty(), "{background}: {:?}", warnings(&stack));
+    }
+}
+
+#[test]
+fn sky_alone_is_read_with_a_warning_and_mitsubas_zero_is_sky() {
+    let sky = stack_of(vec![picture("Z", |_, _| 1e10)]);
+    assert!(warnings(&sky).iter().any(|text| text.contains("nothing but background")));
+    let mitsuba = AttributeValue::Text(Text::from("Mitsuba version 3.9.1"));
+    let sky = stack_of(vec![picture("depth.T", |_, _| 0.0).attribute("generatedBy", mitsuba)]);
+    assert!(warnings(&sky).iter().any(|text| text.contains("nothing but background")));
+}
+
+#[test]
+fn distances_along_minus_z_are_those_without_the_sign() {
+    let forwards = stack_of(vec![picture("Z", block(3.0, 12.0, 0))]);
+    let backwards = stack_of(vec![picture("Z", block(-3.0, -12.0, 0))]);
+    assert_eq!(forwards.peels, backwards.peels);
+    assert!(is_said(&backwards, "all distances are negative, from -12 to -3"));
+}
+
+#[test]
+fn specks_of_nan_on_a_surface_have_its_depth_and_are_counted() {
+    let at = [(3, 2), (9, 7), (20, 12), (21, 12)];
+    let depth = |x: usize, y: usize| if at.contains(&(x, y)) { f32::NAN } else { 4.0 + 0.1 * y as f32 };
+    let stack = stack_of(vec![picture("Z", depth)]);
+    for (x, y) in at {
+        let (found, surface) = (stack.peels[0].depth.get(x, y), 4.0 + 0.1 * y as f32);
+        assert!((found - surface).abs() <= 0.11, "{found} at {x}, {y}");
+    }
+    assert!(warnings(&stack).contains(&"4 specks of NaN have the depth of what is beside them"));
+}
+
+#[test]
+fn files_saved_by_nuke_hold_reciprocals_where_their_values_say_so() {
+    let nuke = |part: Part| part.attribute("nuke/version", AttributeValue::Text(Text::from("15.0v4")));
+    let distance = |x: usize, y: usize| if x < 2 { 0.8 } else { block(3.0, 12.0, 0)(x, y) };
+    let inverse = stack_of(vec![nuke(picture("depth.Z", |x, y| 1.0 / distance(x, y)))]);
+    assert_eq!(inverse.convention, DepthConvention::Inverse);
+    assert!(is_said(&inverse, "`convention` overrules it"));
+    let planar = stack_of(vec![nuke(picture("depth.Z", distance))]);
+    assert_eq!(planar.convention, DepthConvention::Planar);
+    let options = ReadOptions { convention: Some(DepthConvention::Planar), ..ReadOptions::default() };
+    let chosen = read_with(nuke(picture("depth.Z", |x, y| 1.0 / distance(x, y))), &options);
+    assert_eq!(chosen.convention, DepthConvention::Planar);
+    assert_eq!(stack_of(vec![picture("depth.Z", distance)]).convention, DepthConvention::Planar);
+}
+
+#[test]
+fn normalised_depth_with_one_near_is_that_with_zero_near_turned_around() {
+    let ramp = |x: usize, _: usize| x as f32 / 32.0;
+    let options = |near, far| ReadOptions {
+        convention: Some(DepthConvention::Normalised),
+        near: Some(near),
+        far: Some(far),
+        ..ReadOptions::default()
+    };
+    let forwards = read_with(picture("Z", ramp), &options(2.0, 12.0));
+    let backwards = read_with(picture("Z", |x, y| 1.0 - ramp(x, y)), &options(12.0, 2.0));
+    assert_eq!(forwards.peels, backwards.peels);
+    assert!(backwards.near_is_one && !forwards.near_is_one);
+}
+
+/// A view layer with this depth.
+fn layer(name: &str, depth: impl Fn(usize, usize) -> f32) -> Vec<(String, FlatSamples)> {
+    let color =
+        ["R", "G", "B", "A"].map(|channel| (format!("{name}.Combined.{channel}"), samples(|_, _| 1.0)));
+    color.into_iter().chain([(format!("{name}.Depth.Z"), samples(depth))]).collect()
+}
+
+/// A file of two view layers.
+fn layers(front: Vec<(String, FlatSamples)>, back: Vec<(String, FlatSamples)>) -> Vec<u8> {
+    let channels = front.into_iter().chain(back).collect();
+    exr_bytes(vec![Part { channels, ..Part::flat(SIZE, "R=0") }])
+}
+
+#[test]
+fn a_copy_of_a_view_layer_is_no_peel() {
+    let error =
+        failure(layers(layer("ViewLayer", block(3.0, 12.0, 0)), layer("ViewLayer.001", block(3.0, 12.0, 0))));
+    assert!(error.to_string().starts_with("ViewLayer.001 is no peel"), "{error}");
+    assert!(error.to_string().contains("`color_channel`"), "{error}");
+    let moved = failure(layers(layer("a", block(3.0, 12.0, 0)), layer("b", block(3.0, 12.0, 2))));
+    assert!(moved.to_string().starts_with("b is no peel"), "{moved}");
+}
+
+#[test]
+fn files_whose_names_differ_in_a_frame_number_are_refused_and_peels_are_read() {
+    let file =
+        |name: &str, depth: f32| Source::memory(name, exr_bytes(vec![picture("Z", block(depth, 12.0, 0))]));
+    let behind = |name: &str| Source::memory(name, exr_bytes(vec![picture("Z", block(13.0, 14.0, 0))]));
+    let read = |sources: &[Source]| read(sources, &ReadOptions::default());
+    let error = read(&[file("shot.0001.exr", 3.0), behind("shot.0002.exr")]).unwrap_err();
+    assert!(error.to_string().contains("'shot.####.exr'"), "{error}");
+    for names in [["peel0.exr", "peel1.exr"], ["front.0007.exr", "back.0007.exr"], ["a1.exr", "a2.exr"]] {
+        let stack = read(&[file(names[0], 3.0), behind(names[1])]).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(stack.peels.len(), 2, "{names:?}");
+    }
+    assert!(read(&[file("a1.exr", 3.0), file("a2.exr", 4.0)]).is_err(), "the wall is in both");
+}
+
+#[test]
+fn straight_alpha_is_doubted_where_it_shows_and_premultiplied_on_request() {
+    let alpha = |x: usize, _: usize| ((x as f32 - 4.0) / 8.0).clamp(0.0, 1.0);
+    let part = |color: &dyn Fn(usize, usize) -> f32| {
+        let part = picture("Z", |_, _| 3.0).with("A", samples(alpha));
+        ["R", "G", "B"].into_iter().fold(part, |part, channel| part.with(channel, samples(color)))
+    };
+    let straight = || part(&|x, y| if alpha(x, y) > 0.0 { 0.8 } else { 0.0 });
+    let doubted = |stack: &Stack| warnings(stack).iter().any(|text| text.contains("`alpha = straight`"));
+    let premultiplied = stack_of(vec![part(&|x, y| 0.8 * alpha(x, y))]);
+    assert!(!doubted(&premultiplied));
+    assert!(doubted(&stack_of(vec![straight()])));
+    let options = ReadOptions { alpha: Some(AlphaMode::Straight), ..ReadOptions::default() };
+    let read = read_with(straight(), &options);
+    assert!(!doubted(&read));
+    assert_eq!(read.peels, premultiplied.peels);
+}
