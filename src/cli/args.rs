@@ -32,7 +32,7 @@ pub(super) struct JobArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct InputArgs {
-    /// The stack: an EXR, a file a peel nearest first, deep files; - is stdin
+    /// An EXR; a file a peel, nearest first; deep files; -: stdin
     #[arg(required = true, value_name = "INPUT")]
     pub(super) inputs: Vec<PathBuf>,
     /// File with the depth of a colour picture

@@ -61,7 +61,8 @@ impl Setting {
     pub fn parse_number(&self, text: &str) -> Result<Written, Error> {
         let lower = text.trim().to_lowercase();
         let bare = self.without_start(&lower)?;
-        let (number, unit) = split(bare, self.unit == "m").ok_or_else(|| self.no_number(text))?;
+        let parts = split(bare, self.unit == "m").filter(|(_, unit)| !unit.starts_with(','));
+        let (number, unit) = parts.ok_or_else(|| self.no_number(text))?;
         let written =
             |factor: f64, in_metres| Written { value: Value::Number((number * factor) as f32), in_metres };
         let scaled = |factors: &[(&str, f64)], of: f64| {

@@ -11,8 +11,13 @@ mod written;
 use super::{ParameterValues, Values, nearest};
 use crate::error::Error;
 use entry::Document;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
+
+/// The longest text that is read as a preset.
+const MAX_BYTES: u64 = 4 << 20;
 
 /// The content of a preset.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -87,7 +92,7 @@ impl Preset {
         if !is_path {
             BuiltIn::by_name(name)?;
         }
-        let text = std::fs::read_to_string(path).map_err(|cause| {
+        let text = read_text(path).map_err(|cause| {
             Error::settings("the preset file cannot be read")
                 .in_file(path)
                 .caused_by(cause)
@@ -123,6 +128,19 @@ impl Preset {
         }
         Ok(Self { values, parameters })
     }
+}
+
+/// The text of the file at `path`, which may be a pipe.
+fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(path)?.take(MAX_BYTES + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!("it has more than {MAX_BYTES} bytes"),
+        ));
+    }
+    Ok(text)
 }
 
 #[cfg(test)]
@@ -407,6 +425,16 @@ mod tests {
         let message = Preset::load("potrait").unwrap_err().to_string();
         assert!(message.contains("did you mean 'portrait'?"), "{message}");
         assert!(message.contains("thinlens presets"), "{message}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_endless_preset_is_refused() {
+        let message = Preset::load("/dev/zero").unwrap_err().to_string();
+        assert!(
+            message.contains("in: /dev/zero") && message.contains("more than 4194304 bytes"),
+            "{message}"
+        );
     }
 
     #[test]
