@@ -13,6 +13,8 @@ mod fixtures;
 mod windows;
 #[path = "reading/values.rs"]
 mod values;
+#[path = "reading/names.rs"]
+mod names;
 
 use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Compression, Text, TimeCode};

@@ -50,6 +50,12 @@ pub(super) struct InputArgs {
     /// Name of the depth channel, if it is not recognised
     #[arg(long, value_name = "CHANNEL")]
     depth_channel: Option<String>,
+    /// View of a stereo file to render: left, right, or another of its names
+    ///
+    /// `all` renders each, in files of their own, with the focus of the first. The view stands for %V in the name of the output, for
+    /// the whole name of a view, or %v, for its first letter; without either it comes before the extension: out.left.exr.
+    #[arg(long, value_name = "NAME")]
+    pub(super) view: Option<String>,
     /// Frame number, for a preset's keys
     ///
     /// Default: the last number of the input's file name before the extension; shot.0042.exr is frame 42, shot.-0005.exr frame -5.
@@ -277,6 +283,7 @@ impl InputArgs {
         ReadOptions {
             color_channel: self.color_channel.clone(),
             depth_channel: self.depth_channel.clone(),
+            view: self.view.clone(),
             depth_file: self.depth_file.clone(),
             merge: self.merge,
             carry,
@@ -286,12 +293,13 @@ impl InputArgs {
 
     /// The same flags as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
-        let Self { inputs, depth_file, merge, color_channel, depth_channel, frame, memory } = self;
+        let Self { inputs, depth_file, merge, color_channel, depth_channel, view, frame, memory } = self;
         let inputs = inputs.iter().map(|input| input.display().to_string());
         let flags = [
             flag("--depth-file", depth_file.as_ref().map(|file| file.display())),
             flag("--color-channel", color_channel.as_ref()),
             flag("--depth-channel", depth_channel.as_ref()),
+            flag("--view", view.as_ref()),
             flag("--frame", frame.as_ref()),
             flag("--memory", memory.as_ref()),
         ];
@@ -369,7 +377,7 @@ mod tests {
     #[test]
     fn flags_written_as_words_parse_back_to_the_same_flags() {
         use clap::{CommandFactory, Parser};
-        let own = "x a.exr b.exr --depth-file d.exr --merge --color-channel C --depth-channel Z --frame -42 --memory 4096 --preset p \
+        let own = "x a.exr b.exr --depth-file d.exr --merge --color-channel C --depth-channel Z --view left --frame -42 --memory 4096 --preset p \
                    --force fill,resolve --without highlights";
         let words_of = |setting: &Setting| match setting.command_line {
             CommandLine::Flag { name, .. } => vec![format!("--{name}"), example(setting)],

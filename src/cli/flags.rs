@@ -165,7 +165,7 @@ fn kebab(word: &str) -> String {
 }
 
 /// Keys of the library that are no setting, with their flags: fields of a job and of how its files are read.
-pub(super) const OTHER_FLAGS: [(&str, &str); 16] = [
+pub(super) const OTHER_FLAGS: [(&str, &str); 17] = [
     ("color_channel", "color-channel"),
     ("confidence", "confidence"),
     ("depth_channel", "depth-channel"),
@@ -180,6 +180,7 @@ pub(super) const OTHER_FLAGS: [(&str, &str); 16] = [
     ("target_db", "target-db"),
     ("time_budget_s", "time-budget"),
     ("verify", "verify"),
+    ("view", "view"),
     ("views", "views"),
     ("without", "without"),
 ];

@@ -111,6 +111,38 @@ impl OutputArgs {
         })
     }
 
+    /// These files with the name of `view` where they have a place for it.
+    pub(super) fn naming_view(&self, view: &str) -> Self {
+        let placed = |path: &PathBuf| with_placeholders(path, view).unwrap_or_else(|| path.clone());
+        let named = |path: &Option<PathBuf>| path.as_ref().map(placed);
+        Self {
+            output: placed(&self.output),
+            preview: named(&self.preview),
+            confidence: named(&self.confidence),
+            report: named(&self.report),
+            ..self.clone()
+        }
+    }
+
+    /// These files for one view: its name in the place of `%V`, its first letter in that of `%v`, or its name before the extension.
+    ///
+    /// # Errors
+    /// A picture on standard output, which has room for one view.
+    pub(super) fn of_view(&self, view: &str) -> Result<Self, Error> {
+        if target(&self.output)? == Target::Stdout {
+            return Err(Error::settings("standard output has room for one view")
+                .help("name a file, or one view with `view`"));
+        }
+        let named = |path: &Option<PathBuf>| path.as_ref().map(|path| with_view(path, view));
+        Ok(Self {
+            output: with_view(&self.output, view),
+            preview: named(&self.preview),
+            confidence: named(&self.confidence),
+            report: named(&self.report),
+            ..self.clone()
+        })
+    }
+
     /// The report of the whole shot, if one is requested: the one whose name does not vary.
     ///
     /// # Errors
@@ -409,6 +441,31 @@ fn mask_target(path: &Path) -> Result<Target, Error> {
     }
     Err(Error::settings("the confidence mask cannot be written to standard output")
         .help("name a file: --confidence known.png"))
+}
+
+/// `path` with `view` in the place of `%V`, and its first letter in that of `%v`; `None` without any.
+fn with_placeholders(path: &Path, view: &str) -> Option<PathBuf> {
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    let letter: String = view.chars().take(1).collect();
+    let written = name.replace("%V", view).replace("%v", &letter);
+    (written != name).then(|| path.with_file_name(written))
+}
+
+/// `path` with the name of `view` in it. Names come from files: what could lead to another folder becomes `_`.
+fn with_view(path: &Path, view: &str) -> PathBuf {
+    let view: String =
+        view.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect();
+    if let Some(written) = with_placeholders(path, &view) {
+        return written;
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    match (path.file_stem(), path.extension()) {
+        (Some(stem), Some(extension)) => {
+            let name = format!("{}.{view}.{}", stem.to_string_lossy(), extension.to_string_lossy());
+            path.with_file_name(name)
+        }
+        _ => path.with_file_name(format!("{name}.{view}")),
+    }
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ use thinlens::error::Error;
 use thinlens::methods::Registry;
 use thinlens::probes::MIN_PROBES;
 use thinlens::render::{Job, Rendered, digest};
+use thinlens::settings::Focus;
+use thinlens::stack::{self, ALL_VIEWS};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -52,20 +54,55 @@ pub(super) fn run(args: &RenderArgs, console: &Console, methods: &Registry) -> R
     let RenderArgs { frames, output, run, .. } = args;
     if let Some(shot) = frames.shot(args.job.inputs(), output.varies()?)? {
         let job = args.job(methods)?;
+        if job.read_options.view.as_deref() == Some(ALL_VIEWS) {
+            return Err(Error::settings(format!("`view = {ALL_VIEWS}` is for a single frame"))
+                .help("render the sequence once for each view, with `focus_distance` or its keys for both to have one focus")
+                .into());
+        }
         return sequence::run(&shot, job, (frames, output, run), *console);
     }
     run.check_single(frames)?;
     let job = args.job(methods)?;
+    if job.read_options.view.as_deref() == Some(ALL_VIEWS) {
+        return each_view(job, output, console);
+    }
+    let output = match &job.read_options.view {
+        Some(view) => &output.naming_view(view),
+        None => output,
+    };
     output.check(&job)?;
     let job = job.held()?;
+    one_picture(&job, output, console).map(|_| ())
+}
+
+/// Renders the picture of `job`.
+fn one_picture(job: &Job, output: &OutputArgs, console: &Console) -> Result<Rendered, Failure> {
     // Of the files as they are before they are read.
-    let digest = digest(&job, &output.encoding());
+    let digest = digest(job, &output.encoding());
     let teller = Teller { console: *console, printed: OnceLock::new(), bar: console.progress("blurring") };
-    let rendered = picture::render(&job, output, digest, &teller)?;
+    let rendered = picture::render(job, output, digest, &teller)?;
     teller.finish(&rendered);
-    output.print_report(&job, &rendered)?;
+    output.print_report(job, &rendered)?;
     for file in output.files()? {
         console.wrote(file);
+    }
+    Ok(rendered)
+}
+
+/// Renders each view of the job's first file, in files of their own; the first view's focus is that of all.
+fn each_view(mut job: Job, output: &OutputArgs, console: &Console) -> Result<(), Failure> {
+    let views = job.sources.first().map(stack::views).transpose()?.unwrap_or_default();
+    if views.is_empty() {
+        return Err(Error::settings("the file has one view").help("leave out `view`").into());
+    }
+    let outputs: Vec<OutputArgs> =
+        views.iter().map(|view| output.of_view(view)).collect::<Result<_, Error>>()?;
+    outputs.iter().try_for_each(|output| output.check(&job))?;
+    for (view, output) in views.into_iter().zip(&outputs) {
+        job.read_options.view = Some(view);
+        let rendered = one_picture(&job, output, console)?;
+        let distance = rendered.lens.focus_distance;
+        job.flags.focus = Some(Focus::Distance(distance));
     }
     Ok(())
 }

@@ -261,7 +261,8 @@ impl Bands {
     /// The rows of one band.
     fn rows(&mut self, band: &Band, progress: &Progress<'_>) -> Result<Rows, Error> {
         self.clock.skip();
-        let mut stack = survey::read_rows(&self.job, &self.footprint, band.read.clone())?;
+        let convention = Some(self.survey.stack.convention);
+        let mut stack = survey::read_rows(&self.job, &self.footprint, band.read.clone(), convention)?;
         self.clock.lap(Stage::Read);
         let scene = self.scene(&mut stack)?;
         self.clock.lap(Stage::Plan);

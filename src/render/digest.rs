@@ -150,6 +150,7 @@ impl Fields {
             alpha,
             color_channel,
             depth_channel,
+            view,
             depth_file: _, // a file
             beauty: _,     // a file
             holdout: _,    // a file
@@ -161,7 +162,7 @@ impl Fields {
             rows: _,      // a part of the picture
         } = options;
         self.show("depth", &(convention, supersample, kind, near, far, alpha));
-        self.show("channels", &(color_channel, depth_channel, merge, carry, objects));
+        self.show("channels", &(color_channel, depth_channel, view, merge, carry, objects));
     }
 
     fn parameters(&mut self, parameters: &ParameterValues) {

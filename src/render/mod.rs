@@ -126,6 +126,7 @@ fn plan_stack(
     clock.skip();
     let (settings, findings) = job::resolve(job, &stack.camera)?;
     stack.findings.extend(findings);
+    stack.findings.extend(stages::default_lens(&stack, &settings));
     let summary = StackReport::from(&stack);
     let (lens, sharpness) = stages::lens(&mut stack, &settings, job::frame_number(job))?;
     let in_use = stages::depth_in_use(&stack, &settings, &lens)?;

@@ -6,7 +6,7 @@ use crate::image::Plane;
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens, aperture_radius};
 use crate::methods::{Plan, Registry};
 use crate::scene::{self, DepthInUse, Focused, FrameNumber, Scene, SceneStats};
-use crate::settings::{Border, DepthConvention, Settings};
+use crate::settings::{Border, DepthConvention, Origin, Settings};
 use crate::stack::depth::DepthScale;
 use crate::stack::{Peel, Stack};
 
@@ -31,6 +31,30 @@ pub(super) fn lens(
 /// The depths of `stack`, and how much `lens` blurs them.
 pub(super) fn depth_in_use(stack: &Stack, settings: &Settings, lens: &ThinLens) -> Result<DepthInUse, Error> {
     Ok(DepthInUse::of(stack, lens, &depth_scale(stack, settings)?))
+}
+
+/// A note about settings of the lens that are left at their defaults for a file of Blender, which writes nothing of its camera.
+pub(super) fn default_lens(stack: &Stack, settings: &Settings) -> Option<Finding> {
+    let is_blenders = stack.carried.attributes.iter().any(|(name, _)| name.eq("BlenderMultiChannel"));
+    let lens = &settings.lens;
+    let mut defaults = Vec::new();
+    if lens.focal_length_mm.origin == Origin::Default {
+        defaults.push((format!("{} mm", lens.focal_length_mm.value), "focal_length_mm"));
+    }
+    if lens.f_number.origin == Origin::Default {
+        defaults.push((format!("f/{}", lens.f_number.value), "f_number"));
+    }
+    if lens.sensor_width_mm.origin == Origin::Default {
+        defaults.push((format!("a sensor of {} mm", lens.sensor_width_mm.value), "sensor_width_mm"));
+    }
+    let values: Vec<&str> = defaults.iter().map(|(value, _)| value.as_str()).collect();
+    let keys: Vec<String> = defaults.iter().map(|(_, key)| format!("`{key}`")).collect();
+    let text = format!(
+        "the file of Blender does not say its lens: {} by default; set {} as its camera has them",
+        values.join(", "),
+        keys.join(", ")
+    );
+    (is_blenders && !defaults.is_empty()).then(|| Finding::note("camera", text))
 }
 
 /// From stack to plan; the stack's peels move into the scene.

@@ -13,7 +13,7 @@ use crate::methods::{Plan, Target};
 use crate::output::report::StackReport;
 use crate::sample_budget::{self, Outcome};
 use crate::scene::{DepthInUse, EffectKind, Scene, SceneStats};
-use crate::settings::{Border, Focus, Settings};
+use crate::settings::{Border, DepthConvention, Focus, Settings};
 use crate::stack::{self, Footprint, ReadOptions, Stack, Window};
 use std::ops::Range;
 
@@ -35,11 +35,18 @@ pub(super) struct Survey {
     pub(super) reach_px: usize,
 }
 
-/// The job's stack, cut to `rows`, counted from the top of the data window.
-pub(super) fn read_rows(job: &Job, footprint: &Footprint, rows: Range<usize>) -> Result<Stack, Error> {
+/// The job's stack, cut to `rows`, counted from the top of the data window. Its depth is of the `convention` that other rows of the same
+/// frame have, if that is known.
+pub(super) fn read_rows(
+    job: &Job,
+    footprint: &Footprint,
+    rows: Range<usize>,
+    convention: Option<DepthConvention>,
+) -> Result<Stack, Error> {
     // Coordinates are below 2^30: the header guard checks them.
     let y = |row: usize| footprint.top + row as i32;
-    let options = ReadOptions { rows: Some(y(rows.start)..y(rows.end)), ..job::read_options(job) };
+    let mut options = ReadOptions { rows: Some(y(rows.start)..y(rows.end)), ..job::read_options(job) };
+    options.convention = options.convention.or(convention);
     stack::read(&job.sources, &options)
 }
 
@@ -51,18 +58,20 @@ pub(super) fn survey(job: &Job, footprint: &Footprint, rows: usize) -> Result<Su
     let parts = (0..footprint.height).step_by(rows.max(1));
     let mut parts = parts.map(|top| top..(top + rows).min(footprint.height));
     let first = parts.next().unwrap_or(0..footprint.height);
-    let mut stack = read_rows(job, footprint, first)?;
+    let mut stack = read_rows(job, footprint, first, None)?;
     let (settings, of_keys) = job::resolve(job, &stack.camera)?;
     let (lens, of_focus) = focused(job, footprint, (&stack, &settings), rows)?;
     let mut summary = StackReport::from(&stack);
     let mut sum = Sum::of(&mut stack, job, &settings, &lens)?;
+    let convention = stack.convention;
     for part in parts {
-        let mut stack = read_rows(job, footprint, part)?;
+        let mut stack = read_rows(job, footprint, part, Some(convention))?;
         sum.add(Sum::of(&mut stack, job, &settings, &lens)?);
     }
     stack.findings = sum.findings;
     stack.findings.extend(of_keys.into_iter().chain(of_focus));
     stack.findings.extend(units::doubt(&sum.in_use, &settings, lens.focus_distance));
+    stack.findings.extend(stages::default_lens(&stack, &settings));
     stack.frame.data.height = footprint.height;
     (summary.height, summary.antialiased) = (footprint.height, sum.stats.antialiased);
     if settings.picture.border.value == Border::Transparent && sum.reach_px > 0 {
@@ -145,7 +154,7 @@ fn focused(
         )
         .help("give the distances with `focus_distance`, or allow more memory with `memory`"));
     }
-    let mut around = read_rows(job, footprint, rows)?;
+    let mut around = read_rows(job, footprint, rows, Some(stack.convention))?;
     let known = around.findings.len();
     let (lens, _) = stages::lens(&mut around, settings, job::frame_number(job))?;
     Ok((lens, around.findings.split_off(known)))

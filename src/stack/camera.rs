@@ -1,7 +1,11 @@
-//! Camera data in the header of an OpenEXR file: attributes of thinlens first (`thinlens.…`), then the standard attributes.
+//! Camera data in the header of an OpenEXR file: attributes of thinlens first (`thinlens.…`), then the standard attributes, then those of
+//! renderers ([`renderers`]).
 //!
 //! The table of settings declares the attributes of thinlens and their ranges.
 
+use super::attributes::{number, text};
+use super::renderers;
+use super::writer::Writer;
 use crate::finding::Finding;
 use crate::settings::{Focus, Kind, SETTINGS, Setting, Value, Values};
 use exr::math::Vec2;
@@ -10,10 +14,13 @@ use exr::meta::attribute::{AttributeValue, Text};
 /// Standard attributes that are used if the `thinlens.…` attribute is missing, in order of preference, by the key of the setting. The
 /// standard `focus` is in metres and is read separately.
 pub(super) const STANDARD: [(&str, &[&str]); 3] = [
-    ("focal_length_mm", &["effectiveFocalLength", "nominalFocalLength"]),
+    ("focal_length_mm", &["pinholeFocalLength", "effectiveFocalLength", "nominalFocalLength"]),
     ("f_number", &["aperture"]),
-    ("sensor_width_mm", &["sensorOverallDimensions"]),
+    ("sensor_width_mm", &["sensorAcquisitionDimensions", "sensorOverallDimensions"]),
 ];
+
+/// The unit of Unreal's depth in metres.
+const CENTIMETRE: f32 = 0.01;
 
 /// Attributes of one header, looked up by name.
 struct Lookup<'a> {
@@ -29,14 +36,19 @@ pub(super) fn values(attributes: &[(Text, AttributeValue)]) -> (Values, Vec<Find
         let own = setting.attribute.and_then(|name| from.setting(name, setting, false));
         let standard =
             STANDARD.iter().find(|(key, _)| *key == setting.key).map_or(&[][..], |(_, names)| names);
-        let found = own.or_else(|| standard.iter().find_map(|name| from.setting(name, setting, true)));
+        let found = own.or_else(|| standard.iter().find_map(|name| from.standard(name, setting)));
         if let Some(value) = found {
             setting.set(&mut values, &value);
         }
     }
+    if values.metres_per_unit.is_none() && Writer::Unreal.wrote(attributes) {
+        values.metres_per_unit = Some(CENTIMETRE);
+        from.findings.push(Finding::note("camera", "written by Unreal: a depth unit is a centimetre"));
+    }
     if values.focus.is_none() {
         values.focus = from.standard_focus(values.metres_per_unit.unwrap_or(1.0));
     }
+    from.findings.extend(renderers::complete(&mut values, attributes));
     (values, from.findings)
 }
 
@@ -55,15 +67,21 @@ pub fn camera_attributes(values: &Values) -> Vec<(Text, AttributeValue)> {
     values.attributes().into_iter().filter_map(attribute).collect()
 }
 
-/// The text of attribute `name`; `None` if it is missing or not a text.
-pub(super) fn text(attributes: &[(Text, AttributeValue)], name: &str) -> Option<String> {
-    attributes.iter().find(|(found, _)| found.eq(name)).and_then(|(_, value)| match value {
-        AttributeValue::Text(text) => Some(text.to_string()),
-        _ => None,
-    })
-}
-
 impl Lookup<'_> {
+    /// The value of a standard attribute. An f-number of 0 is a pinhole where a program for USD wrote it.
+    fn standard(&mut self, name: &str, setting: &Setting) -> Option<Value> {
+        let value =
+            || self.attributes.iter().find(|(found, _)| found.eq(name)).and_then(|(_, value)| number(value));
+        if setting.key == "f_number" && value() == Some(0.0) && Writer::Usd.wrote(self.attributes) {
+            self.findings.push(Finding::note(
+                "camera",
+                format!("{name} = 0 in the header is a pinhole, as USD defines it"),
+            ));
+            return Some(Value::Number(f32::INFINITY));
+        }
+        self.setting(name, setting, true)
+    }
+
     /// The value of attribute `name`, if `setting` allows it; with `finite`, infinite values are not allowed.
     fn setting(&mut self, name: &str, setting: &Setting, finite: bool) -> Option<Value> {
         let (_, found) = self.attributes.iter().find(|(found, _)| found.eq(name))?;
@@ -90,7 +108,7 @@ impl Lookup<'_> {
     /// The standard `focus` attribute, converted from metres to depth units.
     fn standard_focus(&mut self, metres_per_unit: f32) -> Option<Focus> {
         let setting = Setting::by_key("focus_distance")?;
-        match self.setting("focus", setting, true) {
+        match self.setting("focus", setting, false) {
             Some(Value::Number(metres)) => Some(Focus::Distance(metres / metres_per_unit)),
             _ => None,
         }
@@ -106,19 +124,6 @@ impl Lookup<'_> {
             "camera",
             format!("{name} = {found} in the header is ignored: it must be {expected}"),
         ));
-    }
-}
-
-/// The number that an attribute holds.
-pub(super) fn number(value: &AttributeValue) -> Option<f32> {
-    match value {
-        AttributeValue::F32(number) => Some(*number),
-        AttributeValue::F64(number) => Some(*number as f32),
-        AttributeValue::I32(number) => Some(*number as f32),
-        AttributeValue::FloatVec2(size) => Some(size.x()),
-        AttributeValue::Rational((over, under)) => Some((f64::from(*over) / f64::from(*under)) as f32),
-        AttributeValue::Text(text) => text.to_string().trim().parse().ok(),
-        _ => None,
     }
 }
 

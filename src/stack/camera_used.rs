@@ -5,7 +5,8 @@
 //! ones are corrected, and attributes of renderers that contradict the lens are left out. What describes the geometry of the picture,
 //! such as a field of view or a camera matrix, stays: a blur does not change it.
 
-use super::camera::{STANDARD, camera_attributes, number};
+use super::attributes::number;
+use super::camera::{STANDARD, camera_attributes};
 use crate::finding::Finding;
 use crate::settings::{Focus, LensSettings, Origin, Values};
 use exr::math::Vec2;

@@ -6,13 +6,14 @@
 //! read: a view layer before NAME (Blender), `.r` or `.red` for `.R`, parts of their own, channels without a header.
 //! An id is the hash of its object's name ([`murmur`]), which is used if the manifest is missing or cannot be read.
 //! Ids are compared as bits: they are stored in float channels and may be any float.
-//! Limits: only the cryptomattes of the first peel are read, which has what the camera sees. A manifest in a separate file
-//! is not opened. 16-bit channels cannot hold ids.
+//! A manifest in a file of its own (`manif_file`) is read from the picture's folder, where objects are asked for.
+//! Limits: only the cryptomattes of the first peel are read, which has what the camera sees. 16-bit channels cannot hold ids.
 //! Cost: reading two channels per rank. Memory: one float per sample.
 
-use super::header::ExrFile;
+use super::header::{Channel, ExrFile};
 use super::{CarriedChannel, Stack, Window, murmur, windows};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::settings::nearest;
 use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, SampleType};
@@ -20,6 +21,7 @@ use half::slice::HalfFloatSliceExt;
 use serde_json::Value as Json;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::{Component, Path};
 
 /// Prefix of the attributes of cryptomattes.
 const ATTRIBUTES: &str = "cryptomatte/";
@@ -29,6 +31,8 @@ const USUAL_NAME: &str = "crypto";
 const RANK_DIGITS: usize = 2;
 /// Maximum number of names in an error; the rest is counted.
 const SHOWN_NAMES: usize = 16;
+/// Largest manifest in a file of its own that is read.
+const MAX_SIDECAR_BYTES: u64 = 64 << 20;
 /// Indices in `R G B A` of the ids; the others are coverage.
 const ID_CHANNELS: [usize; 2] = [0, 2];
 /// The id of pixels without an object.
@@ -54,8 +58,10 @@ enum Manifest {
     Absent,
     /// JSON text, not yet parsed.
     Text(String),
-    /// In a file of this name, which is not read.
+    /// In a file of this name, which is not read yet.
     File(String),
+    /// Why it cannot be read.
+    Unread(String),
 }
 
 /// The header's description of one cryptomatte.
@@ -118,6 +124,52 @@ pub(super) fn find(file: &ExrFile, data: Window, deeper: &[&str]) -> Vec<Cryptom
     }
     found.sort_by_key(|matte| order(&matte.name));
     found
+}
+
+/// Reads the manifests of `mattes` that are in files beside `picture`.
+pub(super) fn read_sidecars(mattes: &mut [Cryptomatte], picture: &Path) {
+    for matte in mattes {
+        if let Manifest::File(name) = &matte.manifest {
+            matte.manifest = match sidecar(picture, name) {
+                Ok(text) => Manifest::Text(text),
+                Err(reason) => Manifest::Unread(format!("its manifest {name} cannot be read: {reason}")),
+            };
+        }
+    }
+}
+
+/// The text of the file `name`, which the header of `picture` states relative to its own folder.
+fn sidecar(picture: &Path, name: &str) -> Result<String, String> {
+    let relative = Path::new(name);
+    if !relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        return Err("it is not in the folder of the picture".to_owned());
+    }
+    let path = picture.parent().unwrap_or(Path::new("")).join(relative);
+    let metadata = std::fs::metadata(&path).map_err(|error| error.to_string())?;
+    if !metadata.is_file() || metadata.len() > MAX_SIDECAR_BYTES {
+        return Err(format!("it is no file of at most {} MiB", MAX_SIDECAR_BYTES >> 20));
+    }
+    let bytes = std::fs::read(&path).map_err(|error| error.to_string())?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// A finding about cryptomattes whose ids are 16-bit floats, which cannot hold them.
+pub(super) fn half_ids(file: &ExrFile) -> Option<Finding> {
+    let described = described(file);
+    let is_half = |channel: &&Channel| {
+        channel.sample_type == SampleType::F16
+            && rank_channel(&channel.name).is_some_and(|(name, _, role)| {
+                let is_described = || described.iter().any(|described| is_same(&described.name, name));
+                ID_CHANNELS.contains(&role)
+                    && (last_part(name).to_ascii_lowercase().starts_with(USUAL_NAME) || is_described())
+            })
+    };
+    let channel = file.channels.iter().find(is_half)?;
+    let text = format!(
+        "the ids in {} are 16-bit floats, which cannot hold them: objects are not found by name; write cryptomattes with 32 bits",
+        channel.name
+    );
+    Some(Finding::note("cryptomatte", text))
 }
 
 /// The descriptions of cryptomattes in the headers of all parts.
@@ -191,6 +243,7 @@ impl Manifest {
         let text = match self {
             Self::Absent => return Err("no manifest in the file".to_owned()),
             Self::File(name) => return Err(format!("its manifest is in another file, {name}")),
+            Self::Unread(reason) => return Err(reason.clone()),
             Self::Text(text) => text,
         };
         let names: BTreeMap<String, Json> =
@@ -223,7 +276,10 @@ impl Stack {
     /// visible.
     pub fn object(&self, name: &str) -> Result<ObjectMatte<'_>, Error> {
         if self.cryptomattes.is_empty() {
-            return Err(no_cryptomatte(name));
+            let half = self.findings.iter().find(|finding| finding.about == "cryptomatte");
+            return Err(half
+                .into_iter()
+                .fold(no_cryptomatte(name), |error, half| error.with("found", half.text.clone())));
         }
         let mut unseen = None;
         for matte in &self.cryptomattes {

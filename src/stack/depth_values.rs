@@ -57,8 +57,6 @@ pub(super) struct DepthValues {
     nan: u64,
     /// Number of distances.
     positive_count: u64,
-    /// Number of those that are below 1.
-    below_one: u64,
     /// Number of negative ones that may be distances, −1 not among them.
     negative_count: u64,
     /// Distances: above 0, and below any background.
@@ -74,7 +72,6 @@ impl DepthValues {
         none: 0,
         nan: 0,
         positive_count: 0,
-        below_one: 0,
         negative_count: 0,
         positive: Ends::NOTHING,
         negative: Ends::NOTHING,
@@ -95,7 +92,7 @@ impl DepthValues {
         const LANES: usize = 16;
         let nothing = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
         let ([mut low, mut high], [mut negative_low, mut negative_high]) = (nothing, nothing);
-        let (mut counts, mut positive_count, mut below_one) = ([0_u32; 5], 0_u32, 0_u32);
+        let (mut counts, mut positive_count) = ([0_u32; 5], 0_u32);
         for (alpha, depth) in alpha.chunks(LANES).zip(depth.chunks(LANES)) {
             for (lane, (&alpha, &depth)) in alpha.iter().zip(depth).enumerate() {
                 let present = alpha > 0.0;
@@ -108,7 +105,6 @@ impl DepthValues {
                 counts[3] += u32::from(present & depth.is_nan());
                 counts[4] += u32::from(negative & !is_none);
                 positive_count += u32::from(positive);
-                below_one += u32::from(positive & (depth < 1.0));
                 low[lane] = if positive & (depth < low[lane]) { depth } else { low[lane] };
                 high[lane] = if positive & (depth > high[lane]) { depth } else { high[lane] };
                 negative_low[lane] =
@@ -128,7 +124,6 @@ impl DepthValues {
             none,
             nan,
             positive_count: u64::from(positive_count),
-            below_one: u64::from(below_one),
             negative_count,
             positive: ends(low, high),
             negative: ends(negative_low, negative_high),
@@ -143,16 +138,10 @@ impl DepthValues {
             none: self.none + other.none,
             nan: self.nan + other.nan,
             positive_count: self.positive_count + other.positive_count,
-            below_one: self.below_one + other.below_one,
             negative_count: self.negative_count + other.negative_count,
             positive: self.positive.joined(other.positive),
             negative: self.negative.joined(other.negative),
         }
-    }
-
-    /// The share of the distances that are below 1; 0 without any.
-    pub(super) fn share_below_one(&self) -> f64 {
-        self.below_one as f64 / self.positive_count.max(1) as f64
     }
 
     /// Whether the depths are distances with a minus sign: some are negative, and none is positive apart from one value behind all of them,

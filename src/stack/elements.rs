@@ -90,7 +90,7 @@ fn convention_of(about: &Layers, depth_channel: &str, options: &ReadOptions) -> 
     let (camera, _) = camera::values(&about.attributes);
     let attributes = &about.attributes;
     let (chosen, header) = (options.convention, camera.convention);
-    convention::conclude(Evidence { chosen, header, attributes, depth_channel }).0.convention
+    convention::conclude(Evidence { chosen, header, attributes, depth_channel, depths: &[] }).0.convention
 }
 
 /// The elements of a deep file.

@@ -9,6 +9,7 @@ use super::elements::Extent;
 use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{channels_to_read, frame_of};
+use super::names::PeelChannels;
 use super::options::{Carry, ReadOptions, Source};
 use super::{Frame, Window, camera, deep, merge_files, names, picture, windows};
 use crate::error::Error;
@@ -198,13 +199,16 @@ fn of_peels(source: &Source, options: &ReadOptions) -> Result<Option<(Footprint,
         return Ok(None);
     }
     let file = ExrFile::open(opened)?;
-    names::has_color(&file.names()).then(|| of_exr(&file, options)).transpose()
+    if !names::has_color(&file.names()) {
+        return Ok(None);
+    }
+    of_exr(&file.of_requested_view(options)?, options).map(Some)
 }
 
 fn of_file(source: &Source, options: &ReadOptions) -> Result<(Footprint, Frame), Error> {
     let mut opened = Opened::open(source)?;
     if opened.is_exr()? {
-        return of_exr(&ExrFile::open(opened)?, options);
+        return of_exr(&ExrFile::open(opened)?.of_requested_view(options)?, options);
     }
     let (width, height) = picture::size(opened)?;
     let supersample = options.supersample.unwrap_or(1);
@@ -229,6 +233,9 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<(Footprint, Frame), E
     let size_of = |index: &usize| if file.channels[*index].sample_type == SampleType::F16 { 2 } else { 4 };
     let peels = assigned.peels.len();
     let beauty = if assigned.beauty.is_some() { PEEL_BYTES - 4 } else { 0 };
+    // Channels that depth is made of or compared with, while they are read.
+    let of_depth = |peel: &PeelChannels| peel.same_as_depth.len() + 2 * usize::from(peel.position.is_some());
+    let of_depth: usize = assigned.peels.iter().map(of_depth).sum();
     let (camera, _) = camera::values(&file.attributes());
     let of_peels = Footprint {
         width: frame.data.width,
@@ -236,7 +243,10 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<(Footprint, Frame), E
         top: frame.data.y,
         peels,
         supersample: options.supersample.or(camera.supersample).unwrap_or(1).max(1),
-        sample_bytes: PEEL_BYTES * peels as u64 + beauty + carried.iter().map(size_of).sum::<u64>(),
+        sample_bytes: PEEL_BYTES * peels as u64
+            + beauty
+            + 4 * of_depth as u64
+            + carried.iter().map(size_of).sum::<u64>(),
         block_bytes: file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0),
         is_in_rows: true,
     };

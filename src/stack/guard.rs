@@ -123,8 +123,16 @@ pub(super) fn default_max_bytes() -> u64 {
     memory_limit_bytes() / 2
 }
 
+/// The error of a header that cannot be scanned: what of it is damaged, or that it ends early.
 fn cut_short(cause: io::Error) -> Error {
+    if cause.kind() == io::ErrorKind::InvalidData {
+        return Error::input("the header is damaged").caused_by(cause).help("render or copy the file again");
+    }
     Error::reading("the file is truncated within its header", cause).help("copy or render it again")
+}
+
+fn damaged(what: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, what)
 }
 
 fn deep_data() -> Error {
@@ -177,10 +185,13 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
         text(&mut opened.input)?;
         let mut size = [0; 4];
         opened.input.read_exact(&mut size)?;
-        let size = u64::try_from(i32::from_le_bytes(size)).map_err(|_| io::ErrorKind::InvalidData)?;
+        let size = i32::from_le_bytes(size);
+        let size = u64::try_from(size)
+            .map_err(|_| damaged(format!("the attribute {name} has a size of {size} bytes")))?;
         let position = opened.input.stream_position()?;
         if size > opened.len.saturating_sub(position) {
-            return Err(io::ErrorKind::UnexpectedEof.into());
+            let what = format!("the attribute {name} has {size} bytes, more than the rest of the file");
+            return Err(io::Error::new(io::ErrorKind::UnexpectedEof, what));
         }
         let known = matches!(
             name.as_str(),
@@ -189,7 +200,7 @@ fn scan_part(opened: &mut Opened) -> io::Result<Option<RawPart>> {
         if known && size <= MAX_VALUE_BYTES {
             let mut value = Vec::new();
             (&mut opened.input).take(size).read_to_end(&mut value)?;
-            part.note(&name, &value)?;
+            part.note(&name, &value).map_err(|_| damaged(format!("the value of the attribute {name}")))?;
         } else {
             opened.input.seek_relative(size as i64)?;
         }
@@ -203,7 +214,9 @@ fn text(input: &mut impl BufRead) -> io::Result<String> {
     let length = bytes.len() as u64;
     match bytes.pop() {
         Some(0) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
-        Some(_) if length == MAX_TEXT_BYTES => Err(io::ErrorKind::InvalidData.into()),
+        Some(_) if length == MAX_TEXT_BYTES => {
+            Err(damaged(format!("the name of an attribute has more than {} characters", MAX_TEXT_BYTES - 2)))
+        }
         _ => Err(io::ErrorKind::UnexpectedEof.into()),
     }
 }
@@ -274,7 +287,7 @@ fn check_part(part: &RawPart, file_bytes: u64) -> Result<(), Error> {
         let [x, y] = channel.sampling;
         return Err(Error::unsupported("subsampled channels are not supported")
             .with("found", format!("channel {} with one sample per {x}×{y} pixels", channel.name))
-            .help("save the picture as RGBA instead of luminance and chroma"));
+            .help("save the picture as RGBA, or luminance and chroma with one sample a pixel"));
     }
     let number = part.compression.ok_or_else(|| missing("compression"))?;
     let (chunk_rows, ratio) = codec(number).ok_or_else(|| unknown_codec(number))?;

@@ -1,11 +1,13 @@
 //! An OpenEXR file with a parsed and checked header, before any pixel is read.
 
 use super::input::{Input, Opened};
-use super::{Frame, Source, Window, camera, guard};
+use super::{Frame, Source, Window, attributes, guard};
 use crate::error::Error;
+use crate::finding::Finding;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
+use std::collections::BTreeSet;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -38,8 +40,10 @@ pub(super) struct ExrFile {
     pub(super) meta_data: MetaData,
     /// The channels of all parts.
     pub(super) channels: Vec<Channel>,
+    /// What was concluded of the file as a whole.
+    pub(super) findings: Vec<Finding>,
     /// The rows to read, by their `y`; all if `None`.
-    rows: Option<Range<i32>>,
+    pub(super) rows: Option<Range<i32>>,
 }
 
 impl ExrFile {
@@ -49,12 +53,17 @@ impl ExrFile {
     /// Those of [`guard::check`], and headers that the EXR library rejects.
     pub(super) fn open(mut opened: Opened) -> Result<Self, Error> {
         guard::check(&mut opened)?;
+        let contradiction = contradicts_its_type(&mut opened)?;
         let Opened { name, len, mut input } = opened;
         let fail = |error| decoder_error("the OpenEXR header cannot be read", error).in_file(&name);
-        let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
+        let meta_data = match contradiction {
+            Some(header_bytes) => without_type(&mut input, header_bytes),
+            None => MetaData::read_from_buffered(input.by_ref(), false),
+        };
+        let meta_data = meta_data.map_err(fail)?;
         MetaData::validate(&meta_data.headers, false).map_err(fail)?;
         let channels = list_channels(&meta_data.headers);
-        Ok(Self { name, input, len, meta_data, channels, rows: None })
+        Ok(Self { name, input, len, meta_data, channels, findings: Vec::new(), rows: None })
     }
 
     /// Reads and checks the header of a file with deep parts.
@@ -68,7 +77,7 @@ impl ExrFile {
         // The library's own checks refuse everything deep.
         let meta_data = MetaData::read_from_buffered(input.by_ref(), false).map_err(fail)?;
         let channels = list_channels(&meta_data.headers);
-        Ok(Self { name, input, len, meta_data, channels, rows: None })
+        Ok(Self { name, input, len, meta_data, channels, findings: Vec::new(), rows: None })
     }
 
     /// The file as if its data windows ended at `rows`, by their `y`; the whole file if `None`.
@@ -84,6 +93,11 @@ impl ExrFile {
         self.rows
             .as_ref()
             .map_or(0..stored.height, |rows| place(rows.start)..place(rows.end).max(place(rows.start)))
+    }
+
+    /// Whether it is a file on disk, which may have others beside it.
+    pub(super) fn is_on_disk(&self) -> bool {
+        matches!(self.input, Input::File(_))
     }
 
     /// The header of part `part`.
@@ -143,18 +157,61 @@ impl ExrFile {
         Ok(last.saturating_add(8).saturating_add(u64::from(u32::from_le_bytes(size))))
     }
 
-    /// The attributes of the first part, known and unknown.
+    /// The attributes of the parts that have channels, known and unknown; of several with one name the first part's.
     pub(super) fn attributes(&self) -> Vec<(Text, AttributeValue)> {
-        let named = self.header(0).all_named_attributes();
-        named.map(|(name, value)| (Text::from_slice_unchecked(name), value)).collect()
+        let mut all: Vec<(Text, AttributeValue)> = Vec::new();
+        let mut names = BTreeSet::new();
+        let is_used = |part: &usize| self.channels.iter().any(|channel| channel.part == *part);
+        for part in (0..self.meta_data.headers.len()).filter(is_used) {
+            for (name, value) in self.header(part).all_named_attributes() {
+                if names.insert(name.to_vec()) {
+                    all.push((Text::from_slice_unchecked(name), value));
+                }
+            }
+        }
+        all
     }
+}
+
+/// Name of the attribute that says whether a part has scan lines or tiles.
+const TYPE: &[u8] = b"type\0string\0";
+/// The same under a name that says nothing.
+const NO_TYPE: &[u8] = b"typ_\0string\0";
+
+/// The bytes of a header whose only part has an unknown type, or not that of the file's flags, which count in files of one part.
+fn contradicts_its_type(opened: &mut Opened) -> Result<Option<u64>, Error> {
+    let found = guard::scan(opened).and_then(|raw| {
+        let end = opened.input.stream_position()?;
+        opened.input.rewind()?;
+        Ok((raw, end))
+    });
+    let (raw, end) =
+        found.map_err(|error| Error::reading("the header cannot be read", error).in_file(&opened.name))?;
+    let expected = if raw.tiled { "tiledimage" } else { "scanlineimage" };
+    let kind = raw.parts.first().and_then(|part| part.kind.as_deref());
+    let contradicts = kind.is_some_and(|kind| kind.trim_end_matches('\0') != expected);
+    Ok((!raw.multi_part && !raw.deep && contradicts).then_some(end))
+}
+
+/// The headers of a file of one part as if it had no type; leaves the position behind them.
+fn without_type(input: &mut Input, header_bytes: u64) -> exr::error::Result<MetaData> {
+    let mut bytes = Vec::new();
+    input.take(header_bytes).read_to_end(&mut bytes)?;
+    if let Some(at) = bytes.windows(TYPE.len()).position(|window| window == TYPE) {
+        bytes[at..at + NO_TYPE.len()].copy_from_slice(NO_TYPE);
+    }
+    let mut meta_data = MetaData::read_from_buffered(bytes.as_slice(), false)?;
+    for header in &mut meta_data.headers {
+        header.own_attributes.other.retain(|name, _| !name.eq("typ_"));
+    }
+    Ok(meta_data)
 }
 
 /// The text of attribute `name` in the header of the OpenEXR file at `path`, which has one part of scan lines; `None` without it, where no
 /// such file can be read, and for one that ends before or after its last block.
 pub(crate) fn header_text(path: &Path, name: &str) -> Option<String> {
     let mut file = ExrFile::open(Opened::open(&Source::file(path)).ok()?).ok()?;
-    let text = camera::text(&file.attributes(), name)?;
+    let text = attributes::text(&file.attributes(), name)?;
     (file.end_of_blocks().ok()? == file.len).then_some(text)
 }
 

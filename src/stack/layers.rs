@@ -1,9 +1,12 @@
 //! The peels of one file, before they are combined with those of other files.
 
+use super::chroma;
 use super::decode::{Decoded, Use, decode};
+use super::depth_picture;
 use super::header::{Channel, ExrFile};
 use super::names::{self, Assigned, PeelChannels};
 use super::options::{Carry, ReadOptions};
+use super::position::{self, WorldToCamera};
 use super::sanitise::Replaced;
 use super::windows::{self, place_depth};
 use super::{
@@ -115,7 +118,14 @@ fn assign(file: &ExrFile, options: &ReadOptions) -> Result<Assigned, Error> {
     let mut assigned = names::assign(&file.names(), options).map_err(|error| error.in_file(&file.name))?;
     // A depth file replaces the depth of this file.
     if options.depth_file.is_some() {
-        assigned.peels.iter_mut().for_each(|peel| peel.depth = None);
+        assigned.peels.iter_mut().for_each(|peel| *peel = std::mem::take(peel).without_depth());
+    }
+    let camera = position::world_to_camera(&file.attributes());
+    for peel in &mut assigned.peels {
+        // A position is used where there is no depth and a camera that turns it into one.
+        if peel.depth.is_some() || camera.is_none() {
+            peel.position = None;
+        }
     }
     Ok(assigned)
 }
@@ -146,9 +156,13 @@ fn beside_peels(
         return (Vec::new(), Vec::new(), Vec::new());
     };
     let deeper: Vec<&str> = peels[1..].iter().map(|peel| peel.prefix.as_str()).collect();
-    let cryptomattes = cryptomatte::find(file, data, &deeper);
+    let mut cryptomattes = cryptomatte::find(file, data, &deeper);
+    if options.objects && file.is_on_disk() {
+        cryptomatte::read_sidecars(&mut cryptomattes, &file.name);
+    }
     let requested_mattes = if options.objects { cryptomattes.as_slice() } else { &[] };
-    let (kept, findings) = carried::choose(file, &used, (options.carry, requested_mattes), data);
+    let (kept, mut findings) = carried::choose(file, &used, (options.carry, requested_mattes), data);
+    findings.extend(cryptomatte::half_ids(file));
     (cryptomattes, kept, findings)
 }
 
@@ -157,8 +171,7 @@ fn beside_peels(
 /// # Errors
 /// As [`read_exr`].
 pub(super) fn read_exr_picture(file: ExrFile, options: &ReadOptions) -> Result<Layers, Error> {
-    let mut peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
-    peel.depth = None;
+    let peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?.without_depth();
     let ReadOptions { alpha, max_bytes, .. } = *options;
     let options = ReadOptions { carry: Carry::None, alpha, max_bytes, ..ReadOptions::default() };
     read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
@@ -167,14 +180,20 @@ pub(super) fn read_exr_picture(file: ExrFile, options: &ReadOptions) -> Result<L
 /// Decodes one channel of an OpenEXR file as depth, and returns its name and its windows.
 ///
 /// # Errors
-/// As [`read_exr`].
+/// As [`read_exr`]; a picture whose three channels differ.
 pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String, Frame), Error> {
     let requested = options.depth_channel.as_deref();
-    let index = names::depth_alone(&file.names(), requested).map_err(|error| error.in_file(&file.name))?;
-    let Channel { name, part, .. } = file.channels[index].clone();
-    let frame = file.frame(part);
-    let (decoded, _) = decode(file, &[(index, Use::Depth)], options.max_bytes)?;
-    Ok((planes(decoded.into_iter()).next().unwrap_or_default(), name, frame))
+    let found = names::depth_alone(&file.names(), requested).map_err(|error| error.in_file(&file.name))?;
+    let Channel { name, part, .. } = file.channels[found.index].clone();
+    let (path, frame) = (file.name.clone(), file.frame(part));
+    let channels: Vec<(usize, Use)> =
+        std::iter::once(found.index).chain(found.same).map(|index| (index, Use::Depth)).collect();
+    let (decoded, _) = decode(file, &channels, options.max_bytes)?;
+    let mut planes = planes(decoded.into_iter());
+    let depth = planes.next().unwrap_or_default();
+    depth_picture::check_equal(&depth, &planes.collect::<Vec<_>>(), &name)
+        .map_err(|error| error.in_file(&path))?;
+    Ok((depth, name, frame))
 }
 
 /// Display window of the first of `peels`, and the window that holds them all; `None` if there are none.
@@ -198,6 +217,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let (cryptomattes, kept, of_kept) = beside_peels(&file, &assigned, options);
     let Assigned { peels, beauty, mut findings } = assigned;
     findings.extend(of_kept);
+    findings.extend(file.findings.iter().cloned());
     let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
@@ -217,9 +237,17 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
 
     let (decoded, replaced) = decode(file, &requested, options.max_bytes)?;
     let mut decoded = decoded.into_iter();
-    let mut layer = |peel: Described| peel.into_layer(&mut decoded).premultiplied(options.alpha);
-    let peels = described.into_iter().map(&mut layer).collect();
-    let beauty = beauty.map(|(frame, described)| layer(described).into_beauty(frame));
+    let camera = position::world_to_camera(&attributes);
+    let luminance = chroma::luminance(&attributes);
+    let mut layer = |peel: Described, camera: Option<&WorldToCamera>| {
+        let layer = peel.into_layer(&mut decoded, (camera, luminance));
+        layer.map(|layer| layer.premultiplied(options.alpha)).map_err(|error| error.in_file(&name))
+    };
+    let peels = described.into_iter().map(|peel| layer(peel, camera.as_ref())).collect::<Result<_, _>>()?;
+    let beauty = match beauty {
+        Some((frame, described)) => Some(layer(described, None)?.into_beauty(frame)),
+        None => None,
+    };
     let channels = carried::channels(kept, decoded, frame.data);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {
@@ -245,6 +273,8 @@ fn requested_channels(peel: &PeelChannels) -> impl Iterator<Item = (usize, Use)>
     color
         .chain(peel.alpha.map(|index| (index, Use::Alpha)))
         .chain(peel.depth.map(|index| (index, Use::Depth)))
+        .chain(peel.same_as_depth.clone().into_iter().map(|index| (index, Use::Depth)))
+        .chain(peel.position.into_iter().flatten().map(|index| (index, Use::Depth)))
 }
 
 /// Checks that the channels of a picture are in one part: several parts may have the same name.
@@ -275,13 +305,17 @@ impl Described {
         let all = file.names();
         let same_prefix: Vec<&str> =
             all.iter().copied().filter(|name| name.starts_with(&channels.prefix)).collect();
-        Self {
-            window,
-            depth_window: channels.depth.map_or(window, window_of),
-            depth_channel: channels.depth.map_or_else(String::new, |index| all[index].to_owned()),
-            found: names::shown(&same_prefix),
-            channels,
+        let depth = channels.depth.or(channels.position.map(|[x, ..]| x));
+        let mut found = names::shown(&same_prefix);
+        if let (None, Some(doubtful)) = (depth, names::doubtful(&all)) {
+            found.push_str(&format!("; not depth by name: {doubtful}"));
         }
+        let depth_channel = match (channels.depth, channels.position) {
+            (Some(index), _) => all[index].to_owned(),
+            (None, Some([.., z])) => all[z].to_owned(),
+            (None, None) => String::new(),
+        };
+        Self { window, depth_window: depth.map_or(window, window_of), depth_channel, found, channels }
     }
 
     /// What is assumed of depth where only the colour has pixels.
@@ -289,16 +323,35 @@ impl Described {
         windows::depth_beyond(&self.depth_channel, self.depth_window, self.window)
     }
 
-    fn into_layer(self, decoded: &mut impl Iterator<Item = Decoded>) -> Layer {
+    /// The layer, from the decoded channels; a position needs the `camera` of the file, chroma the `luminance` of its red, green and blue.
+    ///
+    /// # Errors
+    /// Depth as a picture whose channels differ.
+    fn into_layer(
+        self,
+        decoded: &mut impl Iterator<Item = Decoded>,
+        (camera, luminance): (Option<&WorldToCamera>, Option<[f32; 3]>),
+    ) -> Result<Layer, Error> {
         let Self { channels, window, depth_window, depth_channel, found } = self;
         let mut next = || planes(decoded.by_ref()).next().unwrap_or_default();
-        let color = [next(), next(), next()];
+        let mut color = [next(), next(), next()];
+        if let (true, Some(luminance)) = (channels.is_chroma, luminance) {
+            chroma::to_rgb(&mut color, luminance);
+        }
         let alpha = match channels.alpha {
             Some(_) => next(),
             None => Plane::filled(window.width, window.height, 1.0),
         };
-        let depth = channels.depth.map(|_| place_depth(next(), depth_window, window));
-        Layer { color, alpha, depth, window, prefix: channels.prefix, depth_channel, found }
+        let mut depth = channels.depth.map(|_| next());
+        let same: Vec<Plane> = channels.same_as_depth.iter().map(|_| next()).collect();
+        if let Some(depth) = &depth {
+            depth_picture::check_equal(depth, &same, &depth_channel)?;
+        }
+        if let (Some(_), Some(camera)) = (channels.position, camera) {
+            depth = Some(camera.depth_of([next(), next(), next()]));
+        }
+        let depth = depth.map(|depth| place_depth(depth, depth_window, window));
+        Ok(Layer { color, alpha, depth, window, prefix: channels.prefix, depth_channel, found })
     }
 }
 

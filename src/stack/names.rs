@@ -10,21 +10,23 @@
 //! | one part per pass | part `rgba`: `R G B A` | part `depth`: `Z`, the only depth of the file | one |
 //! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
 //! | grey | `Y` | as one picture | one |
+//! | luminance and chroma, each with a sample a pixel | `Y RY BY` | as one picture | one |
+//! | RenderMan | `Ci.r g b`, `a` at the root | `z` | one |
+//! | Unreal | `FinalImage.R G B A` | `FinalImageWorldDepth.R G B` | one |
+//! | position with a camera in the header | any | `P.X Y Z` | one |
 //! | anti-aliased colour of peel 0 | `Peel0.Beauty.R G B A` beside numbered peels | that of peel 0 | see [`super::beauty`] |
 //! | the same as a view layer | `Peel0.Beauty.Combined.R G B A` | that of peel 0 | as above |
 //!
-//! Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
+//! [`super::depth_names`] has the names of depth. Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
 //! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
 //! cryptomattes, vectors (`P.X Y Z`, whose `Z` is not depth). Colour without alpha has alpha 1.
 
+use super::depth_names::{self, NamedDepth};
 use super::options::ReadOptions;
 use crate::error::Error;
 use crate::finding::Finding;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Names of depth channels after their prefix, in order of preference.
-const DEPTH_ENDINGS: [&str; 8] =
-    ["depth.z", "depth.v", "depth.t", "depth.y", "depth.depth", "depth", "z", "t"];
 /// Name of the colour group of a view layer.
 const COMBINED: &str = "combined";
 /// Name of the anti-aliased colour group of peel 0, after the peel's.
@@ -34,21 +36,33 @@ const COMPOSITE: &str = "composite";
 /// Prefixes of colour groups that are not the picture.
 const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
 /// Names of colour groups that are preferred if several could be the picture.
-const THE_PICTURE: [&str; 5] = ["rgba", "beauty", "rgb", "color", "img"];
+const THE_PICTURE: [&str; 7] = ["rgba", "beauty", "rgb", "color", "img", "ci", "finalimage"];
+/// Name of RenderMan's colour group, whose alpha is at the root.
+const WITHOUT_ALPHA: &str = "ci";
+/// Names of groups of positions, in small letters.
+const POSITIONS: [&str; 7] = ["p", "position", "worldposition", "pworld", "pos", "wpp", "hitp"];
+/// The names of depth that are tried, for errors.
+pub(super) const LOOKED_FOR: &str = "Depth.Z, Depth.V, depth.T, depth, Z";
 /// Maximum number of names in an error; the rest is counted.
 const SHOWN_NAMES: usize = 24;
 
 /// The channels of one peel, as indices in the list of names.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct PeelChannels {
     /// Name of the peel; empty at the root.
     pub(super) prefix: String,
     /// Red, green, blue.
     pub(super) color: [usize; 3],
+    /// Whether these are the chroma of red, luminance, and the chroma of blue.
+    pub(super) is_chroma: bool,
     /// Alpha, if there is any.
     pub(super) alpha: Option<usize>,
     /// Depth, if there is any.
     pub(super) depth: Option<usize>,
+    /// Where depth is the red of a picture: its green and blue, which should be equal to it.
+    pub(super) same_as_depth: Vec<usize>,
+    /// The position `X Y Z` of the surface, which a camera turns into depth.
+    pub(super) position: Option<[usize; 3]>,
 }
 
 /// The peels found in a file's channel names.
@@ -65,31 +79,60 @@ pub(super) struct Assigned {
 /// Channels with one prefix.
 #[derive(Debug, Default)]
 struct Group {
-    /// Red, green, blue, alpha, luminance.
-    channels: [Option<usize>; 5],
+    /// Red, green, blue, alpha, luminance, and the chroma of red and blue.
+    channels: [Option<usize>; 7],
 }
 
 /// The channels of a file, grouped by prefix.
 struct ChannelGroups<'a> {
     /// Colour channels by full prefix.
     colors: BTreeMap<&'a str, Group>,
-    /// Rank and index of the preferred depth channel, by prefix.
-    depths: BTreeMap<&'a str, (usize, usize)>,
+    /// The preferred depth channel, by prefix.
+    depths: BTreeMap<&'a str, RankedDepth>,
+    /// The green and blue of groups that hold depth in red, by the index of that.
+    same: BTreeMap<usize, Vec<usize>>,
+    /// `X Y Z` of positions, by the prefix of their group.
+    positions: BTreeMap<&'a str, [Option<usize>; 3]>,
+}
+
+/// A depth channel: of those with one prefix, the smallest is preferred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct RankedDepth {
+    rank: usize,
+    index: usize,
+}
+
+/// A channel of a depth file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct DepthAlone {
+    /// Its index.
+    pub(super) index: usize,
+    /// As [`PeelChannels::same_as_depth`].
+    pub(super) same: Vec<usize>,
 }
 
 impl Group {
-    /// Red, green, blue; grey three times.
+    /// Red, green, blue; grey three times; or chroma of red, luminance, chroma of blue.
     fn color(&self) -> Option<[usize; 3]> {
-        let [red, green, blue, _, grey] = self.channels;
+        let [red, green, blue, _, grey, ..] = self.channels;
         match (red, green, blue, grey) {
             (Some(red), Some(green), Some(blue), _) => Some([red, green, blue]),
-            (None, None, None, Some(grey)) => Some([grey; 3]),
+            (None, None, None, Some(grey)) => {
+                Some(self.chroma().map_or([grey; 3], |[red, blue]| [red, grey, blue]))
+            }
             _ => None,
         }
     }
 
+    /// The chroma of red and blue of a picture of luminance and chroma.
+    fn chroma(&self) -> Option<[usize; 2]> {
+        let [red, green, blue, _, grey, chroma_red, chroma_blue] = self.channels;
+        let has_rgb = [red, green, blue].iter().any(Option::is_some);
+        grey.filter(|_| !has_rgb).and(Some([chroma_red?, chroma_blue?]))
+    }
+
     fn is_rgb(&self) -> bool {
-        self.channels[..3].iter().all(Option::is_some)
+        self.channels[..3].iter().all(Option::is_some) || self.chroma().is_some()
     }
 }
 
@@ -146,27 +189,78 @@ pub(super) fn picture(names: &[&str]) -> Result<PeelChannels, Error> {
         .map_err(|error| error.help("write the picture as R G B without a prefix, or as Combined"))
 }
 
-/// Index of the depth channel in a depth file: the requested name, else a known depth name, else the only channel, grey or red.
+/// The depth channel in a depth file: the requested name, else a known depth name, else the only channel, grey or red.
 ///
 /// # Errors
 /// The requested channel does not exist, or no channel can be depth.
-pub(super) fn depth_alone(names: &[&str], requested: Option<&str>) -> Result<usize, Error> {
+pub(super) fn depth_alone(names: &[&str], requested: Option<&str>) -> Result<DepthAlone, Error> {
     if let Some(requested) = requested {
-        return names
-            .iter()
-            .position(|name| *name == requested)
-            .ok_or_else(|| no_such("depth channel", requested, names));
+        let index = names.iter().position(|name| *name == requested);
+        let index = index.ok_or_else(|| no_such("depth channel", requested, names))?;
+        return Ok(DepthAlone { index, same: Vec::new() });
     }
     let groups = ChannelGroups::from_names(names);
-    let best = groups.depths.iter().min_by_key(|(prefix, (rank, _))| (order(prefix), *rank));
-    let grey = || groups.colors.get("").and_then(|group| group.channels[4].or(group.channels[0]));
-    let alone = || (names.len() == 1).then_some(0);
-    best.map(|(_, &(_, index))| index).or_else(alone).or_else(grey).ok_or_else(|| {
-        Error::input("the depth file has no depth channel")
+    if let Some((_, best)) = groups.depths.iter().min_by_key(|(prefix, depth)| (order(prefix), depth.rank)) {
+        let same = groups.same.get(&best.index).cloned().unwrap_or_default();
+        return Ok(DepthAlone { index: best.index, same });
+    }
+    let is_free = |index: &usize| depth_names::other_meaning(names[*index]).is_none();
+    let alone = (names.len() == 1).then_some(0).filter(is_free);
+    let mut pictures = groups.colors.iter().filter(|(prefix, _)| !is_other(prefix));
+    let picture = match (groups.colors.get(""), pictures.next(), pictures.next()) {
+        (Some(root), ..) => Some(root),
+        (None, Some((_, only)), None) => Some(only),
+        _ => None,
+    };
+    let of_picture =
+        picture.and_then(|Group { channels: [red, green, blue, _, grey, ..] }| match (grey, red) {
+            (Some(grey), _) => Some(DepthAlone { index: *grey, same: Vec::new() }),
+            (None, Some(red)) => {
+                Some(DepthAlone { index: *red, same: green.iter().chain(blue).copied().collect() })
+            }
+            _ => None,
+        });
+    let alone = alone.map(|index| DepthAlone { index, same: Vec::new() });
+    alone.or(of_picture.filter(|depth| is_free(&depth.index))).ok_or_else(|| {
+        let error = Error::input("the depth file has no depth channel")
             .with("found", shown(names))
-            .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z, or a single channel")
-            .help("name it with `depth_channel`")
+            .with("looked for", LOOKED_FOR)
+            .help("name it with `depth_channel`");
+        match doubtful(names) {
+            Some(doubtful) => error.with("could be meant", doubtful),
+            None => error,
+        }
     })
+}
+
+/// Whether `names` hold a channel that is depth by its name.
+pub(super) fn has_depth(names: &[&str]) -> bool {
+    !ChannelGroups::from_names(names).depths.is_empty()
+}
+
+/// The channels that could be meant as depth but are not named so, each with what else it is; `None` without any.
+pub(super) fn doubtful(names: &[&str]) -> Option<String> {
+    let vectors = vectors(names);
+    let named = ChannelGroups::from_names(names).depths;
+    let is_coordinate =
+        |name: &str| name.rsplit_once('.').is_some_and(|(prefix, _)| vectors.contains(prefix));
+    let is_depth = |index: usize| named.values().any(|depth| depth.index == index);
+    let could = names.iter().enumerate().filter(|(index, name)| {
+        depth_names::could_be_depth(name) && !is_coordinate(name) && !is_depth(*index)
+    });
+    let told: Vec<String> = could
+        .map(|(_, name)| match depth_names::other_meaning(name) {
+            Some(meaning) => format!("{name} ({meaning})"),
+            None => (*name).to_owned(),
+        })
+        .collect();
+    let told: Vec<&str> = told.iter().map(String::as_str).collect();
+    (!told.is_empty()).then(|| listed(&told, ", "))
+}
+
+/// Whether `names` hold a picture, in colours or grey.
+pub(super) fn has_picture(names: &[&str]) -> bool {
+    ChannelGroups::from_names(names).colors.values().any(|group| group.color().is_some())
 }
 
 /// Whether `names` hold a colour picture.
@@ -176,7 +270,11 @@ pub(super) fn has_color(names: &[&str]) -> bool {
 
 /// The names as one line, truncated if there are many.
 pub(super) fn shown(names: &[&str]) -> String {
-    let mut line = names.iter().take(SHOWN_NAMES).copied().collect::<Vec<_>>().join(" ");
+    listed(names, " ")
+}
+
+fn listed(names: &[&str], joint: &str) -> String {
+    let mut line = names.iter().take(SHOWN_NAMES).copied().collect::<Vec<_>>().join(joint);
     if names.len() > SHOWN_NAMES {
         line.push_str(&format!(" and {} more", names.len() - SHOWN_NAMES));
     }
@@ -185,27 +283,75 @@ pub(super) fn shown(names: &[&str]) -> String {
 
 impl<'a> ChannelGroups<'a> {
     fn from_names(names: &[&'a str]) -> Self {
-        let mut colors: BTreeMap<&str, Group> = BTreeMap::new();
-        let mut depths: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-        // A prefix with an X channel is a vector: its Y is not grey and its Z is not depth.
-        let vectors: std::collections::BTreeSet<&str> =
-            names.iter().filter_map(|name| strip_ending(name, "x")).collect();
+        let vectors = vectors(names);
+        let mut groups = Self {
+            colors: BTreeMap::new(),
+            depths: BTreeMap::new(),
+            same: BTreeMap::new(),
+            positions: BTreeMap::new(),
+        };
+        let mut letters = Vec::new();
+        let mut pictures: Vec<(&str, usize)> = Vec::new();
         for (index, &name) in names.iter().enumerate() {
-            let depth = DEPTH_ENDINGS.iter().enumerate().find_map(|(rank, ending)| {
-                strip_ending(name, ending)
-                    .filter(|prefix| ending.len() > 1 || !vectors.contains(prefix))
-                    .map(|prefix| (prefix, rank))
-            });
-            if let Some((prefix, rank)) = depth {
-                let best = depths.entry(prefix).or_insert((rank, index));
-                *best = (*best).min((rank, index));
-            } else if let Some((prefix, role)) = color_role(name)
-                && !vectors.contains(prefix)
-            {
-                colors.entry(prefix).or_default().channels[role].get_or_insert(index);
+            groups.note_position(name, index);
+            match depth_names::depth_by_name(name, &vectors) {
+                Some(_) if is_split_position(name, names) => {}
+                Some(depth) if depth.is_letter => letters.push((depth, index)),
+                Some(depth) => {
+                    groups.note_depth(depth.owner, depth.rank, index);
+                    if depth.is_picture {
+                        pictures.push((name.rsplit_once('.').map_or("", |(prefix, _)| prefix), index));
+                    }
+                }
+                None => {
+                    let color = color_role(name).filter(|(prefix, _)| !vectors.contains(prefix));
+                    if let Some((prefix, role)) =
+                        color.filter(|(prefix, _)| !depth_names::is_depth_group(prefix))
+                    {
+                        groups.colors.entry(prefix).or_default().channels[role].get_or_insert(index);
+                    }
+                }
             }
         }
-        Self { colors, depths }
+        letters.retain(|(depth, index)| groups.may_say_depth(depth, names[*index]));
+        for (depth, index) in letters {
+            groups.note_depth(depth.owner, depth.rank, index);
+        }
+        for (prefix, red) in pictures {
+            let is_same = |name: &&str| {
+                color_role(name).is_some_and(|(of, role)| of == prefix && (1..=2).contains(&role))
+            };
+            groups.same.insert(red, (0..names.len()).filter(|&index| is_same(&names[index])).collect());
+        }
+        groups
+    }
+
+    fn note_depth(&mut self, owner: &'a str, rank: usize, index: usize) {
+        let ranked = RankedDepth { rank, index };
+        let best = self.depths.entry(owner).or_insert(ranked);
+        *best = (*best).min(ranked);
+    }
+
+    fn note_position(&mut self, name: &'a str, index: usize) {
+        let Some((prefix, last)) = name.rsplit_once('.') else { return };
+        let group = last_part(prefix).to_ascii_lowercase();
+        let axes = [["x", "r"], ["y", "g"], ["z", "b"]];
+        let axis = axes.iter().position(|names| names.iter().any(|axis| last.eq_ignore_ascii_case(axis)));
+        if let Some(axis) = axis.filter(|_| POSITIONS.contains(&group.as_str())) {
+            self.positions.entry(prefix).or_default()[axis].get_or_insert(index);
+        }
+    }
+
+    /// Whether a letter says depth: beside colour of the same prefix, or at the root. `T` is texture coordinates of all but peels.
+    fn may_say_depth(&self, depth: &NamedDepth<'_>, name: &str) -> bool {
+        let is_t = name.ends_with(['t', 'T']);
+        let is_beside = |prefix: &&str| **prefix == *depth.owner || layer_of(prefix) == depth.owner;
+        let beside_color = self.colors.keys().any(|prefix| is_beside(&prefix));
+        if is_t {
+            beside_color && is_numbered_peel(depth.owner)
+        } else {
+            beside_color || depth.owner.is_empty()
+        }
     }
 
     /// The prefixes of the peels' colour groups, in the order of the table.
@@ -269,18 +415,42 @@ impl<'a> ChannelGroups<'a> {
         // Another pass of a layer (`ViewLayer.DiffCol`) has the layer's depth.
         let outer = layer.rsplit_once('.').map(|(outer, _)| outer);
         let depth = self.depths.get(layer).or_else(|| outer.and_then(|outer| self.depths.get(outer)));
-        Some(PeelChannels {
+        let root_alpha = || self.colors.get("").and_then(|root| root.channels[3]);
+        let alpha = group.channels[3].or_else(|| is_named(prefix, WITHOUT_ALPHA).then(root_alpha).flatten());
+        let mut peel = PeelChannels {
             prefix: layer.to_owned(),
             color: group.color()?,
-            alpha: group.channels[3],
-            depth: depth.map(|&(_, index)| index),
-        })
+            is_chroma: group.chroma().is_some(),
+            alpha,
+            depth: None,
+            same_as_depth: Vec::new(),
+            position: self.position(layer),
+        };
+        self.set_depth(&mut peel, depth);
+        Some(peel)
+    }
+
+    fn set_depth(&self, peel: &mut PeelChannels, depth: Option<&RankedDepth>) {
+        peel.depth = depth.map(|depth| depth.index);
+        peel.same_as_depth = peel.depth.and_then(|depth| self.same.get(&depth)).cloned().unwrap_or_default();
+    }
+
+    /// The channels of the position of the layer `layer`, or of the root.
+    fn position(&self, layer: &str) -> Option<[usize; 3]> {
+        let of = |owner: &str| {
+            let own = |prefix: &str| prefix.rsplit_once('.').map_or("", |(outer, _)| outer) == owner;
+            self.positions.iter().find(|(prefix, _)| own(prefix)).and_then(|(_, axes)| match axes {
+                [Some(x), Some(y), Some(z)] => Some([*x, *y, *z]),
+                _ => None,
+            })
+        };
+        of(layer).or_else(|| of(""))
     }
 
     /// The anti-aliased colour of the peel `prefix`, if that is a numbered one.
     fn beauty(&self, prefix: &str) -> Option<PeelChannels> {
         let group = self.colors.keys().copied().find(|group| is_beauty_of(group, prefix))?;
-        self.peel(group).map(|beauty| PeelChannels { depth: None, ..beauty })
+        self.peel(group).map(PeelChannels::without_depth)
     }
 
     /// A warning if the anti-aliased colour of the peel `prefix` lacks a channel.
@@ -306,9 +476,32 @@ impl<'a> ChannelGroups<'a> {
             && peel.depth.is_none()
         {
             let only = (self.depths.len() == 1).then(|| self.depths.values().next()).flatten();
-            peel.depth = self.depths.get("").or(only).map(|&(_, index)| index);
+            self.set_depth(peel, self.depths.get("").or(only));
         }
     }
+}
+
+impl PeelChannels {
+    /// The same without anything that depth could be made of.
+    pub(super) fn without_depth(self) -> Self {
+        Self { depth: None, same_as_depth: Vec::new(), position: None, ..self }
+    }
+}
+
+/// The prefixes with an `X` channel: vectors, whose `Y` is not grey and whose `Z` is not depth.
+fn vectors<'a>(names: &[&'a str]) -> BTreeSet<&'a str> {
+    names.iter().filter_map(|name| strip_ending(name, "x")).collect()
+}
+
+/// Whether `name` is the last of `Px Py Pz`, a position. That of pbrt is in the camera's space, where the last is depth.
+fn is_split_position(name: &str, names: &[&str]) -> bool {
+    let has = |wanted: &str| names.iter().any(|name| name.eq_ignore_ascii_case(wanted));
+    name.eq_ignore_ascii_case("pz") && has("px") && !has("dzdx")
+}
+
+/// Whether the last part of `prefix` is `name`.
+fn is_named(prefix: &str, name: &str) -> bool {
+    last_part(prefix).eq_ignore_ascii_case(name)
 }
 
 /// `name` without `ending` and the dot before it, if `ending` is its last part or parts; case is ignored.
@@ -322,7 +515,8 @@ fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
 
 /// Prefix and index in [`Group::channels`] of a colour channel.
 fn color_role(name: &str) -> Option<(&str, usize)> {
-    const ENDINGS: [&[&str]; 5] = [&["r", "red"], &["g", "green"], &["b", "blue"], &["a", "alpha"], &["y"]];
+    const ENDINGS: [&[&str]; 7] =
+        [&["r", "red"], &["g", "green"], &["b", "blue"], &["a", "alpha"], &["y"], &["ry"], &["by"]];
     ENDINGS.iter().enumerate().find_map(|(role, endings)| {
         endings.iter().find_map(|ending| strip_ending(name, ending)).map(|prefix| (prefix, role))
     })
@@ -366,6 +560,7 @@ fn order(prefix: &str) -> (String, i64) {
 fn name_depths(peels: &mut [PeelChannels], names: &[&str], requested: &str) -> Result<(), Error> {
     let find = |full: &str| names.iter().position(|name| *name == full);
     for peel in &mut *peels {
+        *peel = std::mem::take(peel).without_depth();
         peel.depth = find(&format!("{}.{requested}", peel.prefix));
     }
     if let [peel] = &mut *peels {

@@ -37,6 +37,8 @@ pub struct ReadOptions {
     pub color_channel: Option<String>,
     /// Name of the depth channel, if the naming table does not have it.
     pub depth_channel: Option<String>,
+    /// The view of a stereo file that is read, by its name; `None` for a file of one view.
+    pub view: Option<String>,
     /// A file with the depth of the colour picture.
     pub depth_file: Option<PathBuf>,
     /// The renderer's own anti-aliased picture of a point-sampled stack: peel 0 takes its colour.

@@ -7,7 +7,7 @@ use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{AlphaMode, ColorRange, Frame, Precision, Window, alpha, guard, tiff_alpha};
+use super::{AlphaMode, ColorRange, Frame, Precision, Window, alpha, depth_picture, guard, tiff_alpha};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -76,14 +76,22 @@ pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<La
     })
 }
 
-/// The red or only channel of a picture as depth.
+/// The requested, red or only channel of a picture as depth.
 ///
 /// # Errors
-/// As [`read_color`].
+/// As [`read_color`]; a picture in colours of which no channel is requested.
 pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane, Vec<Finding>), Error> {
+    let name = opened.name.clone();
     let picture = load(opened, options)?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut plane = Plane::zeros(width, height);
+    let requested = options.depth_channel.as_deref();
+    let chosen =
+        requested.and_then(|name| ["R", "G", "B"].iter().position(|other| name.eq_ignore_ascii_case(other)));
+    if picture.color().has_color() && chosen.is_none() {
+        check_grey(&picture).map_err(|error| error.in_file(&name))?;
+    }
+    let at = chosen.unwrap_or(0);
     let mut findings = Vec::new();
     let values = plane.values_mut();
     match picture.color().bytes_per_pixel() / picture.color().channel_count() {
@@ -91,12 +99,26 @@ pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane
             let text =
                 "depth has 8 bits: its 256 steps are visible in the blur; save it with 16 bits or as OpenEXR";
             findings.push(Finding::warning("depth", text));
-            fill(values, picture.into_rgb8().pixels().map(|pixel| f32::from(pixel[0]) / 255.0));
+            fill(values, picture.into_rgb8().pixels().map(|pixel| f32::from(pixel[at]) / 255.0));
         }
-        2 => fill(values, picture.into_rgb16().pixels().map(|pixel| f32::from(pixel[0]) / 65535.0)),
-        _ => fill(values, picture.into_rgb32f().pixels().map(|pixel| pixel[0])),
+        2 => fill(values, picture.into_rgb16().pixels().map(|pixel| f32::from(pixel[at]) / 65535.0)),
+        _ => fill(values, picture.into_rgb32f().pixels().map(|pixel| pixel[at])),
     }
     Ok((plane, findings))
+}
+
+/// Checks that the three channels of a picture are equal, as in depth that was saved as colour.
+///
+/// # Errors
+/// Those of [`depth_picture::check_equal`].
+fn check_grey(picture: &DynamicImage) -> Result<(), Error> {
+    let rgb = picture.to_rgb32f();
+    let [red, green, blue] = std::array::from_fn(|channel| {
+        let mut plane = Plane::zeros(rgb.width() as usize, rgb.height() as usize);
+        fill(plane.values_mut(), rgb.pixels().map(|pixel| pixel[channel]));
+        plane
+    });
+    depth_picture::check_equal(&red, &[green, blue], "R")
 }
 
 fn fill(values: &mut [f32], from: impl Iterator<Item = f32>) {

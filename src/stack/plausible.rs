@@ -3,11 +3,10 @@
 use super::convention::{self, Conclusion};
 use super::depth_values::DepthValues;
 use super::options::ReadOptions;
-use super::{Peel, depth_specks, depth_steps, inverse_depth, order};
+use super::{Peel, depth_specks, depth_steps, order};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::settings::{DepthConvention, Values};
-use exr::meta::attribute::{AttributeValue, Text};
 use rayon::prelude::*;
 
 /// What is known of a file beside its depths.
@@ -17,8 +16,6 @@ pub(super) struct Known<'a> {
     pub(super) options: &'a ReadOptions,
     /// The camera data of the header.
     pub(super) camera: &'a Values,
-    /// The attributes of the header.
-    pub(super) attributes: &'a [(Text, AttributeValue)],
 }
 
 /// What the depths are, after all checks.
@@ -38,15 +35,11 @@ pub(super) struct Depths {
 /// No depth at all; a part of a file of which only the whole says how it is written.
 pub(super) fn correct(
     peels: &mut [Peel],
-    (mut conclusion, mut finding): (Conclusion, Finding),
+    (conclusion, finding): (Conclusion, Finding),
     known: Known<'_>,
 ) -> Result<Depths, Error> {
     let is_whole = known.options.rows.is_none();
     let values = DepthValues::of(peels);
-    if conclusion.guessed && inverse_depth::is_by_compositor(known.attributes) {
-        let below_one = is_whole.then(|| values.share_below_one());
-        (conclusion, finding) = inverse_depth::conclude(below_one)?;
-    }
     let convention = conclusion.convention;
     let mut findings = vec![finding];
     findings.extend(values.turn_around(peels, convention));

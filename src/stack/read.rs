@@ -11,7 +11,7 @@ use super::windows::{self, place, place_depth};
 use super::{
     Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
     background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout, kind, light,
-    merge_files, names, no_peel, order, picture, rim_depth,
+    merge_files, names, no_peel, order, picture, rim_depth, views,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -35,6 +35,7 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
     let Some((first, others)) = sources.split_first() else {
         return Err(Error::settings("there is no input file").help("name a picture file"));
     };
+    views::check_files(sources)?;
     let is_merged = merge_files::are_elements(sources, options)?;
     if is_merged && let Some(path) = &options.depth_file {
         return Err(Error::settings("merged elements have their own depth")
@@ -55,6 +56,9 @@ pub fn read(sources: &[Source], options: &ReadOptions) -> Result<Stack, Error> {
         ([], None) => {}
         ([], Some(path)) => add_depth(&mut stack, &options.held.source(path), options)?,
         ([depth], None) if stack.lacks_depth() && !has_color(depth)? => {
+            add_depth(&mut stack, depth, options)?;
+        }
+        ([depth], None) if stack.lacks_depth() && is_grey_picture(depth, options)? => {
             add_depth(&mut stack, depth, options)?;
         }
         (peels, None) => {
@@ -132,7 +136,7 @@ fn read_beauty(source: &Source, options: &ReadOptions) -> Result<(Beauty, Vec<Fi
 fn read_main_layer(source: &Source, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
     let mut opened = Opened::open(source)?;
     let mut layers = if opened.is_exr()? {
-        layers::read_exr_picture(ExrFile::open(opened)?.cropped(options.rows.clone()), options)?
+        layers::read_exr_picture(ExrFile::open(opened)?.of_hero().cropped(options.rows.clone()), options)?
     } else {
         picture::read_color(opened, options)?
     };
@@ -165,7 +169,8 @@ impl Layers {
 fn read_layers(source: &Source, options: &ReadOptions) -> Result<Layers, Error> {
     let mut opened = Opened::open(source)?;
     if opened.is_exr()? {
-        layers::read_exr(ExrFile::open(opened)?.cropped(options.rows.clone()), options)
+        let file = ExrFile::open(opened)?.of_requested_view(options)?;
+        layers::read_exr(file.cropped(options.rows.clone()), options)
     } else {
         picture::read_color(opened, options)
     }
@@ -174,7 +179,17 @@ fn read_layers(source: &Source, options: &ReadOptions) -> Result<Layers, Error> 
 fn has_color(source: &Source) -> Result<bool, Error> {
     let mut opened = Opened::open(source)?;
     // A second picture that is not OpenEXR can only be depth.
-    Ok(opened.is_exr()? && names::has_color(&ExrFile::open(opened)?.names()))
+    Ok(opened.is_exr()? && names::has_color(&ExrFile::open(opened)?.of_hero().names()))
+}
+
+/// Whether `source` has one picture, without depth, whose three channels are equal everywhere: depth that was written as colour.
+fn is_grey_picture(source: &Source, options: &ReadOptions) -> Result<bool, Error> {
+    let options = ReadOptions { carry: Carry::None, objects: false, ..options.clone() };
+    let layers = read_layers(source, &options)?;
+    let [Layer { color: [red, green, blue], depth: None, .. }] = layers.peels.as_slice() else {
+        return Ok(false);
+    };
+    Ok(red == green && green == blue)
 }
 
 /// Adds the depth in `source` to the one picture of `stack`.
@@ -182,7 +197,7 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     let mut opened = Opened::open(source)?;
     let name = opened.name.clone();
     let (depth, channel, frame) = if opened.is_exr()? {
-        let file = ExrFile::open(opened)?.cropped(options.rows.clone());
+        let file = ExrFile::open(opened)?.of_requested_view_if_any(options)?.cropped(options.rows.clone());
         // The program that wrote the depth determines its convention, so the attributes of its header replace those of the colour.
         let identifying = identifying_attributes(file.attributes());
         stack.attributes.retain(|(name, _)| !identifying.iter().any(|(other, _)| other == name));
@@ -229,7 +244,11 @@ fn placed(own: Frame, other: Frame, options: &ReadOptions) -> Option<Window> {
 fn identifying_attributes(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
     let identifies = |name: &Text| {
         let name = name.to_string();
-        name == "generatedBy" || name == "BlenderMultiChannel" || name.starts_with("thinlens.")
+        name == "generatedBy"
+            || name == "BlenderMultiChannel"
+            || name.starts_with("nuke/")
+            || name.starts_with("unreal/")
+            || name.starts_with("thinlens.")
     };
     attributes.into_iter().filter(|(name, _)| identifies(name)).collect()
 }
@@ -304,10 +323,12 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         header: camera.convention,
         attributes: &attributes,
         depth_channel: &depth_channel,
+        depths: peels.first().map_or(&[], |peel| peel.depth.values()),
     };
-    let known = Known { options, camera: &camera, attributes: &attributes };
+    let concluded = convention::conclude(evidence);
+    let known = Known { options, camera: &camera };
     let Depths { convention, near_is_one, findings: of_depth } =
-        plausible::correct(&mut peels, convention::conclude(evidence), known).map_err(in_file)?;
+        plausible::correct(&mut peels, concluded, known).map_err(in_file)?;
     findings.extend(of_depth);
     if options.alpha.is_none() {
         findings.extend(alpha::doubt(&peels));

@@ -18,6 +18,7 @@ mod render;
 mod settings;
 mod streams;
 mod windows;
+mod views;
 
 use program::stderr;
 use std::process::Output;
