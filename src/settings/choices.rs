@@ -51,6 +51,8 @@ pub enum AlphaMode {
     Premultiplied,
     /// Colour is not multiplied by alpha.
     Straight,
+    /// Alpha is left out: every pixel is opaque.
+    Opaque,
 }
 
 /// What the colours and the alpha of a stack's fragments represent.
@@ -123,7 +125,8 @@ words! { DepthConvention, open: "auto" "From the file";
 
 words! { AlphaMode, open: "auto" "As the file's format has it";
     Premultiplied "premultiplied" "Colour is multiplied by alpha",
-    Straight "straight" "Colour is not multiplied by alpha"
+    Straight "straight" "Colour is not multiplied by alpha",
+    Opaque "opaque" "Alpha is left out: every pixel is opaque"
 }
 
 words! { StackKind, open: "auto" "From the edges around each pixel";
@@ -156,7 +159,7 @@ mod tests {
         ] {
             assert_eq!(json(value), value.name());
         }
-        for value in [AlphaMode::Premultiplied, AlphaMode::Straight] {
+        for value in [AlphaMode::Premultiplied, AlphaMode::Straight, AlphaMode::Opaque] {
             assert_eq!(json(value), value.name());
         }
         for value in

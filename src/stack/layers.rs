@@ -87,8 +87,10 @@ pub(super) struct Layers {
 impl Layer {
     /// The layer, its colour multiplied by alpha if `alpha` says that the file has it straight.
     pub(super) fn premultiplied(mut self, alpha: Option<AlphaMode>) -> Self {
-        if alpha == Some(AlphaMode::Straight) {
-            alpha::premultiply(&mut self.color, &self.alpha);
+        match alpha {
+            Some(AlphaMode::Straight) => alpha::premultiply(&mut self.color, &self.alpha),
+            Some(AlphaMode::Opaque) => self.alpha.values_mut().fill(1.0),
+            Some(AlphaMode::Premultiplied) | None => {}
         }
         self
     }

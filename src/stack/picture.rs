@@ -7,7 +7,7 @@ use super::input::Opened;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::{self, Replaced};
-use super::{AlphaMode, ColorRange, Frame, Precision, Window, alpha, depth_picture, guard, tiff_alpha};
+use super::{AlphaMode, ColorRange, Frame, Precision, Window, depth_picture, guard, tiff_alpha};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -36,9 +36,6 @@ pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<La
     let mut replaced = Replaced::default();
     color.iter_mut().for_each(|plane| sanitise::color(plane.values_mut(), &mut replaced));
     sanitise::alpha(alpha.values_mut(), &mut replaced);
-    if has_alpha && mode == AlphaMode::Straight {
-        alpha::premultiply(&mut color, &alpha);
-    }
     let mut findings = Vec::new();
     if let Some(depth) = coded {
         let text = format!("{depth} colour is assumed sRGB, decoded to linear light");
@@ -57,6 +54,7 @@ pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<La
     let found = "a picture without depth".to_owned();
     let (prefix, depth_channel) = (String::new(), String::new());
     let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found };
+    let layer = layer.premultiplied(has_alpha.then_some(mode));
     let (attributes, channels, cryptomattes) = (Vec::new(), Vec::new(), Vec::new());
     let peels = vec![layer];
     Ok(Layers {
