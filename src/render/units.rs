@@ -73,8 +73,7 @@ fn fact(in_use: &DepthInUse, set: Setting) -> Option<String> {
     let [least_px, most_px] = in_use.coc_px;
     let (width_px, focus) = (in_use.width_px, set.focus);
     let blur_px = BLUR.0.max(BLUR.1 * width_px);
-    let is_outside = focus > OUTSIDE * far || focus * OUTSIDE < near;
-    if is_outside && focus.is_finite() && least_px > 0.0 {
+    if is_outside(in_use, focus) && focus.is_finite() && least_px > 0.0 {
         let factor = if focus > far { focus / far } else { near / focus };
         let blur = if least_px >= blur_px {
             format!("everything is blurred, by a CoC radius of at least {} px", short(least_px))
@@ -104,11 +103,18 @@ fn fact(in_use: &DepthInUse, set: Setting) -> Option<String> {
         .then(|| format!("everything is blurred, by a CoC radius of at least {} px", short(least_px)))
 }
 
+/// Whether `focus` is far nearer or farther than all depths.
+fn is_outside(in_use: &DepthInUse, focus: f32) -> bool {
+    let [near, far] = in_use.range;
+    focus > OUTSIDE * far || focus * OUTSIDE < near
+}
+
 /// What to do: the likely unit with its setting, or what there is to check.
 fn advice(in_use: &DepthInUse, set: Setting) -> String {
     let [near, far] = in_use.range;
     let is_within = |focus: f32| focus >= near / NEARLY && focus <= far * NEARLY;
-    if set.is_given && !is_within(set.focus) {
+    let is_unusual = is_outside(in_use, set.focus) || likely_by_size(in_use, set).is_some();
+    if set.is_given && is_unusual && !is_within(set.focus) {
         // A focus distance that was typed in metres.
         let metres = set.focus;
         let in_units = |&&(_, unit): &&(&str, f32)| unit != set.metres_per_unit && is_within(metres / unit);
@@ -207,6 +213,10 @@ mod tests {
     fn focus_beside_the_depths_is_said_where_it_shows() {
         let text = doubted([3.0, 12.0], 2.0, 1.0).unwrap();
         assert!(text.starts_with("everything is blurred"), "{text}");
+        assert!(
+            text.ends_with("check `metres_per_unit`, and `focus_distance`, which is in these units"),
+            "{text}"
+        );
         assert_eq!(doubted([3.0, 12.0], 2.9, 1.0), None);
     }
 
