@@ -10,7 +10,7 @@ use thinlens::gpu::DeviceChoice;
 use thinlens::memory::{memory_limit_bytes, parse_bytes};
 use thinlens::render::{Job, NamedPreset};
 use thinlens::settings::{Effort, Preset, Quality, Switches, Values};
-use thinlens::stack::{Carry, FramedImage, Held, ReadOptions, Source, read_framed};
+use thinlens::stack::{Carry, CheckedPicture, Held, ReadOptions, Source, read_checked};
 
 /// Default number of pixels at which the sampling error is measured.
 pub(super) const DEFAULT_PROBES: &str = "400";
@@ -265,10 +265,10 @@ pub(super) fn stack_job(
 ///
 /// # Errors
 /// Those of reading.
-pub(super) fn read_input(path: &Path, memory: Option<u64>) -> Result<FramedImage, Error> {
+pub(super) fn read_input(path: &Path, memory: Option<u64>) -> Result<CheckedPicture, Error> {
     let mut held = Held::default();
     held.hold(path, memory.unwrap_or_else(memory_limit_bytes) / 2)?;
-    read_framed(&held.source(path), &ReadOptions { max_bytes: memory, ..ReadOptions::default() })
+    read_checked(&held.source(path), &ReadOptions { max_bytes: memory, ..ReadOptions::default() })
 }
 
 impl JobArgs {

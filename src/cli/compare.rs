@@ -72,6 +72,10 @@ pub(super) fn run(args: &CompareArgs, console: &Console, methods: &Registry) -> 
     let frame = prepared.stack.picture_frame();
     let (part, reference) = match reference {
         Some(reference) => {
+            if let Some(file) = &args.reference {
+                console.replaced(file, reference.replaced);
+            }
+            let reference = reference.picture;
             let parts = frame.shared_with(&reference.frame)?;
             console.compared(parts, [&frame, &reference.frame]);
             (parts[0], Some(reference.part(parts[1])))

@@ -55,6 +55,13 @@ impl Console {
         }
     }
 
+    /// Prints what was replaced in the picture `file`, if anything.
+    pub(super) fn replaced(self, file: &Path, replaced: Option<Finding>) {
+        let named =
+            |finding: Finding| Finding { text: format!("{}: {}", file.display(), finding.text), ..finding };
+        self.findings(&replaced.map(named).into_iter().collect::<Vec<_>>());
+    }
+
     /// Prints one line per finding about the input.
     pub(super) fn findings(self, findings: &[Finding]) {
         for Finding { about, text, warning: warns } in findings {

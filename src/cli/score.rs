@@ -5,8 +5,10 @@ use super::checks;
 use super::console::{Console, print, print_json};
 use super::failure::Failure;
 use clap::Args;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use thinlens::error::Error;
+use thinlens::image::Image;
 use thinlens::memory::parse_bytes;
 use thinlens::metrics::{Pair, Score};
 use thinlens::output::{atomic, png};
@@ -49,6 +51,8 @@ struct ScoreReport {
     #[serde(flatten)]
     score: Score,
     hdr_flip: Option<f64>,
+    /// Pixels of which either picture has no number: they count as black against white.
+    broken_pixels: usize,
     /// The part of the picture that is compared, in pixels of its data window.
     compared: Window,
 }
@@ -65,12 +69,17 @@ pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
     }
     let image = read_input(&args.image, args.memory)?;
     let reference = read_input(&args.reference, args.memory)?;
-    let parts = image.frame.shared_with(&reference.frame)?;
-    Console::new(false).compared(parts, [&image.frame, &reference.frame]);
-    let (image, reference) = (image.part(parts[0]), reference.part(parts[1]));
+    let parts = image.picture.frame.shared_with(&reference.picture.frame)?;
+    let console = Console::new(false);
+    console.compared(parts, [&image.picture.frame, &reference.picture.frame]);
+    console.replaced(&args.image, image.replaced);
+    console.replaced(&args.reference, reference.replaced);
+    let mut pictures = [image.picture.part(parts[0]), reference.picture.part(parts[1])];
+    let broken = mark_broken(&mut pictures, parts, [image.broken, reference.broken]);
+    let [image, reference] = pictures;
     let pair = Pair::new(&image, &reference, args.border)?;
     let hdr_flip = args.hdr_flip.then(|| pair.hdr_flip());
-    let report = ScoreReport { score: pair.score(), hdr_flip, compared: parts[0] };
+    let report = ScoreReport { score: pair.score(), hdr_flip, broken_pixels: broken, compared: parts[0] };
     if let Some(map) = &args.map {
         png::write_false_color(map, &pair.flip_map())?;
         Console::new(false).wrote(map);
@@ -81,6 +90,26 @@ pub(super) fn run(args: &ScoreArgs) -> Result<(), Failure> {
         print(&in_words(&report))?;
     }
     Ok(())
+}
+
+/// Makes the pixels of two `pictures` that are `broken` in either differ as black from white, and counts them. `parts` are the windows of the
+/// pictures in their data windows, which have the broken pixels.
+fn mark_broken(pictures: &mut [Image; 2], parts: [Window; 2], broken: [Vec<[usize; 2]>; 2]) -> usize {
+    let within = |part: Window, [x, y]: [usize; 2]| {
+        let x = x.checked_sub(part.x.unsigned_abs() as usize).filter(|x| *x < part.width)?;
+        let y = y.checked_sub(part.y.unsigned_abs() as usize).filter(|y| *y < part.height)?;
+        Some([x, y])
+    };
+    let places = parts.into_iter().zip(broken).flat_map(|(part, broken)| {
+        broken.into_iter().filter_map(move |place| within(part, place)).collect::<Vec<_>>()
+    });
+    let places: BTreeSet<[usize; 2]> = places.collect();
+    for &[x, y] in &places {
+        for (picture, value) in pictures.iter_mut().zip([0.0, 1.0]) {
+            picture.planes.iter_mut().for_each(|plane| plane.set(x, y, value));
+        }
+    }
+    places.len()
 }
 
 impl ScoreArgs {

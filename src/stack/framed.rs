@@ -2,6 +2,7 @@
 
 use super::{Frame, Window};
 use crate::error::Error;
+use crate::finding::Finding;
 use crate::image::Image;
 
 /// A picture with its data and display window.
@@ -11,6 +12,18 @@ pub struct FramedImage {
     pub image: Image,
     /// Its windows.
     pub frame: Frame,
+}
+
+/// A picture as it is compared, with what a file has instead of numbers.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct CheckedPicture {
+    /// The picture, its values all finite.
+    pub picture: FramedImage,
+    /// What was replaced for that, if anything.
+    pub replaced: Option<Finding>,
+    /// The pixels of an OpenEXR whose colour is NaN or infinite in the file, as column and row of the data window.
+    pub broken: Vec<[usize; 2]>,
 }
 
 impl FramedImage {

@@ -179,6 +179,22 @@ pub(super) fn read_exr_picture(file: ExrFile, options: &ReadOptions) -> Result<L
     read_assigned(file, Assigned { peels: vec![peel], ..Assigned::default() }, &options)
 }
 
+/// The pixels of the main picture of an OpenEXR file whose colour is NaN or infinite, as column and row of its data window.
+///
+/// # Errors
+/// As [`read_exr`].
+pub(super) fn broken_pixels(file: ExrFile, options: &ReadOptions) -> Result<Vec<[usize; 2]>, Error> {
+    let peel = names::picture(&file.names()).map_err(|error| error.in_file(&file.name))?;
+    // Depth is decoded as it is.
+    let requested = peel.color.map(|index| (index, Use::Depth));
+    let (decoded, _) = decode(file, &requested, options.max_bytes)?;
+    let color: Vec<Plane> = planes(decoded.into_iter()).collect();
+    let (width, height) = color.first().map_or((0, 0), |plane| (plane.width(), plane.height()));
+    let is_broken = |&[x, y]: &[usize; 2]| color.iter().any(|plane| !plane.get(x, y).is_finite());
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+    Ok(places.filter(is_broken).collect())
+}
+
 /// Decodes one channel of an OpenEXR file as depth, and returns its name and its windows.
 ///
 /// # Errors

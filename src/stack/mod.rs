@@ -71,12 +71,12 @@ pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
 pub use footprint::{Footprint, footprint};
 pub(crate) use frame_number::{Numbered, frame_number, frame_numbers};
-pub use framed::FramedImage;
+pub use framed::{CheckedPicture, FramedImage};
 pub(crate) use header::header_text;
 pub use held::{Held, STDIN, is_read_once};
 pub use light::LIGHT_ALPHA;
 pub use options::{Carry, ReadOptions, Source};
-pub use read::{read, read_framed, read_framed_picture, read_picture};
+pub use read::{read, read_checked, read_framed, read_framed_picture, read_picture};
 pub use views::{ALL_VIEWS, views};
 
 use crate::finding::Finding;

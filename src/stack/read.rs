@@ -9,9 +9,9 @@ use super::options::{Carry, ReadOptions, Source};
 use super::plausible::{self, Depths, Known};
 use super::windows::{self, place, place_depth};
 use super::{
-    Antialiasing, Carried, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window, alpha,
-    background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout, kind, light,
-    merge_files, names, no_peel, order, picture, rim_depth, views,
+    Antialiasing, Carried, CheckedPicture, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window,
+    alpha, background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout, kind,
+    light, merge_files, names, no_peel, order, picture, rim_depth, views,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -114,10 +114,31 @@ pub fn read_framed_picture(path: &Path) -> Result<FramedImage, Error> {
 /// # Errors
 /// As [`read`].
 pub fn read_framed(source: &Source, options: &ReadOptions) -> Result<FramedImage, Error> {
-    let (Layer { color: [red, green, blue], alpha, window, .. }, Layers { frame, .. }) =
-        read_main_layer(source, options)?;
+    read_main_layer(source, options).map(framed)
+}
+
+/// [`read_framed`], with what was replaced in the picture.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_checked(source: &Source, options: &ReadOptions) -> Result<CheckedPicture, Error> {
+    let (layer, layers) = read_main_layer(source, options)?;
+    let replaced = layers.replaced;
+    let mut broken = Vec::new();
+    if replaced.nan + replaced.infinite > 0 {
+        let mut opened = Opened::open(source)?;
+        if opened.is_exr()? {
+            broken = layers::broken_pixels(ExrFile::open(opened)?, options)?;
+        }
+    }
+    Ok(CheckedPicture { picture: framed((layer, layers)), replaced: replaced.finding(), broken })
+}
+
+/// The main layer of a file as a picture with its windows.
+fn framed((layer, Layers { frame, .. }): (Layer, Layers)) -> FramedImage {
+    let Layer { color: [red, green, blue], alpha, window, .. } = layer;
     let image = Image { planes: [red, green, blue, alpha] };
-    Ok(FramedImage { image, frame: Frame { data: window, ..frame } })
+    FramedImage { image, frame: Frame { data: window, ..frame } }
 }
 
 /// Reads the main picture of a file as the beauty of a stack, with what was found of it.

@@ -27,6 +27,29 @@ fn a_picture_scored_against_itself_has_no_error() {
 }
 
 #[test]
+fn a_pixel_that_is_no_number_counts_as_black_against_white_and_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let window = Window { x: 0, y: 0, width: 40, height: 25 };
+    let mut picture = Image::from_fn(40, 25, |x, _| [0.5, 0.01 * x as f32, 0.2, 1.0]);
+    write_part(&folder.path().join("whole.exr"), &picture, window);
+    picture.planes[0].set(7, 3, f32::NAN);
+    picture.planes[1].set(39, 24, f32::INFINITY);
+    write_part(&folder.path().join("broken.exr"), &picture, window);
+    // Two pixels of a thousand have an error of 1.
+    for pair in [["broken.exr", "broken.exr"], ["broken.exr", "whole.exr"], ["whole.exr", "broken.exr"]] {
+        let output = run(folder.path(), &["score", pair[0], pair[1], "--json"]);
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert!((json["psnr_db"].as_f64().unwrap() - 10.0 * 500_f64.log10()).abs() < 0.01, "{json}");
+        assert_eq!(json["broken_pixels"], 2);
+        let said = stderr(&output);
+        assert!(
+            said.contains("broken.exr: 1 colour values were NaN, set to 0; 1 colour values were infinite"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn score_can_measure_hdr_flip_and_write_a_map_of_flip() {
     let folder = tempfile::tempdir().unwrap();
     let sample = |name: &str| format!("{}/samples/fence/{name}.exr", env!("CARGO_MANIFEST_DIR"));
