@@ -73,7 +73,7 @@ fn fact(in_use: &DepthInUse, set: Setting) -> Option<String> {
     let [least_px, most_px] = in_use.coc_px;
     let (width_px, focus) = (in_use.width_px, set.focus);
     let blur_px = BLUR.0.max(BLUR.1 * width_px);
-    if is_outside(in_use, focus) && focus.is_finite() && least_px > 0.0 {
+    if is_outside(in_use, focus) && least_px >= NO_BLUR_PX {
         let factor = if focus > far { focus / far } else { near / focus };
         let blur = if least_px >= blur_px {
             format!("everything is blurred, by a CoC radius of at least {} px", short(least_px))

@@ -49,12 +49,19 @@ pub(super) fn are_numbered(sources: &[Source]) -> bool {
 /// Refuses `sources` that are frames of a sequence by their names.
 ///
 /// # Errors
-/// Names that differ in a number of three digits or more alone. Numbers of peels and layers (`peel0`, `layer_1`) are not of frames.
+/// Names that differ in a number of three digits or more alone. Numbers of peels (`peel0`, `peel_001`) are not of frames.
 pub(super) fn check_names(sources: &[Source]) -> Result<(), Error> {
     match digits(sources) {
-        Some(digits) if digits >= FRAME_DIGITS => Err(frames(sources.iter().map(Source::base_name))),
+        Some(digits) if digits >= FRAME_DIGITS && !sources.iter().all(is_called_peel) => {
+            Err(frames(sources.iter().map(Source::base_name)))
+        }
         _ => Ok(()),
     }
+}
+
+/// Whether a word in the file's name is that of a peel.
+fn is_called_peel(source: &Source) -> bool {
+    source.base_name().to_ascii_lowercase().contains("peel")
 }
 
 /// The most digits of the number in which alone the names of `sources` differ, if there is one.
@@ -221,6 +228,7 @@ mod tests {
             ["front.exr", "back.exr"],
             ["front.0001.exr", "back.0002.exr"],
             ["crown1.exr", "crown2.exr"],
+            ["peel_000.exr", "peel_001.exr"],
         ] {
             assert!(!refused(&peels), "{peels:?}");
         }

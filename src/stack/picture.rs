@@ -94,9 +94,7 @@ pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane
     let values = plane.values_mut();
     match picture.color().bytes_per_pixel() / picture.color().channel_count() {
         1 => {
-            let text =
-                "depth has 8 bits: its 256 steps are visible in the blur; save it with 16 bits or as OpenEXR";
-            findings.push(Finding::warning("depth", text));
+            findings.push(Finding::warning("depth", EIGHT_BITS));
             fill(values, picture.into_rgb8().pixels().map(|pixel| f32::from(pixel[at]) / 255.0));
         }
         2 => fill(values, picture.into_rgb16().pixels().map(|pixel| f32::from(pixel[at]) / 65535.0)),
@@ -104,6 +102,10 @@ pub(super) fn read_depth(opened: Opened, options: &ReadOptions) -> Result<(Plane
     }
     Ok((plane, findings))
 }
+
+/// What is said of depth of 8 bits.
+pub(super) const EIGHT_BITS: &str =
+    "depth has 8 bits: its 256 steps are visible in the blur; save it with 16 bits or as OpenEXR";
 
 /// Checks that the three channels of a picture are equal, as in depth that was saved as colour.
 ///

@@ -16,6 +16,8 @@ pub(super) struct Known<'a> {
     pub(super) options: &'a ReadOptions,
     /// The camera data of the header.
     pub(super) camera: &'a Values,
+    /// Whether it is said that depth has 8 bits.
+    pub(super) has_8_bits: bool,
 }
 
 /// What the depths are, after all checks.
@@ -51,7 +53,7 @@ pub(super) fn correct(
         };
         findings.extend(values.check(writes_zero)?);
         findings.extend(values.doubt());
-        findings.extend(depth_steps::doubt(peels, convention));
+        findings.extend(depth_steps::doubt(peels, convention).filter(|_| !known.has_8_bits));
     }
     let near_is_one = convention == DepthConvention::Normalised && near_is_one(known);
     if near_is_one {

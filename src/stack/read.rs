@@ -347,7 +347,8 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         depths: peels.first().map_or(&[], |peel| peel.depth.values()),
     };
     let concluded = convention::conclude(evidence);
-    let known = Known { options, camera: &camera };
+    let has_8_bits = findings.iter().any(|finding| finding.text == picture::EIGHT_BITS);
+    let known = Known { options, camera: &camera, has_8_bits };
     let Depths { convention, near_is_one, findings: of_depth } =
         plausible::correct(&mut peels, concluded, known).map_err(in_file)?;
     findings.extend(of_depth);

@@ -5,7 +5,8 @@ use crate::warnings;
 use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use thinlens::error::ErrorKind;
-use thinlens::settings::{AlphaMode, DepthConvention};
+use thinlens::render::{Job, prepare_stack};
+use thinlens::settings::{AlphaMode, DepthConvention, Effort, Focus, Values};
 use thinlens::stack::{ReadOptions, Source, Stack, StackKind, read};
 
 const SIZE: (usize, usize) = (24, 16);
@@ -173,4 +174,29 @@ fn straight_alpha_is_doubted_where_it_shows_and_premultiplied_on_request() {
     let read = read_with(straight(), &options);
     assert!(!doubted(&read));
     assert_eq!(read.peels, premultiplied.peels);
+}
+
+#[test]
+fn a_scene_in_centimetres_read_as_metres_is_named_and_one_in_metres_is_not() {
+    let doubts = |scale: f32, focus: f32, metres_per_unit: f32| -> Vec<String> {
+        let depth = block(3.0 * scale, 12.0 * scale, 0);
+        let flags = Values {
+            focus: Some(Focus::Distance(focus)),
+            focal_length_mm: Some(135.0),
+            f_number: Some(1.0),
+            metres_per_unit: Some(metres_per_unit),
+            effort: Some(Effort::Views(4)),
+            ..Values::default()
+        };
+        let stack = stack_of(vec![picture("Z", depth)]);
+        let prepared =
+            prepare_stack(stack, &Job { flags, ..Job::default() }).unwrap_or_else(|error| panic!("{error}"));
+        let findings = prepared.stack.findings.into_iter().filter(|finding| finding.about == "units");
+        findings.map(|finding| finding.text).collect()
+    };
+    assert!(doubts(1.0, 3.0, 1.0).is_empty() && doubts(100.0, 300.0, 0.01).is_empty());
+    for focus in [3.0, 300.0] {
+        let said = doubts(100.0, focus, 1.0);
+        assert!(said[0].contains("300 to 1200") && said[0].contains("`metres_per_unit = 0.01`"), "{said:?}");
+    }
 }
