@@ -11,8 +11,12 @@
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 #[expect(dead_code, reason = "other tests use the rest")]
+#[path = "fixtures/deep.rs"]
+mod deep_fixtures;
+#[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
 
+use deep_fixtures::{DeepPart, deep_bytes, grey};
 use fixtures::{Part, exr_bytes};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -102,6 +106,14 @@ fn make_files(folder: &Path) {
         for name in [format!("peel{peel}.exr"), format!("peel{peel}.0001.exr")] {
             fs::write(folder.join(name), &bytes).unwrap();
         }
+    }
+    for (name, depth) in [("near", 1), ("far", 4)] {
+        let part = Part::flat((32, 18), &format!("R=0.5 G=0.5 B=0.5 A=0.5 Z={depth}"));
+        fs::write(folder.join(format!("{name}.exr")), exr_bytes(vec![part])).unwrap();
+    }
+    for (name, depth) in [("trees", 2.0), ("balls", 3.0)] {
+        let part = DeepPart::surfaces(32, 18, move |_, _| vec![grey(depth, 0.25, 0.5)]);
+        fs::write(folder.join(format!("{name}.exr")), deep_bytes(&[part])).unwrap();
     }
     let pages = blocks(&Page::read(&Path::new(ROOT).join("docs/focus.md")).text);
     let pull = pages.iter().find(|block| block.starts_with("[[lens.focus_keys]]")).unwrap();

@@ -102,7 +102,7 @@ def flattened(pixel):
 def compare(program, paths, what):
     """The largest difference between thinlens's picture and the samples."""
     output = Path(tempfile.mkdtemp()) / "seen.exr"
-    command = [program, "render", *map(str, paths), "--f-number", "inf", "--precision", "float", "-o", str(output)]
+    command = [program, "render", *map(str, paths), "--f-number", "inf", "--focus", "3", "--precision", "float", "-o", str(output)]
     subprocess.run(command, check=True, capture_output=True)
     seen = OpenEXR.File(str(output)).parts[0].channels["RGBA"].pixels
     expected = np.array([[flattened(pixel) for pixel in row] for row in samples(paths)])

@@ -325,3 +325,11 @@ fn negative_depth_of_deep_samples_is_the_distance_along_an_axis_that_points_back
     });
     assert_eq!(stack_of(&[deep(&[behind])]).peels, stack_of(&[deep(&[before])]).peels);
 }
+
+#[test]
+fn deep_samples_without_alpha_are_opaque_and_said_to_be() {
+    let part = DeepPart::surfaces(2, 2, |_, _| vec![vec![0.5, 0.5, 0.5, 3.0], vec![0.25, 0.25, 0.25, 2.0]]);
+    let stack = stack_of(&[deep(&[DeepPart { channels: vec!["B", "G", "R", "Z"], ..part }])]);
+    assert_eq!(first_pixels(&stack), [[0.25, 0.25, 0.25, 1.0, 2.0], [0.5, 0.5, 0.5, 1.0, 3.0]]);
+    assert!(warnings(&stack).iter().any(|text| text.contains("no channel A")), "{:?}", stack.findings);
+}

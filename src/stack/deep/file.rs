@@ -64,6 +64,7 @@ fn open_parts(file: ExrFile, source: &Source, options: &ReadOptions) -> Result<D
         _ => return Err(Error::input("the file has no deep picture")),
     };
     let depth_channel = first.depth.map_or_else(String::new, |depth| names[depth].to_owned());
+    findings.extend(opaque(&layouts));
     findings.extend(left_out(&file, &layouts));
     let (name, frame, attributes) = (file.name.clone(), file.frame(part), file.attributes());
     let frame = Frame { data: file.whole_window(part), ..frame };
@@ -133,6 +134,12 @@ fn back_of(file: &ExrFile, deep: &[usize], depth: usize) -> Option<usize> {
     let mut fitting =
         channels.filter(|back| back.part == front.part && back.name.eq_ignore_ascii_case(&name));
     fitting.next().map(|back| back.index)
+}
+
+/// A warning about samples that do not say how opaque they are.
+fn opaque(layouts: &[(usize, Layout)]) -> Option<Finding> {
+    let text = "the deep samples have no channel A: each is taken as opaque";
+    layouts.iter().any(|(_, layout)| layout.roles[ALPHA].is_none()).then(|| Finding::warning("alpha", text))
 }
 
 /// A note about what is not read of the file.
