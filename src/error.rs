@@ -214,7 +214,8 @@ impl fmt::Display for Error {
             }
         }
         if let Some(source) = &self.source {
-            write!(f, "\n  cause: {}", shown(&source.to_string()))?;
+            // Some decoders explain themselves on several lines.
+            write!(f, "\n  cause: {}", shown(&source.to_string().replace('\n', "; ")))?;
         }
         for (label, text) in help {
             write!(f, "\n  {label}: {}", shown(text))?;

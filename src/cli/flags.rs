@@ -113,7 +113,8 @@ fn parser(setting: &'static Setting) -> ValueParser {
     let expected = move || format!("it must be {}", setting.expected());
     let checked = move |written: Written| {
         let refused = USAGE.contains(&setting.key) && !setting.kind.allows(&written.value);
-        if refused { Err(expected()) } else { Ok(written) }
+        let remedy = || setting.remedy(&written.value).map(|help| format!("; {help}")).unwrap_or_default();
+        if refused { Err(keys_to_flags(&(expected() + &remedy()))) } else { Ok(written) }
     };
     match setting.kind {
         Kind::Number(_) => ValueParser::from(move |text: &str| {

@@ -7,7 +7,7 @@
 //! Cost: the first pass, and the surroundings of every band. Limits: OpenEXR in and out; methods that say how far a pixel depends on its
 //! surroundings ([`crate::methods::Method::rows_around`]); neither the sampling error nor the confidence mask, which need a second copy.
 
-use super::job::{self, Job};
+use super::job::{self, Job, limit_bytes};
 use super::layout::{Band, Layout};
 use super::survey::{self, Survey};
 use super::{Rendered, paint, stages};
@@ -17,7 +17,7 @@ use crate::finish;
 use crate::gpu::{self, Device, Gpu};
 use crate::image::Image;
 use crate::lens::{Optics, ROW_SETS};
-use crate::memory::{memory_limit_bytes, shown_bytes};
+use crate::memory::shown_bytes;
 use crate::methods::{self, Plan, Progress, Target};
 use crate::output::Made;
 use crate::output::exr::{self, Codec, ExrOptions, Rows};
@@ -96,13 +96,6 @@ pub fn fits_into_memory(job: &Job) -> Result<bool, Error> {
 fn footprint(job: &Job) -> Result<Footprint, Error> {
     job::check(job)?;
     stack::footprint(&job.sources, &job::read_options(job))
-}
-
-/// Bytes of memory that `job` may use: [`Job::memory`], or three quarters of what the process has, without the inputs that
-/// are held in memory.
-pub fn limit_bytes(job: &Job) -> u64 {
-    let limit = job.memory.unwrap_or_else(|| memory_limit_bytes() / 4 * 3);
-    limit.saturating_sub(job.read_options.held.bytes())
 }
 
 /// A bound for the memory that `job` takes, in bytes: as a whole if it fits into [`limit_bytes`], else in bands, which take all of that.

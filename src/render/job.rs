@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::finding::Finding;
 use crate::gpu::DeviceChoice;
 use crate::image::Image;
+use crate::memory::memory_limit_bytes;
 use crate::methods::{self, Registry};
 use crate::scene::{self, FrameNumber};
 use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Setting, Settings, Switches, Value, Values};
@@ -73,7 +74,7 @@ impl Job {
     /// # Errors
     /// Those of [`stack::Held::hold`].
     pub fn held(mut self) -> Result<Self, Error> {
-        let (max_bytes, mut held) = (super::memory_limit_bytes(&self) / 2, stack::Held::default());
+        let (max_bytes, mut held) = (limit_bytes(&self) / 2, stack::Held::default());
         let aperture = user_layers(&self).filter_map(|(_, values)| values.aperture_image.as_deref()).last();
         for path in self.files().chain(aperture) {
             held.hold(path, max_bytes.saturating_sub(held.bytes()))?;
@@ -121,6 +122,13 @@ impl Job {
     pub fn with_methods(self, methods: Registry) -> Self {
         Self { methods, ..self }
     }
+}
+
+/// Bytes of memory that `job` may use: [`Job::memory`], or three quarters of what the process has, without the inputs that
+/// are held in memory.
+pub fn limit_bytes(job: &Job) -> u64 {
+    let limit = job.memory.unwrap_or_else(|| memory_limit_bytes() / 4 * 3);
+    limit.saturating_sub(job.read_options.held.bytes())
 }
 
 /// Layers of values, lowest first.
@@ -188,11 +196,12 @@ const MAX_APERTURE_BYTES: u64 = 1 << 30;
 
 /// The aperture image at `path`: transmittance by pixel, 0 where the image is transparent.
 fn mask(job: &Job, path: &Path) -> Result<Mask, Error> {
-    let limit = super::memory_limit_bytes(job).min(MAX_APERTURE_BYTES);
+    let limit = limit_bytes(job).min(MAX_APERTURE_BYTES);
     let options = ReadOptions { max_bytes: Some(limit), ..ReadOptions::default() };
     let read = stack::read_framed(&job.read_options.held.source(path), &options);
-    let Image { planes: [red, green, blue, _] } =
-        read.map_err(|error| error.with("used as", "`aperture_image`"))?.image;
+    let Image { planes: [red, green, blue, _] } = read
+        .map_err(|error| error.with("used as", "`aperture_image`, for which 1000 pixels across are plenty"))?
+        .image;
     let light = red.values().iter().zip(green.values()).zip(blue.values());
     Ok(Mask {
         name: path.display().to_string(),

@@ -16,10 +16,10 @@ mod units;
 
 #[cfg(feature = "cli")]
 pub(crate) use bands::in_bands_with;
-pub use bands::{Bands, fits_into_memory, in_bands, limit_bytes as memory_limit_bytes, memory_bytes};
+pub use bands::{Bands, fits_into_memory, in_bands, memory_bytes};
 pub use decisions::Decisions;
 pub use digest::digest;
-pub use job::{Job, NamedPreset};
+pub use job::{Job, NamedPreset, limit_bytes as memory_limit_bytes};
 pub use rendered::Rendered;
 
 use crate::cost::{self, Calibration, Remark};

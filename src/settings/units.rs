@@ -124,7 +124,7 @@ impl Setting {
     }
 
     /// Why it does not accept `value`, where that is a frequent mistake.
-    pub(super) fn remedy(&self, value: &Value) -> Option<String> {
+    pub fn remedy(&self, value: &Value) -> Option<String> {
         match (self.kind, value) {
             (Kind::Number(_), Value::Number(number)) if *number < 0.0 && self.unit == DEPTH_UNITS => {
                 Some(format!(

@@ -10,8 +10,8 @@ use super::header::ExrFile;
 use super::input::Opened;
 use super::layers::{channels_to_read, frame_of};
 use super::names::PeelChannels;
-use super::options::{Carry, ReadOptions, Source};
-use super::{Frame, Window, camera, deep, merge_files, names, picture, windows};
+use super::options::{Carry, ReadOptions};
+use super::{Frame, Source, Window, camera, deep, merge_files, names, picture, windows};
 use crate::error::Error;
 use exr::meta::attribute::SampleType;
 

@@ -6,8 +6,8 @@
 
 use super::kind::{self, Announced};
 use super::layers::Layer;
-use super::options::{Carry, ReadOptions, Source};
-use super::{Frame, Peel, Stack, Window, guard, merge_files, windows};
+use super::options::{Carry, ReadOptions};
+use super::{Frame, Peel, Source, Stack, Window, guard, merge_files, windows};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;

@@ -60,6 +60,7 @@ mod tiff_alpha;
 mod windows;
 mod views;
 mod writer;
+mod source;
 
 pub use antialiasing::Antialiasing;
 #[doc(hidden)]
@@ -75,8 +76,9 @@ pub use framed::{CheckedPicture, FramedImage};
 pub(crate) use header::header_text;
 pub use held::{Held, STDIN, is_read_once};
 pub use light::LIGHT_ALPHA;
-pub use options::{Carry, ReadOptions, Source};
+pub use options::{Carry, ReadOptions};
 pub use read::{read, read_checked, read_framed, read_framed_picture, read_picture};
+pub use source::Source;
 pub use views::{ALL_VIEWS, views};
 
 use crate::finding::Finding;

@@ -5,13 +5,13 @@ use super::header::ExrFile;
 use super::input::Opened;
 use super::kind::Announced;
 use super::layers::{self, Beauty, Layer, Layers};
-use super::options::{Carry, ReadOptions, Source};
+use super::options::{Carry, ReadOptions};
 use super::plausible::{self, Depths, Known};
 use super::windows::{self, place, place_depth};
 use super::{
-    Antialiasing, Carried, CheckedPicture, ColorRange, Frame, FramedImage, Peel, Stack, StackKind, Window,
-    alpha, background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout, kind,
-    light, merge_files, names, no_peel, order, picture, rim_depth, views,
+    Antialiasing, Carried, CheckedPicture, ColorRange, Frame, FramedImage, Peel, Source, Stack, StackKind,
+    Window, alpha, background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout,
+    kind, light, merge_files, names, no_peel, order, picture, rim_depth, views,
 };
 use crate::error::Error;
 use crate::finding::Finding;

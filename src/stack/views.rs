@@ -5,10 +5,11 @@
 //! none have views where two groups called left and right, or the root and a right, have colour and depth each: lights called so have
 //! no depth.
 
+use super::Source;
 use super::header::{Channel, ExrFile};
 use super::input::Opened;
 use super::names;
-use super::options::{ReadOptions, Source};
+use super::options::ReadOptions;
 use crate::error::Error;
 use crate::finding::Finding;
 

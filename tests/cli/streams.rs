@@ -94,7 +94,8 @@ fn standard_input_without_a_picture_is_refused_with_what_to_do() {
         ("/dev/zero", &["-"], 4, "this is not a picture in a supported format"),
         (STACK, &["-", "-"], 2, "standard input is named twice"),
         (STACK, &["-", "--depth-file", "-"], 2, "standard input is named twice"),
-        (STACK, &["-", "--memory", "20kB"], 1, "the input requires more memory than the limit"),
+        (STACK, &["-", "--frames", "1-3"], 2, "a pipe has one frame"),
+        (STACK, &["-", "--memory", "6kB"], 1, "the input requires more memory than the limit"),
     ] {
         let output =
             run_with_stdin(folder, input, &[&["render"], inputs, &["-o", "out.exr"], &LENS[..]].concat());
@@ -114,7 +115,7 @@ fn a_picture_that_its_reader_did_not_take_is_a_failure_and_a_listing_is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let lost = bash(folder.path(), "$T render $S -o - $L | head -c 10 > part; exit ${PIPESTATUS[0]}");
+    let lost = bash(folder.path(), "$T render $S -o - $L | true; exit ${PIPESTATUS[0]}");
     assert_eq!(lost.status.code(), Some(1), "{}", stderr(&lost));
     assert!(stderr(&lost).contains("the reader of the output has closed it"), "{}", stderr(&lost));
     let listing = bash(folder.path(), "$T methods --json | true; exit ${PIPESTATUS[0]}");

@@ -45,7 +45,7 @@ fn an_aperture_image_is_within_the_limit_too() {
     };
     let refused = prepare(&job(20 * MIB)).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::Limits, "{refused}");
-    assert!(refused.to_string().contains("used as: `aperture_image`"), "{refused}");
+    assert!(refused.to_string().contains("`aperture_image`"), "{refused}");
     assert!(prepare(&job(100 * MIB)).is_ok());
 }
 

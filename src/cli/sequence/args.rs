@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use thinlens::error::Error;
 use thinlens::render::Decisions;
 use thinlens::sequence::{self, FrameSet, Shot};
+use thinlens::stack::is_read_once;
 
 /// Frames of a sequence.
 #[derive(Debug, Args)]
@@ -65,9 +66,15 @@ impl FramesArgs {
         if let Some(list) = &self.files_from {
             return Shot::of_files(&listed(list)?, frames).map(Some);
         }
-        match Shot::find(inputs, frames)? {
-            None if varies || frames.is_some() => Shot::of_files(inputs, frames).map(Some),
-            shot => Ok(shot),
+        let shot = match Shot::find(inputs, frames)? {
+            None if varies || frames.is_some() => Shot::of_files(inputs, frames).map(Some)?,
+            shot => shot,
+        };
+        match inputs.iter().find(|input| shot.is_some() && is_read_once(input)) {
+            Some(input) => Err(Error::settings("a pipe has one frame, and a sequence needs a file for each")
+                .in_file(input)
+                .help("name files, such as shot.####.exr, or a list of them with --files-from -")),
+            None => Ok(shot),
         }
     }
 

@@ -3,8 +3,8 @@
 use super::super::header::ExrFile;
 use super::super::input::Opened;
 use super::super::names::{self, PeelChannels};
-use super::super::options::{ReadOptions, Source};
-use super::super::{Frame, guard};
+use super::super::options::ReadOptions;
+use super::super::{Frame, Source, guard};
 use super::block::{ALPHA, DEPTH, Layout, ROLES};
 use super::element::DeepElement;
 use super::unpack::Packing;
