@@ -120,7 +120,9 @@ pub fn footprint(sources: &[Source], options: &ReadOptions) -> Result<Footprint,
     if let Some(path) = &options.beauty {
         found.is_in_rows &= Opened::open(&options.held.source(path))?.is_exr()?;
     }
-    let data = windows::union(&windows, frame.display);
+    let union = windows::union(&windows, frame.display);
+    let data = windows::in_whole_pixels(union, frame.display, found.supersample);
+    found.is_in_rows &= data == union;
     (found.width, found.height, found.top) = (data.width, data.height, data.y);
     if options.beauty.is_some() {
         found.sample_bytes += PEEL_BYTES - 4;

@@ -248,7 +248,6 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let (name, attributes) = (file.name.clone(), file.attributes());
     let described: Vec<Described> =
         peels.into_iter().map(|peel| Described::from_channels(&file, peel)).collect();
-    findings.extend(described.iter().filter_map(Described::depth_beyond_window));
     let beauty = beauty.map(|beauty| {
         (file.frame(file.channels[beauty.color[0]].part), Described::from_channels(&file, beauty))
     });
@@ -257,15 +256,19 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let mut decoded = decoded.into_iter();
     let camera = position::world_to_camera(&attributes);
     let luminance = chroma::luminance(&attributes);
+    let mut beyond = Vec::new();
     let mut layer = |peel: Described, camera: Option<&WorldToCamera>| {
-        let layer = peel.into_layer(&mut decoded, (camera, luminance));
-        layer.map(|layer| layer.premultiplied(options.alpha)).map_err(|error| error.in_file(&name))
+        let (layer, found) =
+            peel.into_layer(&mut decoded, (camera, luminance)).map_err(|error| error.in_file(&name))?;
+        beyond.extend(found);
+        Ok::<Layer, Error>(layer.premultiplied(options.alpha))
     };
     let peels = described.into_iter().map(|peel| layer(peel, camera.as_ref())).collect::<Result<_, _>>()?;
     let beauty = match beauty {
         Some((frame, described)) => Some(layer(described, None)?.into_beauty(frame)),
         None => None,
     };
+    findings.extend(beyond);
     let channels = carried::channels(kept, decoded, frame.data);
     let color_range = ColorRange::Unbounded;
     Ok(Layers {
@@ -336,12 +339,8 @@ impl Described {
         Self { window, depth_window: depth.map_or(window, window_of), depth_channel, found, channels }
     }
 
-    /// What is assumed of depth where only the colour has pixels.
-    fn depth_beyond_window(&self) -> Option<Finding> {
-        windows::depth_beyond(&self.depth_channel, self.depth_window, self.window)
-    }
-
-    /// The layer, from the decoded channels; a position needs the `camera` of the file, chroma the `luminance` of its red, green and blue.
+    /// The layer, from the decoded channels, and what is assumed of its depth where only its colour has pixels; a position needs the `camera`
+    /// of the file, chroma the `luminance` of its red, green and blue.
     ///
     /// # Errors
     /// Depth as a picture whose channels differ.
@@ -349,7 +348,7 @@ impl Described {
         self,
         decoded: &mut impl Iterator<Item = Decoded>,
         (camera, luminance): (Option<&WorldToCamera>, Option<[f32; 3]>),
-    ) -> Result<Layer, Error> {
+    ) -> Result<(Layer, Option<Finding>), Error> {
         let Self { channels, window, depth_window, depth_channel, found } = self;
         let mut next = || planes(decoded.by_ref()).next().unwrap_or_default();
         let mut color = [next(), next(), next()];
@@ -369,7 +368,9 @@ impl Described {
             depth = Some(camera.depth_of([next(), next(), next()]));
         }
         let depth = depth.map(|depth| place_depth(depth, depth_window, window));
-        Ok(Layer { color, alpha, depth, window, prefix: channels.prefix, depth_channel, found })
+        let beyond = windows::depth_beyond(&depth_channel, depth_window, (window, &alpha));
+        let prefix = channels.prefix;
+        Ok((Layer { color, alpha, depth, window, prefix, depth_channel, found }, beyond))
     }
 }
 

@@ -247,7 +247,13 @@ fn add_depth(stack: &mut Layers, source: &Source, options: &ReadOptions) -> Resu
     };
     let shown = if channel.is_empty() { String::new() } else { format!("channel {channel} of ") };
     let shown = format!("{shown}{}", name.display());
-    stack.findings.extend(windows::depth_beyond(&shown, window, layer.window));
+    if options.rows.is_none() && windows::overlap(window, layer.window).is_none() {
+        return Err(Error::input("depth and colour have no pixel in common")
+            .with("colour", format!("{} in {}", layer.window, stack.name.display()))
+            .with("depth", format!("{window} in {shown}"))
+            .help("render both with one data window"));
+    }
+    stack.findings.extend(windows::depth_beyond(&shown, window, (layer.window, &layer.alpha)));
     stack.findings.push(Finding::note("depth", format!("taken from {shown}")));
     layer.depth = Some(place_depth(depth, window, layer.window));
     layer.depth_channel = channel;
@@ -323,19 +329,22 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         peels: layers, beauty, mut channels, mut findings, replaced, is_merged, is_numbered, ..
     } = layers;
     let in_file = |error: Error| error.in_file(&name);
-    let frame = whole_frame(&layers, of_channels, options).map_err(in_file)?;
+    let (camera, doubts) = camera::values(&attributes);
+    let samples = options.supersample.or(camera.supersample).unwrap_or(1);
+    let frame = whole_frame(&layers, of_channels, (options, samples)).map_err(in_file)?;
     findings.extend(union_finding(&layers, frame));
     for channel in &mut channels {
         let samples = std::mem::replace(&mut channel.samples, FlatSamples::F32(Vec::new()));
         channel.samples = windows::place_samples(samples, of_channels.data, frame.data);
     }
-    let (camera, doubts) = camera::values(&attributes);
     findings.insert(0, if is_merged { merged_finding(layers.len()) } else { peels_finding(&layers) });
     findings.extend(doubts);
     findings.extend(replaced.finding());
     findings.extend(aspect_finding(frame));
     let names: Vec<String> = layers.iter().map(|layer| layer.prefix.clone()).collect();
-    let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
+    let named = layers.iter().find(|layer| layer.depth.is_some());
+    let depth_channel = named.map_or_else(String::new, |layer| layer.depth_channel.clone());
+    let layers = with_depth_of_empty(layers);
     let peels = layers.into_iter().enumerate().map(|(i, layer)| place_peel(i, layer, frame.data));
     let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
 
@@ -447,8 +456,13 @@ fn aspect_finding(frame: Frame) -> Option<Finding> {
     (usable != 1.0).then(|| Finding::note("frame", text))
 }
 
-/// The frame of a stack of `layers`, in which the channels of its first file have the frame `first`: its data window holds all of them.
-fn whole_frame(layers: &[Layer], first: Frame, options: &ReadOptions) -> Result<Frame, Error> {
+/// The frame of a stack of `layers` with this many `samples` a pixel along each axis, in which the channels of its first file have the frame
+/// `first`: its data window holds all of them.
+fn whole_frame(
+    layers: &[Layer],
+    first: Frame,
+    (options, samples): (&ReadOptions, usize),
+) -> Result<Frame, Error> {
     let parts: Vec<Window> = layers.iter().map(|layer| layer.window).chain([first.data]).collect();
     if parts.iter().all(|window| *window == first.data) {
         return Ok(first);
@@ -458,6 +472,8 @@ fn whole_frame(layers: &[Layer], first: Frame, options: &ReadOptions) -> Result<
     if options.rows.is_none() {
         let with_content = layers.iter().filter(|layer| layer.has_content());
         data = with_content.fold(data, |data, layer| windows::joined(data, layer.window));
+        // Crops do not end where pixels of several samples do.
+        data = windows::in_whole_pixels(data, first.display, samples);
     }
     let bytes = windows::bytes(data, layers.len());
     let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
@@ -482,6 +498,16 @@ fn union_finding(layers: &[Layer], frame: Frame) -> Option<Finding> {
         frame.data
     );
     (smaller > 0).then(|| Finding::note("frame", text))
+}
+
+/// `layers`, of which those that are empty need no depth if another one has it.
+fn with_depth_of_empty(mut layers: Vec<Layer>) -> Vec<Layer> {
+    if layers.iter().any(|layer| layer.depth.is_some()) {
+        for layer in layers.iter_mut().filter(|layer| layer.depth.is_none() && !layer.has_content()) {
+            layer.depth = Some(Plane::filled(layer.window.width, layer.window.height, f32::INFINITY));
+        }
+    }
+    layers
 }
 
 /// `layer` as peel number `i`, in the data window of the stack.

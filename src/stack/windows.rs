@@ -45,6 +45,21 @@ pub(super) fn rows_of(window: Window, rows: Option<&Range<i32>>) -> Window {
     Window { y: top, height: usize::try_from(height).unwrap_or(0), ..window }
 }
 
+/// The smallest window around `window` that consists of whole pixels of `samples` samples along each axis, counted from `display`.
+pub(super) fn in_whole_pixels(window: Window, display: Window, samples: usize) -> Window {
+    let step = samples.clamp(1, 1 << 20) as i64;
+    let span = |start: i32, size: usize, origin: i32| {
+        let origin = i64::from(origin);
+        let first = (i64::from(start) - origin).div_euclid(step) * step;
+        let past = (end(start, size) - origin + step - 1).div_euclid(step) * step;
+        i32::try_from(first + origin).ok().zip(usize::try_from(past - first).ok())
+    };
+    match (span(window.x, window.width, display.x), span(window.y, window.height, display.y)) {
+        (Some((x, width)), Some((y, height))) => Window { x, y, width, height },
+        _ => window,
+    }
+}
+
 /// Bytes of `peels` peels of the window `data`: red, green, blue, alpha and depth.
 pub(super) fn bytes(data: Window, peels: usize) -> u64 {
     let pixels = (data.width as u64).saturating_mul(data.height as u64);
@@ -54,14 +69,15 @@ pub(super) fn bytes(data: Window, peels: usize) -> u64 {
 /// How far a picture with windows `own` has to be moved, right and down, to lie on one with windows `other`; `None` if they show different
 /// frames.
 ///
-/// Display windows of one size show the same frame. A picture without windows of its own lies where a data window of its size does.
+/// Display windows of one size show the same frame. Equal data windows have the same pixels, and a picture without windows of its own lies
+/// where a data window of its size does.
 pub(super) fn offset(own: Frame, other: Frame) -> Option<[i32; 2]> {
     let size = |window: Window| (window.width, window.height);
     let between = |from: Window, to: Window| Some([to.x.checked_sub(from.x)?, to.y.checked_sub(from.y)?]);
     if size(own.display) == size(other.display) {
         return between(own.display, other.display);
     }
-    let has_windows = own.data != own.display;
+    let has_windows = own.data != own.display && own.data != other.data;
     (!has_windows && size(own.data) == size(other.data)).then(|| between(own.data, other.data)).flatten()
 }
 
@@ -84,16 +100,27 @@ pub(super) fn is_within(inner: Window, outer: Window) -> bool {
     outer.contains(placed)
 }
 
-/// What is assumed of depth of the window `depth`, from the channel or file `name`, where only the colour, of the window `color`, has
-/// pixels; `None` if it is known everywhere.
-pub(super) fn depth_beyond(name: &str, depth: Window, color: Window) -> Option<Finding> {
-    let count = |window: Window| window.width as u64 * window.height as u64;
-    let known = overlap(depth, color).map_or(0, count);
-    let unknown = count(color).saturating_sub(known);
-    let share = 100.0 * unknown as f64 / count(color).max(1) as f64;
-    let assumed =
-        if known == 0 { "the background is assumed there" } else { "that at its edge is assumed there" };
-    let text = format!("{name} at {depth} has none for {share:.1} % of the picture at {color}: {assumed}");
+/// What is assumed of depth of the window `depth`, from the channel or file `name`, where only the colour has pixels: of the window `color`,
+/// with this `alpha`. `None` if depth is known wherever there is alpha.
+pub(super) fn depth_beyond(name: &str, depth: Window, (color, alpha): (Window, &Plane)) -> Option<Finding> {
+    if depth == color {
+        return None;
+    }
+    let known = overlap(depth, color);
+    let is_known = |x: usize, y: usize| {
+        let at = Window { x: color.x + x as i32, y: color.y + y as i32, width: 1, height: 1 };
+        known.is_some_and(|known| known.contains(at))
+    };
+    let unknown_of_row = |y: usize| {
+        let row = alpha.row(y).iter().enumerate();
+        row.filter(|&(x, &alpha)| alpha > 0.0 && !is_known(x, y)).count()
+    };
+    let unknown: usize = (0..alpha.height()).map(unknown_of_row).sum();
+    let share = 100.0 * unknown as f64 / (color.width * color.height).max(1) as f64;
+    let assumed = if known.is_none() { "the background" } else { "that at its edge" };
+    let text = format!(
+        "{name} at {depth} has none for {share:.1} % of the picture at {color}: {assumed} is assumed there"
+    );
     (unknown > 0).then(|| Finding::warning("depth", text))
 }
 
@@ -238,6 +265,23 @@ mod tests {
     }
 
     #[test]
+    fn a_window_grows_to_whole_pixels_of_the_display_window() {
+        assert_eq!(in_whole_pixels(window(-3, 4, 5, 4), DISPLAY, 4), window(-4, 4, 8, 4));
+        assert_eq!(in_whole_pixels(window(-3, 4, 5, 4), Window { x: 1, ..DISPLAY }, 4), window(-3, 4, 8, 4));
+        assert_eq!(in_whole_pixels(window(-3, 4, 5, 4), DISPLAY, 1), window(-3, 4, 5, 4));
+    }
+
+    #[test]
+    fn depth_is_missed_only_where_there_is_alpha() {
+        let (whole, left) = (window(0, 0, 4, 1), window(0, 0, 2, 1));
+        let alpha = |values: [f32; 4]| Plane::from_fn(4, 1, |x, _| values[x]);
+        let said = |values| depth_beyond("Z", left, (whole, &alpha(values)));
+        assert_eq!(said([1.0, 1.0, 0.0, 0.0]), None);
+        assert!(said([1.0, 0.0, 0.0, 0.5]).is_some_and(|found| found.text.contains("25.0 %")));
+        assert_eq!(depth_beyond("Z", whole, (whole, &alpha([1.0; 4]))), None);
+    }
+
+    #[test]
     fn rows_of_parts_above_and_below_join_to_the_rows_between() {
         // Cut to rows 3 to 9, a part that ends above is left with none, and so is one that begins below.
         let parts = [window(0, 3, 8, 0), window(2, 9, 8, 0), window(1, 3, 2, 6)];
@@ -260,6 +304,11 @@ mod tests {
         assert_eq!(offset(Frame::from_size(80, 44), overscan), Some([-8, -4]), "one of all the pixels");
         assert_eq!(offset(Frame::from_size(40, 22), overscan), None);
         assert_eq!(offset(frame(window(1, 1, 80, 44), window(0, 0, 90, 50)), overscan), None);
+        assert_eq!(
+            offset(frame(overscan.data, window(0, 0, 90, 50)), overscan),
+            Some([0, 0]),
+            "the same pixels"
+        );
     }
 
     #[test]

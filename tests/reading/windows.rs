@@ -278,3 +278,23 @@ fn stack_of_frame(parts: Vec<Part>) -> Stack {
     read(&[source(exr_bytes_displayed(parts, SIZE))], &ReadOptions::default())
         .unwrap_or_else(|error| panic!("{error}"))
 }
+
+#[test]
+fn an_empty_part_needs_no_depth_and_a_crop_of_several_samples_a_pixel_no_whole_pixels() {
+    let no_depth = Part::flat((1, 1), "R=0 G=0 B=0 A=0").named("peel0");
+    let stack = stack_of_frame(vec![no_depth, part("peel1", (0, 0), SIZE, (0.2, 9.0))]);
+    assert_eq!((stack.peels.len(), stack.frame.data), (2, window(0, 0, 8, 6)));
+    let parts = vec![part("peel0", (3, 1), (2, 2), (0.7, 2.0)), part("peel1", (4, 2), (1, 2), (0.2, 9.0))];
+    let options = ReadOptions { supersample: Some(2), ..ReadOptions::default() };
+    let stack = read(&[source(exr_bytes_displayed(parts, SIZE))], &options).expect("it is read");
+    assert_eq!(stack.frame.data, window(2, 0, 4, 4));
+    assert_eq!(stack.peels[0].alpha.row(1), [0.0, 1.0, 1.0, 0.0]);
+}
+
+#[test]
+fn depth_that_shares_no_pixel_with_the_colour_is_refused() {
+    let color = source(exr_bytes_displayed(vec![Part::flat(SIZE, "R=1 G=1 B=1 A=1")], SIZE));
+    let depth = source(exr_bytes_displayed(vec![Part::flat((2, 2), "Z=4").at(20, 0)], SIZE));
+    let error = read(&[color, depth], &ReadOptions::default()).expect_err("it lies elsewhere");
+    assert!(error.to_string().contains("no pixel in common"), "{error}");
+}
