@@ -50,10 +50,10 @@ pub(super) struct InputArgs {
     /// Name of the depth channel, if it is not recognised
     #[arg(long, value_name = "CHANNEL")]
     depth_channel: Option<String>,
-    /// View of a stereo file to render: left, right, or another of its names
+    /// View of a stereo file: left, right, or its own name
     ///
-    /// `all` renders each, in files of their own, with the focus of the first. The view stands for %V in the name of the output, for
-    /// the whole name of a view, or %v, for its first letter; without either it comes before the extension: out.left.exr.
+    /// `render --view all` renders each, in files of their own, with the focus of the first. In the names of outputs, %V stands for the name
+    /// of the view and %v for its first letter; without either, each name gets the view before its extension: out.left.exr.
     #[arg(long, value_name = "NAME")]
     pub(super) view: Option<String>,
     /// Frame number, for a preset's keys

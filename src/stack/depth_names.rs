@@ -9,7 +9,7 @@
 //! | Blender | `ViewLayer.Depth.Z`, `.Depth.V`; of a file output `Depth.V`, `Z.V` |
 //! | Mitsuba | `peel0.depth`, `depth.T`, `peel0.T` |
 //! | Nuke | `depth.Z`; parts `depth`, `depth.main` |
-//! | RenderMan | `z` beside `Ci` |
+//! | `RenderMan` | `z` beside `Ci` |
 //! | Houdini, Karma | `Pz`, `Pz.z`, `depth`, `hitPz` |
 //! | V-Ray, Corona | `Z`, `VRayZDepth.R G B`, `CESSENTIAL_ZDepth.R` |
 //! | Arnold, Redshift | `Z`, `Depth.Z` |

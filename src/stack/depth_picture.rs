@@ -36,7 +36,8 @@ fn different(depth: &[f32], other: &[f32]) -> f64 {
     }
     let differs = |(a, b): (&f32, &f32)| {
         let (a, b) = (*a, *b);
-        a != b && !(a.is_nan() && b.is_nan()) && !((a - b).abs() <= ROUNDING * largest)
+        let is_near = (a - b).abs() <= ROUNDING * largest;
+        a.to_bits() != b.to_bits() && !(a.is_nan() && b.is_nan()) && !is_near
     };
     depth.iter().zip(other).filter(|pair| differs(*pair)).count() as f64 / depth.len() as f64
 }

@@ -15,8 +15,10 @@ use std::path::{Path, PathBuf};
 /// One channel of a file.
 #[derive(Debug, Clone)]
 pub(super) struct Channel {
-    /// Full name: dotted prefix and, in files of several parts, the part's name.
+    /// Full name: dotted prefix and, in files of several parts, the part's name; without that of the view that is read.
     pub(super) name: String,
+    /// The same with the view's.
+    pub(super) stored_name: String,
     /// Index of its part.
     pub(super) part: usize,
     /// Its index in the part's channel list.
@@ -103,6 +105,18 @@ impl ExrFile {
     /// The header of part `part`.
     pub(super) fn header(&self, part: usize) -> &Header {
         &self.meta_data.headers[part]
+    }
+
+    /// The name that the channel or group which is stored as `stored` has without its view; `stored` if there is none.
+    pub(super) fn name_without_view(&self, stored: &str) -> String {
+        let group = |name: &str| name.rsplit_once('.').map(|(group, _)| group.to_owned());
+        let channel = self.channels.iter().find(|channel| channel.stored_name == stored);
+        let of_group =
+            || self.channels.iter().find(|channel| group(&channel.stored_name).as_deref() == Some(stored));
+        let named = channel.map(|channel| channel.name.clone());
+        named
+            .or_else(|| of_group().map(|channel| group(&channel.name).unwrap_or_default()))
+            .unwrap_or_else(|| stored.to_owned())
     }
 
     /// The channels' full names.
@@ -250,7 +264,14 @@ fn list_channels(headers: &[Header]) -> Vec<Channel> {
                 _ => own,
             };
             let (sample_type, quantize_linearly) = (channel.sample_type, channel.quantize_linearly);
-            channels.push(Channel { name, part, index, sample_type, quantize_linearly });
+            channels.push(Channel {
+                stored_name: name.clone(),
+                name,
+                part,
+                index,
+                sample_type,
+                quantize_linearly,
+            });
         }
     }
     channels

@@ -117,7 +117,13 @@ pub(super) fn read_exr(file: ExrFile, options: &ReadOptions) -> Result<Layers, E
 
 /// The channels of a file by peel, as `options` request them.
 fn assign(file: &ExrFile, options: &ReadOptions) -> Result<Assigned, Error> {
-    let mut assigned = names::assign(&file.names(), options).map_err(|error| error.in_file(&file.name))?;
+    let own_name = |stored: &Option<String>| stored.as_deref().map(|stored| file.name_without_view(stored));
+    let named = ReadOptions {
+        color_channel: own_name(&options.color_channel),
+        depth_channel: own_name(&options.depth_channel),
+        ..options.clone()
+    };
+    let mut assigned = names::assign(&file.names(), &named).map_err(|error| error.in_file(&file.name))?;
     // A depth file replaces the depth of this file.
     if options.depth_file.is_some() {
         assigned.peels.iter_mut().for_each(|peel| *peel = std::mem::take(peel).without_depth());
@@ -200,8 +206,9 @@ pub(super) fn broken_pixels(file: ExrFile, options: &ReadOptions) -> Result<Vec<
 /// # Errors
 /// As [`read_exr`]; a picture whose three channels differ.
 pub(super) fn read_exr_depth(file: ExrFile, options: &ReadOptions) -> Result<(Plane, String, Frame), Error> {
-    let requested = options.depth_channel.as_deref();
-    let found = names::depth_alone(&file.names(), requested).map_err(|error| error.in_file(&file.name))?;
+    let requested = options.depth_channel.as_deref().map(|stored| file.name_without_view(stored));
+    let found =
+        names::depth_alone(&file.names(), requested.as_deref()).map_err(|error| error.in_file(&file.name))?;
     let Channel { name, part, .. } = file.channels[found.index].clone();
     let (path, frame) = (file.name.clone(), file.frame(part));
     let channels: Vec<(usize, Use)> =

@@ -11,7 +11,7 @@
 //! | groups of any name | `front.R G B A`, `back.R G B A` | `front.Z`, `back.Z` | by name, with a warning |
 //! | grey | `Y` | as one picture | one |
 //! | luminance and chroma, each with a sample a pixel | `Y RY BY` | as one picture | one |
-//! | RenderMan | `Ci.r g b`, `a` at the root | `z` | one |
+//! | `RenderMan` | `Ci.r g b`, `a` at the root | `z` | one |
 //! | Unreal | `FinalImage.R G B A` | `FinalImageWorldDepth.R G B` | one |
 //! | position with a camera in the header | any | `P.X Y Z` | one |
 //! | anti-aliased colour of peel 0 | `Peel0.Beauty.R G B A` beside numbered peels | that of peel 0 | see [`super::beauty`] |
@@ -37,7 +37,7 @@ const COMPOSITE: &str = "composite";
 const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
 /// Names of colour groups that are preferred if several could be the picture.
 const THE_PICTURE: [&str; 7] = ["rgba", "beauty", "rgb", "color", "img", "ci", "finalimage"];
-/// Name of RenderMan's colour group, whose alpha is at the root.
+/// Name of `RenderMan`'s colour group, whose alpha is at the root.
 const WITHOUT_ALPHA: &str = "ci";
 /// Names of groups of positions, in small letters.
 const POSITIONS: [&str; 7] = ["p", "position", "worldposition", "pworld", "pos", "wpp", "hitp"];
@@ -345,8 +345,8 @@ impl<'a> ChannelGroups<'a> {
     /// Whether a letter says depth: beside colour of the same prefix, or at the root. `T` is texture coordinates of all but peels.
     fn may_say_depth(&self, depth: &NamedDepth<'_>, name: &str) -> bool {
         let is_t = name.ends_with(['t', 'T']);
-        let is_beside = |prefix: &&str| **prefix == *depth.owner || layer_of(prefix) == depth.owner;
-        let beside_color = self.colors.keys().any(|prefix| is_beside(&prefix));
+        let is_beside = |prefix: &str| *prefix == *depth.owner || layer_of(prefix) == depth.owner;
+        let beside_color = self.colors.keys().any(|prefix| is_beside(prefix));
         if is_t {
             beside_color && is_numbered_peel(depth.owner)
         } else {

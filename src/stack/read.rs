@@ -153,11 +153,14 @@ fn read_beauty(source: &Source, options: &ReadOptions) -> Result<(Beauty, Vec<Fi
     Ok((Beauty { name, is_requested: true, ..layer.into_beauty(frame) }, findings))
 }
 
-/// The main picture of a file, or the rows of it that `options` request, and what else is known of it.
+/// The main picture of a file, of its hero view or of the one that `options` request, or the rows of it, and what else is known of it.
 fn read_main_layer(source: &Source, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
     let mut opened = Opened::open(source)?;
     let mut layers = if opened.is_exr()? {
-        layers::read_exr_picture(ExrFile::open(opened)?.of_hero().cropped(options.rows.clone()), options)?
+        let file = ExrFile::open(opened)?;
+        let view = options.view.as_deref().filter(|_| !file.views().is_empty());
+        let file = if view.is_some() { file.of_view(view)? } else { file.of_hero() };
+        layers::read_exr_picture(file.cropped(options.rows.clone()), options)?
     } else {
         picture::read_color(opened, options)?
     };

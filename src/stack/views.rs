@@ -266,7 +266,7 @@ pub(super) fn check_files(sources: &[Source]) -> Result<(), Error> {
 fn name_without(name: &str, side: &str) -> Option<String> {
     let mut words: Vec<&str> = name.split(['.', '_', '-', ' ']).collect();
     let is_side = |word: &&str| word.eq_ignore_ascii_case(side) || **word == side[..1].to_ascii_uppercase();
-    let at = words.iter().rposition(|word| is_side(&word))?;
+    let at = words.iter().rposition(is_side)?;
     words.remove(at);
     Some(words.join("."))
 }

@@ -42,6 +42,6 @@ impl Writer {
             let program = text(attributes, name).unwrap_or_default().to_ascii_lowercase();
             words.iter().any(|word| program.contains(word))
         };
-        attributes.iter().any(is_marked) || PROGRAM.iter().any(|name| names_it(&name))
+        attributes.iter().any(is_marked) || PROGRAM.iter().any(names_it)
     }
 }

@@ -316,6 +316,35 @@ fn two_eyes_are_never_peels_and_one_is_chosen_by_its_name() {
 }
 
 #[test]
+fn channels_are_named_as_they_are_stored_or_without_their_view() {
+    let channels = format!("{} right.far=8", two_eyes());
+    let part = Part::flat((2, 1), &channels).attribute("multiView", eyes(&["left", "right"]));
+    let bytes = exr_bytes(vec![part]);
+    for name in ["right.far", "far"] {
+        let options = ReadOptions {
+            view: Some("right".to_owned()),
+            color_channel: Some("right".to_owned()),
+            depth_channel: Some(name.to_owned()),
+            ..ReadOptions::default()
+        };
+        assert_eq!(
+            depths(&read(&[source(bytes.clone())], &options).expect("both are named")),
+            [8.0],
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn grey_eyes_are_views() {
+    let part =
+        Part::flat((2, 1), "Y=1 Z=2 right.Y=1 right.Z=5").attribute("multiView", eyes(&["left", "right"]));
+    let bytes = exr_bytes(vec![part]);
+    assert!(failure(bytes.clone()).to_string().contains("left and right"));
+    assert_eq!(depths(&of_view(bytes, "right")), [5.0]);
+}
+
+#[test]
 fn parts_of_views_are_views() {
     let part = |view: &'static str, name: &'static str, channels: &str| {
         Part::flat((2, 1), channels).named(name).attribute("view", text(view))
