@@ -102,11 +102,11 @@ fn chunk_counts(part: &RawPart, header: &RawHeader) -> Result<Counts, Error> {
     Ok(same(height.div_ceil(rows)))
 }
 
-/// Whether `part` has tiles. The flag of the file speaks for its only part, which may lack a type.
+/// Whether `part` has tiles. The flag of the file speaks for its only part, whatever its type says.
 fn is_tiled(part: &RawPart, header: &RawHeader) -> bool {
     match part.kind.as_deref() {
-        Some(kind) => matches!(kind, "tiledimage" | "deeptile"),
-        None => header.tiled,
+        Some(kind) if header.multi_part || header.deep => matches!(kind, "tiledimage" | "deeptile"),
+        _ => header.tiled,
     }
 }
 

@@ -90,7 +90,9 @@ pub(super) fn complete(values: &mut Values, attributes: &[(Text, AttributeValue)
         let is_set = |(_, distance): &(String, f32)| *distance < BACKGROUND;
         let distance = program.focus.iter().find_map(|name| positive(name).filter(is_set));
         let mut focus = None;
-        if values.focus.is_none() {
+        // V-Ray writes the f-number of physical cameras alone: the target of another is no focus.
+        let has_focus = program.writer != Writer::VRay || positive(program.f_number).is_some();
+        if values.focus.is_none() && has_focus {
             take(&mut focus, distance);
             values.focus = focus.map(Focus::Distance);
         }
@@ -157,10 +159,24 @@ mod tests {
             ("vrayInfo/camera", AttributeValue::Text(Text::from("cam"))),
             ("cameraAperture", number(36.0)),
             ("cameraFov", number(90.0)),
-            ("cameraTargetDistance", number(1e18)),
+            ("cameraTargetDistance", number(508.0)),
         ]);
         assert!((values.focal_length_mm.expect("of the field of view") - 18.0).abs() < 1e-4);
         assert_eq!((values.sensor_width_mm, values.f_number, values.focus), (Some(36.0), None, None));
+    }
+
+    #[test]
+    fn the_target_of_a_physical_camera_is_its_focus_unless_it_is_infinitely_far() {
+        let focus = |distance: f32| {
+            completed(&[
+                ("vrayInfo/camera", AttributeValue::Text(Text::from("cam"))),
+                ("cameraFNumber", AttributeValue::F32(8.0)),
+                ("cameraTargetDistance", AttributeValue::F32(distance)),
+            ])
+            .focus
+        };
+        assert_eq!(focus(6.5), Some(Focus::Distance(6.5)));
+        assert_eq!(focus(1e18), None);
     }
 
     #[test]

@@ -14,8 +14,8 @@ fn write_stereo(folder: &Path) {
         colors.into_iter().chain([channel(&format!("{prefix}Z"), depth)]).collect::<Vec<_>>()
     };
     let channels = [view("left.", 0.25, 3.0), view("right.", 0.75, 4.0)].concat();
-    let mut attributes = LayerAttributes::default();
-    attributes.multi_view_names = Some(vec![Text::from("left"), Text::from("right")]);
+    let views = Some(vec![Text::from("left"), Text::from("right")]);
+    let attributes = LayerAttributes { multi_view_names: views, ..LayerAttributes::default() };
     let layer = Layer::new((8, 8), attributes, Encoding::FAST_LOSSLESS, AnyChannels::sort(channels.into()));
     Image::from_layer(layer).write().to_file(folder.join("stereo.exr")).unwrap();
 }
