@@ -38,10 +38,10 @@ pub(super) struct InputArgs {
     /// File with the depth of a colour picture
     #[arg(long, value_name = "FILE")]
     pub(super) depth_file: Option<PathBuf>,
-    /// Merge the files by depth: they are elements of one picture, not its peels
+    /// Merge the files by depth: elements, not peels
     ///
-    /// Each file is a stack, or a picture with depth, of the objects that were rendered into it. Files with deep samples are merged without
-    /// this flag.
+    /// Each file is an element of one picture: a stack, or a picture with depth, of the objects that were rendered into it. Files with deep
+    /// samples are merged without this flag.
     #[arg(long)]
     merge: bool,
     /// Name of the colour channels, if it is not recognised

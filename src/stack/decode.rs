@@ -60,6 +60,9 @@ struct Strip<'a> {
     rows: Rows<'a>,
 }
 
+/// The strips of each row of blocks of a part.
+type Bands<'a> = Vec<Mutex<Vec<Strip<'a>>>>;
+
 enum Rows<'a> {
     Float(&'a mut [f32]),
     Half(&'a mut [f16]),
@@ -136,7 +139,7 @@ fn decode_unnamed(
     let mut decoded: Vec<Decoded> =
         requested.iter().map(|&(channel, usage)| empty(&file, channel, usage)).collect();
     let grids: Vec<Grid> = (0..file.meta_data.headers.len()).map(|part| Grid::new(&file, part)).collect();
-    let mut bands: Vec<Vec<Mutex<Vec<Strip<'_>>>>> = grids.iter().map(|_| Vec::new()).collect();
+    let mut bands: Vec<Bands<'_>> = grids.iter().map(|_| Vec::new()).collect();
     for (&(channel, usage), output) in requested.iter().zip(&mut decoded) {
         let channel = &file.channels[channel];
         let grid = &grids[channel.part];
@@ -148,7 +151,7 @@ fn decode_unnamed(
         }
     }
     let most_blocks = most_blocks(&file, max_bytes);
-    let replaced = fill(file, (&grids, &bands), most_blocks)?;
+    let replaced = fill(file, &grids, &bands, most_blocks)?;
     drop(bands);
     Ok((decoded, replaced))
 }
@@ -229,11 +232,7 @@ fn most_blocks(file: &ExrFile, max_bytes: Option<u64>) -> usize {
 }
 
 /// Decodes all blocks of the parts that have bands, at most `most_blocks` at a time, into the strips.
-fn fill(
-    file: ExrFile,
-    (grids, bands): (&[Grid], &[Vec<Mutex<Vec<Strip<'_>>>>]),
-    most_blocks: usize,
-) -> Result<Replaced, Error> {
+fn fill(file: ExrFile, grids: &[Grid], bands: &[Bands<'_>], most_blocks: usize) -> Result<Replaced, Error> {
     let ExrFile { input, len, meta_data, .. } = file;
     let mut seen: Vec<Vec<bool>> =
         grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();

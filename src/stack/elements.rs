@@ -25,7 +25,7 @@ type Attributes = Vec<(Text, AttributeValue)>;
 #[derive(Debug)]
 pub(super) enum Element {
     /// Deep samples.
-    Deep(DeepElement),
+    Deep(Box<DeepElement>),
     /// The peels of a file, all with depth.
     Flat(Vec<Layer>),
 }
@@ -113,7 +113,7 @@ pub(super) fn of_deep(file: DeepFile, options: &ReadOptions) -> Elements {
         replaced: Replaced::default(),
     };
     let convention = convention_of(&about, &depth_channel, options);
-    let elements = elements.into_iter().map(Element::Deep).collect();
+    let elements = elements.into_iter().map(|element| Element::Deep(Box::new(element))).collect();
     Elements { elements, about, convention, names: Vec::new(), depth_channel }
 }
 

@@ -4,6 +4,7 @@
 //! folder of temporary files of the tests, and its name is printed. What `fuzz/` finds joins the files here.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
+#![expect(clippy::print_stdout, reason = "counts, and the names of mutants that are kept")]
 
 mod corpus;
 #[expect(dead_code, reason = "only files are made here")]

@@ -4,6 +4,7 @@ use super::deep_fixtures::{DeepPart, NONE, RLE, ZIP, ZIPS, deep_bytes, fog, grey
 use super::fixtures::{Part, exr_bytes, exr_bytes_displayed, failure, failure_with, source};
 use super::{first_pixels, warnings};
 use exr::image::FlatSamples;
+use std::slice::from_ref;
 use thinlens::error::ErrorKind;
 use thinlens::render::{Job, render};
 use thinlens::settings::{Effort, Values};
@@ -21,7 +22,7 @@ fn stack_of(sources: &[Source]) -> Stack {
 fn seen(sources: Vec<Source>) -> [f32; 2] {
     let values =
         Values { f_number: Some(f32::INFINITY), effort: Some(Effort::Views(1)), ..Values::default() };
-    let image = render(&Job::new(sources).with_values(values), &|_| {}).unwrap().image;
+    let image = render(&Job::new(sources).with_values(values), &|_| {}).expect("a picture").image;
     [image.planes[0].get(0, 0), image.planes[3].get(0, 0)]
 }
 
@@ -69,7 +70,7 @@ fn files_of_one_picture_are_merged_by_depth_in_any_order() {
         display: [8, 6],
         ..DeepPart::surfaces(8, 6, |_, _| vec![grey(7.0, 0.4, 1.0), grey(1.0, 0.0, 0.25)])
     };
-    let stack = stack_of(&[deep(&[near.clone()]), deep(&[far.clone()])]);
+    let stack = stack_of(&[deep(from_ref(&near)), deep(from_ref(&far))]);
     assert_eq!(stack.frame.data, Window { x: 0, y: 0, width: 8, height: 6 }, "the windows together");
     let at = |x: usize, y: usize| stack.peels.iter().map(|peel| peel.depth.get(x, y)).collect::<Vec<f32>>();
     assert_eq!(at(2, 1), [1.0, 2.0, 7.0]);
@@ -81,7 +82,7 @@ fn files_of_one_picture_are_merged_by_depth_in_any_order() {
 #[test]
 fn parts_of_one_file_are_merged_as_files_are() {
     let [near, far] = [2.0, 5.0].map(|z| DeepPart::surfaces(4, 3, move |_, _| vec![grey(z, 0.1 * z, 0.5)]));
-    let files = stack_of(&[deep(&[near.clone()]), deep(&[far.clone()])]);
+    let files = stack_of(&[deep(from_ref(&near)), deep(from_ref(&far))]);
     let parts = stack_of(&[deep(&[DeepPart { name: "far", ..far }, DeepPart { name: "near", ..near }])]);
     assert_eq!(parts.peels, files.peels);
 }
@@ -137,7 +138,7 @@ fn a_surface_in_fog_is_seen_through_the_part_before_it() {
 fn of_more_samples_than_peels_the_picture_is_the_same() {
     let pixel = |_, _| (0..60).map(|i| grey(2.0 + 0.25 * i as f32, 0.02 * (i % 7) as f32, 0.05)).collect();
     let part = DeepPart::surfaces(3, 2, pixel);
-    let stack = stack_of(&[deep(&[part.clone()])]);
+    let stack = stack_of(&[deep(from_ref(&part))]);
     assert_eq!(stack.peels.len(), 16);
     assert!(
         stack.findings.iter().any(|finding| finding.text.contains("in 6 pixels")),

@@ -14,7 +14,9 @@ const MIB: u64 = 1 << 20;
 /// A grey PNG of `side` × `side` pixels, which compress to nearly nothing.
 fn png(side: u32) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    GrayImage::from_pixel(side, side, image::Luma([255])).write_to(&mut bytes, ImageFormat::Png).unwrap();
+    GrayImage::from_pixel(side, side, image::Luma([255]))
+        .write_to(&mut bytes, ImageFormat::Png)
+        .expect("it can be written");
     bytes.into_inner()
 }
 
@@ -69,7 +71,7 @@ fn a_dwa_block_that_is_stored_raw_is_read_wherever_it_is() {
             let part = Part::flat(size, "R=0.5 G=0.25 B=1 A=1 Z=3");
             let stack = stack_of(vec![Part { compression, ..part }]);
             let depths = stack.peels[0].depth.values();
-            let is_right = depths.into_iter().all(|depth| (depth - 3.0).abs() < 0.01);
+            let is_right = depths.iter().all(|depth| (depth - 3.0).abs() < 0.01);
             assert!(is_right, "{compression:?}, {size:?}");
         }
     }

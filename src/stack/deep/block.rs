@@ -67,10 +67,9 @@ impl Block {
         start as usize..self.ends[pixel] as usize
     }
 
-    /// The value of role `role` of sample `sample`; `None` where the file does not have it.
-    #[inline]
-    pub(super) fn value(&self, role: usize, sample: usize) -> Option<f32> {
-        self.values[role].get(sample).copied()
+    /// The values of role `role` of these samples; empty where the file does not have it.
+    pub(super) fn values(&self, role: usize, samples: Range<usize>) -> &[f32] {
+        self.values[role].get(samples).unwrap_or_default()
     }
 }
 
@@ -147,7 +146,7 @@ fn read_values(bytes: &[u8], kind: SampleType, values: &mut [f32]) {
             halves.convert_to_f32_slice(values);
         }
         SampleType::F32 => {
-            values.iter_mut().zip(words()).for_each(|(v, bytes)| *v = f32::from_le_bytes(*bytes))
+            values.iter_mut().zip(words()).for_each(|(v, bytes)| *v = f32::from_le_bytes(*bytes));
         }
         SampleType::U32 => {
             values.iter_mut().zip(words()).for_each(|(v, bytes)| *v = u32::from_le_bytes(*bytes) as f32);
@@ -210,10 +209,10 @@ mod tests {
         let block = decode(&chunk, &layout, &[table([1, 3, 0, 1]), bytes].concat()).unwrap();
         assert_eq!(block.samples(0, 5), 1..3);
         assert_eq!(block.samples(-1, 6), 3..3, "empty");
-        let of = |role: usize| [0, 1, 2, 3].map(|sample| block.value(role, sample).unwrap());
+        let of = |role: usize| block.values(role, 0..4);
         assert_eq!(of(DEPTH), [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(of(ALPHA), [0.25, 0.5, 1.0, 1.0], "clamped");
         assert_eq!(of(2), [7.0, 8.0, 9.0, 10.0]);
-        assert_eq!((block.value(0, 0), block.replaced.alpha), (None, 1));
+        assert_eq!((block.values(0, 0..4).len(), block.replaced.alpha), (0, 1));
     }
 }

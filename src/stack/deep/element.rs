@@ -152,13 +152,14 @@ impl DeepElement {
     /// Appends the samples of pixel `x`, `y`, whose row is loaded, with distances that `far` makes.
     pub(in crate::stack) fn append(&self, x: i32, y: i32, far: &FarDepth, samples: &mut Vec<Sample>) {
         let Some(block) = self.block_at(x, y) else { return };
-        for sample in block.samples(x, y) {
-            let value = |role: usize| block.value(role, sample);
-            let color = [0, 1, 2].map(|role| value(role).unwrap_or(0.0));
-            let alpha = value(ALPHA).unwrap_or(1.0);
-            let depth = value(DEPTH).unwrap_or(f32::INFINITY);
-            let (front, back) = distances(depth, value(DEPTH + 1), far);
-            let sample = Sample { front, back, color, alpha };
+        let range = block.samples(x, y);
+        let of = |role: usize| block.values(role, range.clone());
+        let [red, green, blue] = [of(0), of(1), of(2)];
+        let (alphas, depths, backs) = (of(ALPHA), of(DEPTH), of(DEPTH + 1));
+        for i in 0..range.len() {
+            let alpha = alphas.get(i).copied().unwrap_or(1.0);
+            let (front, back) = distances(depths[i], backs.get(i).copied(), far);
+            let sample = Sample { front, back, color: [red[i], green[i], blue[i]], alpha };
             if !sample.is_empty() {
                 samples.push(sample);
             }

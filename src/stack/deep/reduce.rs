@@ -23,6 +23,14 @@ const QUADRATURE: [(f64, f64); 3] =
 /// were more.
 pub(in crate::stack) fn reduce(samples: &[Sample], most: usize, fragments: &mut Vec<Fragment>) -> bool {
     let first = fragments.len();
+    if samples.len() <= most && !samples.iter().any(Sample::is_volume) {
+        fragments.extend(samples.iter().map(|s| Fragment {
+            distance: s.front,
+            color: s.color,
+            alpha: s.alpha,
+        }));
+        return false;
+    }
     let mut passing = 1.0;
     for sample in samples {
         let shown = passing * weight(sample.alpha, sample.color);

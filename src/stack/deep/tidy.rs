@@ -7,6 +7,7 @@
 //! A sample that overlaps no other comes out as it went in, bit for bit. Cost: `n log n` of the samples of a pixel.
 
 use super::sample::Sample;
+use std::cmp::Ordering;
 
 /// So many volumes at one place have their sums added up again where one ends; of more, its part is subtracted.
 const SUMMED_AGAIN: usize = 64;
@@ -67,18 +68,12 @@ impl Mix {
 impl Tidier {
     /// Sorts `samples` nearest first, splits volumes where another sample begins or ends, and merges what lies at one place.
     pub(in crate::stack) fn tidy<'a>(&'a mut self, samples: &'a mut [Sample]) -> &'a [Sample] {
-        if samples.len() > 1 {
-            samples.sort_unstable_by(|a, b| {
-                let key = |s: &Sample| [s.front, s.back, s.alpha, s.color[0], s.color[1], s.color[2]];
-                let (a, b) = (key(a), key(b));
-                a.iter()
-                    .zip(&b)
-                    .map(|(a, b)| a.total_cmp(b))
-                    .find(|order| order.is_ne())
-                    .unwrap_or(std::cmp::Ordering::Equal)
-            });
+        let are_in_order = |samples: &[Sample]| samples.windows(2).all(|pair| are_apart(&pair[0], &pair[1]));
+        if are_in_order(samples) {
+            return samples;
         }
-        if samples.windows(2).all(|pair| are_apart(&pair[0], &pair[1])) {
+        samples.sort_unstable_by(by_place);
+        if are_in_order(samples) {
             return samples;
         }
         self.sweep(samples);
@@ -111,6 +106,13 @@ impl Tidier {
             }
         }
     }
+}
+
+/// Nearest first. Samples at one place have an order too, so that sums over them have one.
+fn by_place(a: &Sample, b: &Sample) -> Ordering {
+    let values = |s: &Sample| [s.front, s.back, s.alpha, s.color[0], s.color[1], s.color[2]];
+    let each = values(a).into_iter().zip(values(b)).map(|(a, b)| a.total_cmp(&b));
+    each.fold(Ordering::Equal, Ordering::then)
 }
 
 /// Where a sample ends.

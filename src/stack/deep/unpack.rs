@@ -100,15 +100,18 @@ fn expand_runs(packed: &[u8], size: usize) -> Option<Vec<u8>> {
 
 /// The bytes of which `shuffled` has the differences from one to the next, those at even places before those at odd ones.
 fn unshuffled(mut shuffled: Vec<u8>) -> Vec<u8> {
-    let mut last = None;
+    let mut last = 128_u8;
     for byte in &mut shuffled {
-        *byte = last.map_or(*byte, |last: u8| last.wrapping_add(*byte).wrapping_sub(128));
-        last = Some(*byte);
+        last = last.wrapping_add(*byte).wrapping_sub(128);
+        *byte = last;
     }
     let (even, odd) = shuffled.split_at(shuffled.len().div_ceil(2));
     let mut bytes = vec![0; shuffled.len()];
-    bytes.iter_mut().step_by(2).zip(even).for_each(|(byte, value)| *byte = *value);
-    bytes.iter_mut().skip(1).step_by(2).zip(odd).for_each(|(byte, value)| *byte = *value);
+    let (pairs, rest) = bytes.as_chunks_mut();
+    for (pair, (even, odd)) in pairs.iter_mut().zip(even.iter().zip(odd)) {
+        *pair = [*even, *odd];
+    }
+    rest.iter_mut().zip(even.last()).for_each(|(byte, last)| *byte = *last);
     bytes
 }
 
