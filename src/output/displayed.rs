@@ -133,7 +133,7 @@ fn axis(start: i64, count: usize, (own, stretch): (usize, f32)) -> Vec<Option<Be
         let inside = place.clamp(0.0, own.saturating_sub(1) as f64);
         let first = inside as usize;
         let second = (first + 1).min(own.saturating_sub(1));
-        within.then(|| Between { first, second, share: (inside - first as f64) as f32 })
+        within.then_some(Between { first, second, share: (inside - first as f64) as f32 })
     };
     (0..displayed).map(place).collect()
 }

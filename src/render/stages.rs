@@ -5,7 +5,7 @@ use crate::finding::Finding;
 use crate::image::Plane;
 use crate::lens::{LensSpec, Optics, SHARP_COC_PX, Sharpness, ThinLens, aperture_radius};
 use crate::methods::{Plan, Registry};
-use crate::scene::{self, DepthInUse, Focused, FrameNumber, Scene, SceneStats};
+use crate::scene::{self, DepthInUse, EffectKind, Focused, FrameNumber, Scene, SceneStats};
 use crate::settings::{Border, DepthConvention, Origin, Settings};
 use crate::stack::depth::DepthScale;
 use crate::stack::{Peel, Stack};
@@ -68,7 +68,19 @@ pub(super) fn decide(
     stack.findings.extend(limited(&scene));
     let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
-    methods.prepare(scene, settings)
+    let (scene, stats, plan) = methods.prepare(scene, settings)?;
+    stack.findings.extend(not_round(stack.frame.usable_pixel_aspect(), &plan));
+    Ok((scene, stats, plan))
+}
+
+/// The warning that the method of `plan` takes pixels for square, if they are not.
+fn not_round(pixel_aspect: f32, plan: &Plan) -> Option<Finding> {
+    let can = plan.method.info().effects.contains(&EffectKind::Squeeze);
+    let text = format!(
+        "{} blurs as if pixels were square, and they are {pixel_aspect} times as wide as high: set `method = shear`",
+        plan.method
+    );
+    (pixel_aspect != 1.0 && plan.does(EffectKind::Blur) && !can).then(|| Finding::warning("frame", text))
 }
 
 /// The scene whose red is what the fragments of `stack` show of their alpha, with the border of the stack's own scene; `None` without a

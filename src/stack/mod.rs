@@ -37,6 +37,7 @@ mod header;
 mod holdout;
 mod held;
 mod input;
+mod join;
 mod kind;
 mod layers;
 mod light;

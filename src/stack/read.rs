@@ -7,17 +7,16 @@ use super::kind::Announced;
 use super::layers::{self, Beauty, Layer, Layers};
 use super::options::{Carry, ReadOptions};
 use super::plausible::{self, Depths, Known};
-use super::windows::{self, place, place_depth};
+use super::windows::{self, place_depth};
 use super::{
     Antialiasing, Carried, CheckedPicture, ColorRange, Frame, FramedImage, Peel, Source, Stack, StackKind,
     Window, alpha, background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout,
-    kind, light, merge_files, names, no_peel, order, picture, rim_depth, views,
+    join, kind, light, merge_files, names, no_peel, order, picture, rim_depth, views,
 };
 use crate::error::Error;
 use crate::finding::Finding;
-use crate::image::{Image, Plane};
+use crate::image::Image;
 use crate::settings::Values;
-use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Text};
 use std::path::Path;
 
@@ -327,19 +326,11 @@ fn other_frame(name: &Path, frame: Frame, (other, windows): (&Path, Frame)) -> F
 
 /// The stack of all layers: one data window, one convention.
 pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Error> {
-    let Layers { name, frame: of_channels, precision, color_range, attributes, cryptomattes, .. } = layers;
-    let Layers {
-        peels: layers, beauty, mut channels, mut findings, replaced, is_merged, is_numbered, ..
-    } = layers;
+    let (camera, doubts) = camera::values(&layers.attributes);
+    let layers = join::join(layers, (options, camera.supersample))?;
+    let Layers { name, frame, precision, color_range, attributes, channels, cryptomattes, .. } = layers;
+    let Layers { peels: layers, beauty, mut findings, replaced, is_merged, is_numbered, .. } = layers;
     let in_file = |error: Error| error.in_file(&name);
-    let (camera, doubts) = camera::values(&attributes);
-    let samples = options.supersample.or(camera.supersample).unwrap_or(1);
-    let frame = whole_frame(&layers, of_channels, (options, samples)).map_err(in_file)?;
-    findings.extend(union_finding(&layers, frame));
-    for channel in &mut channels {
-        let samples = std::mem::replace(&mut channel.samples, FlatSamples::F32(Vec::new()));
-        channel.samples = windows::place_samples(samples, of_channels.data, frame.data);
-    }
     findings.insert(0, if is_merged { merged_finding(layers.len()) } else { peels_finding(&layers) });
     findings.extend(doubts);
     findings.extend(replaced.finding());
@@ -347,8 +338,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let names: Vec<String> = layers.iter().map(|layer| layer.prefix.clone()).collect();
     let named = layers.iter().find(|layer| layer.depth.is_some());
     let depth_channel = named.map_or_else(String::new, |layer| layer.depth_channel.clone());
-    let layers = with_depth_of_empty(layers);
-    let peels = layers.into_iter().enumerate().map(|(i, layer)| place_peel(i, layer, frame.data));
+    let peels = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, frame.data));
     let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
 
     let evidence = Evidence {
@@ -450,84 +440,13 @@ fn merged_finding(count: usize) -> Finding {
 
 fn aspect_finding(frame: Frame) -> Option<Finding> {
     let (stated, usable) = (frame.pixel_aspect, frame.usable_pixel_aspect());
-    if usable == 1.0 && !((stated - 1.0).abs() < 1e-3) {
+    let is_square = (stated - 1.0).abs() < 1e-3;
+    if usable == 1.0 && !is_square {
         let text = format!("the pixel aspect ratio is {stated}, but pixels are treated as square");
         return Some(Finding::warning("frame", text));
     }
-    let text =
-        format!("pixels are {stated} times as wide as high: blur is round when the picture is shown so");
+    let text = format!("pixels are {stated} times as wide as high, as the picture is to be shown");
     (usable != 1.0).then(|| Finding::note("frame", text))
-}
-
-/// The frame of a stack of `layers` with this many `samples` a pixel along each axis, in which the channels of its first file have the frame
-/// `first`: its data window holds all of them.
-fn whole_frame(
-    layers: &[Layer],
-    first: Frame,
-    (options, samples): (&ReadOptions, usize),
-) -> Result<Frame, Error> {
-    let parts: Vec<Window> = layers.iter().map(|layer| layer.window).chain([first.data]).collect();
-    if parts.iter().all(|window| *window == first.data) {
-        return Ok(first);
-    }
-    let mut data = windows::rows_of(windows::union(&parts, first.display), options.rows.as_ref());
-    // Of a frame that is read in rows, only headers say what all of them are to be placed in.
-    if options.rows.is_none() {
-        let with_content = layers.iter().filter(|layer| layer.has_content());
-        data = with_content.fold(data, |data, layer| windows::joined(data, layer.window));
-        // Crops do not end where pixels of several samples do.
-        data = windows::in_whole_pixels(data, first.display, samples);
-    }
-    let bytes = windows::bytes(data, layers.len());
-    let limit = options.max_bytes.unwrap_or_else(guard::default_max_bytes);
-    if bytes <= limit {
-        return Ok(Frame { data, ..first });
-    }
-    let shown: Vec<String> = parts.iter().take(LISTED).map(Window::to_string).collect();
-    Err(Error::limits(
-        "the peels lie too far apart: the window around all of them requires more memory than the limit",
-    )
-    .with("found", shown.join(", "))
-    .with("limit", format!("{} MiB, of {} MiB for {data}", limit >> 20, bytes >> 20))
-    .help("render all peels with one data window, or leave out those that are not in the picture"))
-}
-
-/// Says that peels have data windows of their own.
-fn union_finding(layers: &[Layer], frame: Frame) -> Option<Finding> {
-    let smaller = layers.iter().filter(|layer| layer.window != frame.data).count();
-    let text = format!(
-        "{smaller} of {} peels cover a part of the data window {}; they are empty outside of it",
-        layers.len(),
-        frame.data
-    );
-    (smaller > 0).then(|| Finding::note("frame", text))
-}
-
-/// `layers`, of which those that are empty need no depth if another one has it.
-fn with_depth_of_empty(mut layers: Vec<Layer>) -> Vec<Layer> {
-    if layers.iter().any(|layer| layer.depth.is_some()) {
-        for layer in layers.iter_mut().filter(|layer| layer.depth.is_none() && !layer.has_content()) {
-            layer.depth = Some(Plane::filled(layer.window.width, layer.window.height, f32::INFINITY));
-        }
-    }
-    layers
-}
-
-/// `layer` as peel number `i`, in the data window of the stack.
-fn place_peel(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
-    let Layer { color, alpha, depth, window, found, .. } = layer;
-    let Some(depth) = depth else {
-        return Err(Error::input(format!("peel {i} has no depth channel"))
-            .with("found", found)
-            .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z")
-            .help("enable the Z pass, name it with `depth_channel`, or give it as `depth_file`"));
-    };
-    let placed = |plane: Plane, outside: f32| place(plane, window, data, outside);
-    Ok(Peel {
-        color: color.map(|plane| placed(plane, 0.0)),
-        alpha: placed(alpha, 0.0),
-        depth: placed(depth, f32::INFINITY),
-    })
 }
 
 /// Samples per picture pixel along each axis. Both windows must consist of whole pixels.

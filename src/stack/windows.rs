@@ -91,7 +91,7 @@ pub(super) fn overlap(a: Window, b: Window) -> Option<Window> {
     let (x, y) = (a.x.max(b.x), a.y.max(b.y));
     let width = end(a.x, a.width).min(end(b.x, b.width)) - i64::from(x);
     let height = end(a.y, a.height).min(end(b.y, b.height)) - i64::from(y);
-    (width > 0 && height > 0).then(|| Window { x, y, width: width as usize, height: height as usize })
+    (width > 0 && height > 0).then_some(Window { x, y, width: width as usize, height: height as usize })
 }
 
 /// Whether a part with window `inner` has all of its pixels in `outer`. Of a part that is cut to rows, none may be left.

@@ -254,6 +254,25 @@ fn a_blurred_point_is_round_when_pixels_that_are_not_square_are_shown() {
 }
 
 #[test]
+fn a_method_that_takes_pixels_for_square_says_so_where_they_are_not() {
+    let said = |method: &str, aspect: f32| {
+        let plane = |value| Plane::filled(16, 16, value);
+        let peel = Peel { color: [plane(0.5), plane(0.5), plane(0.5)], alpha: plane(1.0), depth: plane(4.0) };
+        let frame = Frame { pixel_aspect: aspect, ..Frame::from_size(16, 16) };
+        let stack = Stack::from_peels(vec![peel], frame, &ReadOptions::default()).expect("a stack");
+        let values = Values {
+            focus: Some(Focus::Distance(2.0)),
+            f_number: Some(0.5),
+            method: Some(method.to_owned()),
+            ..Values::default()
+        };
+        let prepared = prepare_stack(stack, &Job::default().with_values(values)).expect("it can be planned");
+        warnings(&prepared.stack).iter().any(|text| text.contains("as if pixels were square"))
+    };
+    assert!(said("gather", 2.0) && !said("gather", 1.0) && !said("shear", 2.0));
+}
+
+#[test]
 fn a_pixel_aspect_that_no_picture_has_is_said_and_pixels_are_square() {
     let said = |aspect: f32| {
         let plane = |value| Plane::filled(2, 2, value);
