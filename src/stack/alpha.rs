@@ -72,7 +72,7 @@ fn fit_of(peel: &Peel) -> Fit {
     let (width, height) = (peel.alpha.width(), peel.alpha.height());
     // Pairs count only where one of them is neither empty nor opaque.
     let is_between = |y: usize| {
-        let between = |&alpha: &f32| (alpha >= LEAST_ALPHA) & (alpha <= 1.0 - ALPHA_STEP);
+        let between = |alpha: &f32| (LEAST_ALPHA..=1.0 - ALPHA_STEP).contains(alpha);
         peel.alpha.row(y).iter().fold(false, |any, alpha| any | between(alpha))
     };
     let of_row = |y: usize| {

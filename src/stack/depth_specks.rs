@@ -1,7 +1,7 @@
 //! Specks of NaN in depth: single samples that a renderer failed at, in the middle of a surface.
 //!
-//! NaN is also how some programs write background, so a place decides: a NaN is a speck where few are around it and no larger area of NaN is
-//! near. A speck takes the depth of that neighbour whose colour is most like its own, from its rim inwards, so that it is sharp where its
+//! NaN is also how some programs write background. It is not where a file has another value for background, ten times as often, or hardly any
+//! NaN at all. Then a place decides: a NaN is a speck where few are around it and no larger area of NaN is near. A speck takes the depth of that neighbour whose colour is most like its own, from its rim inwards, so that it is sharp where its
 //! surroundings are.
 //!
 //! Cost: one read of depth; a few hundred samples for each NaN, where there are no more than specks and borders.
@@ -21,12 +21,37 @@ const MOST_OF: usize = 4;
 /// Distance, along rows and columns, at which a larger area of NaN says that NaN is background, in pixels.
 const AREA_REACH: usize = 8;
 
+/// One sample of so many at most is NaN where NaN is not background.
+const RARE: u64 = 50;
+/// The same of the samples that have another background value.
+const RARE_AMONG_BACKGROUND: u64 = 10;
+
 /// Gives the specks of NaN in `peels` the depth beside them, and says how many.
 pub(super) fn repair(peels: &mut [Peel], convention: DepthConvention) -> Option<Finding> {
     let foreground = foreground(convention);
+    if !is_a_fault(peels, &foreground) {
+        return None;
+    }
     let repaired: usize = peels.iter_mut().map(|peel| repair_peel(peel, &foreground)).sum();
     let text = format!("{repaired} specks of NaN have the depth of what is beside them");
     (repaired > 0).then(|| Finding::warning("depth", text))
+}
+
+/// Whether `peels` have NaN, and not for background. Samples count whether they are empty or not: programs write one value for both.
+fn is_a_fault(peels: &[Peel], foreground: &Range<f32>) -> bool {
+    let of_row = |row: &[f32]| -> [u64; 2] {
+        let [mut nan, mut surfaces] = [0_u32; 2];
+        for depth in row {
+            nan += u32::from(depth.is_nan());
+            surfaces += u32::from((*depth >= foreground.start) & (*depth < foreground.end));
+        }
+        [nan, surfaces].map(u64::from)
+    };
+    let rows = peels.iter().flat_map(|peel| (0..peel.depth.height()).map(|y| of_row(peel.depth.row(y))));
+    let [nan, surfaces] = rows.fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    let samples = peels.iter().map(|peel| peel.depth.values().len() as u64).sum::<u64>();
+    let background = samples - surfaces - nan;
+    nan > 0 && (nan * RARE <= samples || nan * RARE_AMONG_BACKGROUND <= background)
 }
 
 /// Repairs one peel; the number of repaired samples.
@@ -155,9 +180,19 @@ mod tests {
     }
 
     #[test]
+    fn nan_is_background_where_it_is_the_only_background() {
+        let is_sky = |x: usize, y: usize| y < 5 || [(12, 20), (30, 25)].contains(&(x, y));
+        let mut peels = [walls(is_sky)];
+        assert_eq!(repair(&mut peels, DepthConvention::Planar), None);
+        peels[0].depth.values_mut()[..5 * 40].fill(1e10);
+        let finding = repair(&mut peels, DepthConvention::Planar).unwrap();
+        assert!(finding.text.starts_with("2 specks"), "{}", finding.text);
+    }
+
+    #[test]
     fn an_area_of_nan_is_background_with_its_tips() {
         // A triangle of NaN, one pixel wide at its tip.
-        let is_nan = |x: usize, y: usize| y >= 8 && x.abs_diff(10) <= (y - 8) / 2;
+        let is_nan = |x: usize, y: usize| (8..14).contains(&y) && x.abs_diff(10) <= (y - 8) / 2;
         let mut peels = [walls(is_nan)];
         assert_eq!(repair(&mut peels, DepthConvention::Planar), None);
         assert!(peels[0].depth.get(10, 8).is_nan());
@@ -165,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_seam_of_nan_between_surfaces_is_closed() {
-        let mut peels = [walls(|x, y| x == 19 && y > 2)];
+        let mut peels = [walls(|x, y| x == 19 && (3..23).contains(&y))];
         assert!(repair(&mut peels, DepthConvention::Planar).is_some());
         assert_eq!(peels[0], walls(|_, _| false));
     }
