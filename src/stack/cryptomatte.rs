@@ -411,10 +411,7 @@ pub(crate) fn listed(names: &[String], max: usize) -> String {
 
 fn no_cryptomatte(name: &str) -> Error {
     Error::settings(format!("the file has no cryptomatte: the object '{name}' cannot be found"))
-        .with(
-            "looked for",
-            "32-bit channels such as CryptoObject00.R G B A, within the picture's data window",
-        )
+        .with("looked for", "32-bit channels such as CryptoObject00.R G B A, with the picture's data window")
         .help("render with a Cryptomatte pass, or focus on a pixel with `focus_point = [X, Y]`")
 }
 

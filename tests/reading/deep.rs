@@ -334,3 +334,26 @@ fn deep_samples_without_alpha_are_opaque_and_said_to_be() {
     assert_eq!(first_pixels(&stack), [[0.25, 0.25, 0.25, 1.0, 2.0], [0.5, 0.5, 0.5, 1.0, 3.0]]);
     assert!(warnings(&stack).iter().any(|text| text.contains("no channel A")), "{:?}", stack.findings);
 }
+
+#[test]
+fn a_deep_file_is_read_as_the_flat_stack_of_its_samples() {
+    let (width, height) = (21, 19);
+    let mut part = Part::flat((width, height), "carried=1");
+    for peel in 0..3 {
+        for (channel, name) in ["A", "B", "G", "R", "Z"].into_iter().enumerate() {
+            let value = |i: usize| {
+                let mut samples = scene((i % width) as i32, (i / width) as i32);
+                samples.sort_by(|a, b| a[4].total_cmp(&b[4]));
+                samples
+                    .get(peel)
+                    .map_or(if name == "Z" { f32::INFINITY } else { 0.0 }, |sample| sample[channel])
+            };
+            let values = (0..width * height).map(value).collect();
+            part = part.with(&format!("peel{peel}.{name}"), FlatSamples::F32(values));
+        }
+    }
+    let flat = stack_of(&[source(exr_bytes(vec![part]))]);
+    let stack = stack_of(&[deep(&[DeepPart::surfaces(width as i32, height as i32, scene)])]);
+    assert_eq!(stack.peels, flat.peels);
+    assert_eq!((stack.kind, stack.antialiasing), (flat.kind, flat.antialiasing));
+}

@@ -124,7 +124,9 @@ impl DeepElement {
     /// The decoded blocks of `chunks`.
     fn decoded(&mut self, chunks: &[Chunk], max_bytes: u64) -> Result<Vec<Block>, Error> {
         let samples: u64 = chunks.iter().map(|chunk| self.layout.samples(chunk)).fold(0, u64::saturating_add);
-        if samples.saturating_mul(self.layout.decoded_bytes()) > max_bytes {
+        // A block has all channels of its part, also those that are not decoded.
+        let block = chunks.iter().map(|chunk| chunk.sample_bytes).max().unwrap_or(0);
+        if samples.saturating_mul(self.layout.decoded_bytes()).saturating_add(block) > max_bytes {
             return Err(too_many(samples, max_bytes).in_file(&self.file.name));
         }
         let packed =
@@ -177,8 +179,8 @@ impl DeepElement {
     }
 }
 
-/// Where a sample begins and ends. A back that is not behind the front is that of a surface. A sample behind the camera is one before it, of a
-/// program whose axis points backwards.
+/// Where a sample begins and ends. A back that is not behind the front is that of a surface. A sample behind the camera is one before it,
+/// of a program whose axis points backwards.
 fn distances(depth: f32, back: Option<f32>, far: &FarDepth) -> (f32, f32) {
     let back = back.unwrap_or(depth);
     let (depth, back) = if depth < 0.0 && back <= 0.0 { (-depth, -back) } else { (depth, back) };
