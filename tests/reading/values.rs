@@ -96,7 +96,7 @@ fn files_saved_by_nuke_hold_reciprocals_where_their_values_say_so() {
     let distance = |x: usize, y: usize| if x < 2 { 0.8 } else { block(3.0, 12.0, 0)(x, y) };
     let inverse = stack_of(vec![nuke(picture("depth.Z", |x, y| 1.0 / distance(x, y)))]);
     assert_eq!(inverse.convention, DepthConvention::Inverse);
-    assert!(is_said(&inverse, "`convention` overrules it"));
+    assert!(is_said(&inverse, "`convention = planar`"));
     let planar = stack_of(vec![nuke(picture("depth.Z", distance))]);
     assert_eq!(planar.convention, DepthConvention::Planar);
     let options = ReadOptions { convention: Some(DepthConvention::Planar), ..ReadOptions::default() };

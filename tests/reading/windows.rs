@@ -85,7 +85,7 @@ fn an_empty_part_of_one_pixel_changes_nothing_wherever_it_lies() {
         let made = names.into_iter().enumerate().map(|(i, name)| match others.next() {
             _ if i == at => empty(name, pixel.0, pixel.1),
             Some(content) => part(name, (0, 0), SIZE, content),
-            None => part(name, (0, 0), SIZE, (0.2, 9.0)),
+            None => part(name, (0, 0), SIZE, (0.2, 12.0)),
         });
         made.collect::<Vec<_>>()
     };
