@@ -9,14 +9,15 @@ use super::options::{Carry, ReadOptions};
 use super::plausible::{self, Depths, Known};
 use super::windows::{self, place_depth};
 use super::{
-    Antialiasing, Carried, CheckedPicture, ColorRange, Frame, FramedImage, Peel, Source, Stack, StackKind,
-    Window, alpha, background_share, beauty, camera, carried, cryptomatte, filtered_depth, guard, holdout,
-    join, kind, light, merge_files, names, no_peel, order, picture, rim_depth, views,
+    Antialiasing, Carried, CarriedChannel, CheckedPicture, ColorRange, Cryptomatte, Frame, FramedImage, Peel,
+    Source, Stack, StackKind, Window, alpha, background_share, beauty, camera, carried, cryptomatte,
+    filtered_depth, guard, holdout, join, kind, light, merge_files, names, no_peel, order, picture,
+    rim_depth, views,
 };
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Image;
-use crate::settings::Values;
+use crate::settings::{DepthConvention, Values};
 use exr::meta::attribute::{AttributeValue, Text};
 use std::path::Path;
 
@@ -360,17 +361,11 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let supersample = supersample(options, &camera, frame).map_err(in_file)?;
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
     // Elements were completed before they were merged.
-    if let [picture] = peels.as_mut_slice()
-        && announced.is_beauty()
-        && !is_merged
-    {
-        findings.extend(filtered_depth::unblend(picture, convention));
-    }
-    if announced.kind != Some(StackKind::Coverage) && !is_merged {
-        findings.extend(rim_depth::complete(&mut peels, convention));
-    }
-    if options.rows.is_none() && !is_merged {
-        findings.extend(no_peel::check(&peels, &names, convention, is_numbered).map_err(in_file)?);
+    if !is_merged {
+        findings.extend(completed(&mut peels, convention, announced));
+        if options.rows.is_none() {
+            findings.extend(no_peel::check(&peels, &names, convention, is_numbered).map_err(in_file)?);
+        }
     }
     findings.extend(order::sort(&mut peels, convention));
     let (mut kind, mut antialiasing, finding) =
@@ -393,15 +388,8 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         order::sort(&mut peels, convention);
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
-    let mut mattes = Vec::new();
-    if options.carry == Carry::None {
-        // Nothing is copied to the output: the decoded channels are the requested cryptomattes.
-        mattes = std::mem::take(&mut carried.channels);
-    } else if kind == Some(StackKind::Supersampled) {
-        let (dropped, finding) = carried::drop_supersampled(&mut carried);
-        findings.extend(finding);
-        mattes = if options.objects { cryptomatte::matte_channels(dropped, &cryptomattes) } else { mattes };
-    }
+    let (mattes, finding) = split_mattes(&mut carried, kind, options, &cryptomattes);
+    findings.extend(finding);
     Ok(Stack {
         peels,
         frame,
@@ -419,6 +407,40 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         mattes,
         findings,
     })
+}
+
+/// Gives fragments of `peels` the depth that a filter took from them, with what was found of it.
+fn completed(peels: &mut [Peel], convention: DepthConvention, announced: Announced) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if let [picture] = &mut *peels
+        && announced.is_beauty()
+    {
+        findings.extend(filtered_depth::unblend(picture, convention));
+    }
+    if announced.kind != Some(StackKind::Coverage) {
+        findings.extend(rim_depth::complete(peels, convention));
+    }
+    findings
+}
+
+/// Takes the channels out of `carried` that are not copied to the output, and keeps those of requested cryptomattes.
+fn split_mattes(
+    carried: &mut Carried,
+    kind: Option<StackKind>,
+    options: &ReadOptions,
+    cryptomattes: &[Cryptomatte],
+) -> (Vec<CarriedChannel>, Option<Finding>) {
+    if options.carry == Carry::None {
+        // Nothing is copied to the output: the decoded channels are the requested cryptomattes.
+        return (std::mem::take(&mut carried.channels), None);
+    }
+    if kind != Some(StackKind::Supersampled) {
+        return (Vec::new(), None);
+    }
+    let (dropped, finding) = carried::drop_supersampled(carried);
+    let mattes =
+        if options.objects { cryptomatte::matte_channels(dropped, cryptomattes) } else { Vec::new() };
+    (mattes, finding)
 }
 
 fn peels_finding(layers: &[Layer]) -> Finding {
