@@ -162,11 +162,11 @@ fn a_negative_focal_length() {
 }
 
 #[test]
-fn a_normalised_depth_whose_far_end_is_nearer_than_its_near_end() {
+fn a_normalised_depth_whose_ends_are_at_one_distance() {
     let folder = tempfile::tempdir().unwrap();
-    let depth = ["--depth-convention", "normalised", "--near", "5", "--far", "1"];
+    let depth = ["--depth-convention", "normalised", "--near", "5", "--far", "5"];
     let arguments = [&["render", STACK, "-o", "out.exr"], &LENS[..], &depth].concat();
-    let words = ["must lie beyond its near end", "found: near 5, far 1", "help: "];
+    let words = ["must lie beyond its near end", "found: near 5, far 5", "help: "];
     assert_refused(&run(folder.path(), &arguments), (CALL, &words), folder.path(), &[]);
 }
 

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test stops at the first failure")]
 
+#[expect(dead_code, reason = "other tests use the rest")]
 mod fixtures;
 
 use exr::image::FlatSamples;

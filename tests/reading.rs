@@ -251,7 +251,7 @@ fn half_and_float_colour_are_distinguished() {
 
 #[test]
 fn a_nan_pixel_does_not_make_the_frame_fail() {
-    let part = Part::flat((3, 1), "R=1 G=1 B=1 A=1 Z=2")
+    let part = Part::flat((3, 1), "R=1 G=0 B=0 A=1 Z=2")
         .with("R", FlatSamples::F32(vec![f32::NAN, f32::INFINITY, -0.5]))
         .with("A", FlatSamples::F32(vec![f32::NAN, 7.0, 0.5]));
     let stack = stack_of(vec![part]);
@@ -583,8 +583,9 @@ fn in_focus_the_picture_of_point_samples_with_their_beauty_is_the_beauty() {
 
 #[test]
 fn three_hundred_peels_are_read_in_order() {
-    let channels = (0..300)
-        .map(|n| format!("peel{n}.R=1 peel{n}.G=1 peel{n}.B=1 peel{n}.A={} peel{n}.Z={}", n % 2, n + 1));
+    let channels = (0..300).map(|n| {
+        format!("peel{n}.R={0} peel{n}.G={0} peel{n}.B={0} peel{n}.A={0} peel{n}.Z={1}", n % 2, n + 1)
+    });
     let stack = stack_of(vec![Part::flat((2, 1), &channels.collect::<Vec<_>>().join(" "))]);
     assert_eq!(stack.peels.len(), 300);
     assert!((0..300).all(|n| stack.peels[n].depth.get(1, 0) == (n + 1) as f32));

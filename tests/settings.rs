@@ -207,7 +207,7 @@ fn resolved_settings_are_listed_with_their_origins() {
         SETTINGS.iter().map(|s| s.key).filter(|key| !resolved.clone().any(|k| k == *key)).collect();
     assert_eq!(
         missing,
-        ["convention", "supersample", "kind", "alpha", "beauty"],
+        ["convention", "supersample", "kind", "alpha", "beauty", "holdout"],
         "these are about reading, and belong to the stack"
     );
 }

@@ -1,10 +1,14 @@
 //! Depth in the steps of 8 bits, in a file of more bits: it went through a picture.
 //!
+//! In such a picture most pixels have the depth of the next one in their row and of the next one in their column; a slope that changes
+//! evenly from pixel to pixel is no sign of it.
+//!
 //! Cost: one read of depth at most; it ends where there are too many values.
 
 use super::Peel;
 use super::depth::foreground;
 use crate::finding::Finding;
+use crate::image::Plane;
 use crate::settings::DepthConvention;
 use std::collections::BTreeSet;
 
@@ -42,6 +46,7 @@ pub(super) fn doubt(peels: &[Peel], convention: DepthConvention) -> Option<Findi
         (at - at.round()).abs() <= ROUNDING
     };
     let are_steps = values.len() >= FEWEST
+        && is_flat(&peels.first()?.depth)
         && steps < CODES as f32 - 0.5
         && steps < 2.0 * values.len() as f32
         && step >= COARSE * high
@@ -53,13 +58,25 @@ pub(super) fn doubt(peels: &[Peel], convention: DepthConvention) -> Option<Findi
     are_steps.then(|| Finding::warning("depth", text))
 }
 
+/// Whether most pixels have the value of the next one in their row, and most that of the next one in their column.
+fn is_flat(depth: &Plane) -> bool {
+    let (width, height) = (depth.width(), depth.height());
+    let equal = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a == b).count();
+    let in_rows: usize = (0..height).map(|y| depth.row(y)).map(|row| equal(row, &row[1.min(width)..])).sum();
+    let in_columns: usize = (1..height).map(|y| equal(depth.row(y - 1), depth.row(y))).sum();
+    2 * in_rows >= width.saturating_sub(1) * height && 2 * in_columns >= width * height.saturating_sub(1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
 
     fn doubted(depth: impl Fn(f32) -> f32) -> bool {
-        let plane = Plane::from_fn(100, 10, |x, y| depth((x + 100 * y) as f32 / 999.0));
+        doubted_at(|x, y| depth((x + y) as f32 / 698.0))
+    }
+
+    fn doubted_at(depth: impl Fn(usize, usize) -> f32) -> bool {
+        let plane = Plane::from_fn(400, 300, depth);
         let peel = Peel { color: std::array::from_fn(|_| plane.clone()), alpha: plane.clone(), depth: plane };
         doubt(&[peel], DepthConvention::Planar).is_some_and(|finding| finding.warning)
     }
@@ -71,5 +88,7 @@ mod tests {
         assert!(!doubted(|at| half::f16::from_f32(2.0 + 0.4 * at).to_f32()));
         assert!(!doubted(|at| 2.0 + (at * 9.0).round()), "ten cards");
         assert!(!doubted(|_| 3.0));
+        assert!(!doubted_at(|x, _| 2.0 + 0.25 * (x % 200) as f32), "a slope, a step a column");
+        assert!(!doubted_at(|_, y| 2.0 + 0.25 * (y % 200) as f32), "a slope, a step a row");
     }
 }

@@ -3,6 +3,7 @@
 use super::convention::{self, Evidence};
 use super::deep::{DeepElement, DeepFile, Sample};
 use super::depth::FarDepth;
+use super::depth_values::DepthValues;
 use super::kind::Announced;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
@@ -10,6 +11,7 @@ use super::sanitise::Replaced;
 use super::{ColorRange, Peel, Precision, StackKind, Window, camera, filtered_depth, rim_depth};
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::image::Plane;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
 
@@ -85,12 +87,16 @@ pub(super) struct Elements {
     pub(super) depth_channel: String,
 }
 
-/// How depth is written in a file with these attributes.
-fn convention_of(about: &Layers, depth_channel: &str, options: &ReadOptions) -> DepthConvention {
+/// How depth is written in a file with these attributes and these values, if they are known, in the channel `depth_channel`.
+fn convention_of(
+    about: &Layers,
+    (depth_channel, depths): (&str, &[f32]),
+    options: &ReadOptions,
+) -> DepthConvention {
     let (camera, _) = camera::values(&about.attributes);
     let attributes = &about.attributes;
     let (chosen, header) = (options.convention, camera.convention);
-    convention::conclude(Evidence { chosen, header, attributes, depth_channel, depths: &[] }).0.convention
+    convention::conclude(Evidence { chosen, header, attributes, depth_channel, depths }).0.convention
 }
 
 /// The elements of a deep file.
@@ -112,7 +118,7 @@ pub(super) fn of_deep(file: DeepFile, options: &ReadOptions) -> Elements {
         findings,
         replaced: Replaced::default(),
     };
-    let convention = convention_of(&about, &depth_channel, options);
+    let convention = convention_of(&about, (&depth_channel, &[]), options);
     let elements = elements.into_iter().map(|element| Element::Deep(Box::new(element))).collect();
     Elements { elements, about, convention, names: Vec::new(), depth_channel }
 }
@@ -131,7 +137,8 @@ pub(super) fn of_flat(layers: Layers, options: &ReadOptions) -> Result<Elements,
             .help("render it with its depth, or name that with `depth_channel`"));
     }
     let depth_channel = peels.first().map_or_else(String::new, |peel| peel.depth_channel.clone());
-    let convention = convention_of(&about, &depth_channel, options);
+    let depths = peels.first().and_then(|peel| peel.depth.as_ref()).map_or(&[][..], Plane::values);
+    let convention = convention_of(&about, (&depth_channel, depths), options);
     let (camera, _) = camera::values(&about.attributes);
     let supersample = options.supersample.or(camera.supersample).unwrap_or(1);
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
@@ -158,6 +165,7 @@ fn completed(
         peels.push(Peel { color, alpha, depth: depth.unwrap_or_default() });
         others.push((layer.window, layer.prefix, layer.depth_channel, layer.found));
     }
+    findings.extend(DepthValues::of(&peels).turn_around(&mut peels, convention));
     if let [picture] = peels.as_mut_slice()
         && announced.is_beauty()
     {

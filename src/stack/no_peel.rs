@@ -17,9 +17,9 @@ use rayon::prelude::*;
 const SAME: f32 = 1e-5;
 /// A fragment is nearer by more than this share of its distance: half floats round depth.
 const NEARER: f32 = 1e-3;
-/// Fewest fragments behind others of which anything is concluded.
+/// Fewest fragments of which anything is concluded.
 const FEWEST: u64 = 16;
-/// Share of the fragments at the depth of the one before, from which on a peel is a copy whatever the rest is.
+/// Share of the fragments at the depth of the one before, from which on a peel is a copy unless some of the rest are behind.
 const COPY: f64 = 0.95;
 /// The same where some of the rest are nearer, or names say that the files are frames.
 const MOSTLY: f64 = 0.5;
@@ -90,7 +90,8 @@ fn frames(names: impl Iterator<Item = String>) -> Error {
 
 /// Checks that each of `peels`, called `names`, is one. `are_numbered` says that they are files whose names differ in a number alone.
 ///
-/// A peel that is hidden by the one before it nearly everywhere, and nowhere nearer, gets a warning: it may be the picture without an object.
+/// A peel that is hidden by the one before it nearly everywhere, nowhere nearer, and behind it in places gets a warning: it may be the picture
+/// without an object.
 ///
 /// # Errors
 /// A peel at the depth of the one before it nearly everywhere; one that is so in most places and nearer in others; a numbered file
@@ -112,7 +113,8 @@ pub(super) fn check(
         }
         let at =
             format!("at the depth of a peel before it in {:.1} % of the pixels that both have", 100.0 * same);
-        if same >= COPY || same >= MOSTLY && moved {
+        let behind = against.both - against.same - against.nearer;
+        if same >= COPY && behind < FEWEST || same >= MOSTLY && moved {
             return Err(Error::input(format!("{} is no peel: it lies {at}", name(i)))
                 .with("found", format!("peel {i} of {}: {}", peels.len(), names.join(", ")))
                 .help(

@@ -88,16 +88,23 @@ fn parts_of_one_file_are_merged_as_files_are() {
 }
 
 #[test]
-fn of_two_eyes_one_is_used_and_a_warning_names_both() {
+fn of_two_eyes_one_is_chosen_by_name_and_without_a_name_the_error_names_both() {
     let eye = |view: &'static str, z: f32| DeepPart {
         name: view,
         view: Some(view),
         ..DeepPart::surfaces(4, 3, move |_, _| vec![grey(z, 0.5, 1.0)])
     };
-    let stack = stack_of(&[deep(&[eye("left", 2.0), eye("right", 3.0)])]);
-    assert_eq!((stack.peels.len(), stack.peels[0].depth.get(0, 0)), (1, 2.0));
-    let warned = warnings(&stack);
-    assert!(warned.iter().any(|text| text.contains("left") && text.contains("right")), "{warned:?}");
+    let both = || deep(&[eye("left", 2.0), eye("right", 3.0)]);
+    let of_view = |view: Option<&str>| {
+        let options = ReadOptions { view: view.map(str::to_owned), ..ReadOptions::default() };
+        read(&[both()], &options)
+    };
+    for (view, depth) in [("left", 2.0), ("right", 3.0)] {
+        let stack = of_view(Some(view)).unwrap();
+        assert_eq!((stack.peels.len(), stack.peels[0].depth.get(0, 0)), (1, depth), "{view}");
+    }
+    let error = of_view(None).unwrap_err().to_string();
+    assert!(error.contains("left") && error.contains("right") && error.contains("`view"), "{error}");
 }
 
 #[test]

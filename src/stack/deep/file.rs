@@ -43,7 +43,7 @@ pub(in crate::stack) fn is_deep(source: &Source) -> Result<bool, Error> {
 /// # Errors
 /// A damaged header, channels that are no deep picture with depth, a codec that deep parts cannot have.
 pub(in crate::stack) fn open(source: &Source, options: &ReadOptions) -> Result<DeepFile, Error> {
-    let file = ExrFile::open_deep(Opened::open(source)?)?;
+    let file = ExrFile::open_deep(Opened::open(source)?)?.of_requested_view(options)?;
     let name = file.name.clone();
     open_parts(file, source, options).map_err(|error| error.in_file(&name))
 }
@@ -54,9 +54,10 @@ fn open_parts(file: ExrFile, source: &Source, options: &ReadOptions) -> Result<D
     let all = file.names();
     let names: Vec<&str> = deep.iter().map(|&index| all[index]).collect();
     let assigned = names::assign(&names, options)?;
-    let (pictures, mut findings) = of_one_view(&file, &deep, assigned.peels);
+    let pictures = assigned.peels;
     // Peels are ordered by name, deep pictures by depth.
-    findings.extend(assigned.findings.into_iter().filter(|finding| finding.about != "peels"));
+    let mut findings = assigned.findings;
+    findings.retain(|finding| finding.about != "peels");
     let layouts: Vec<(usize, Layout)> =
         pictures.iter().map(|picture| layout(&file, &deep, picture)).collect::<Result<_, Error>>()?;
     let (first, part) = match (pictures.first(), layouts.first()) {
@@ -72,31 +73,12 @@ fn open_parts(file: ExrFile, source: &Source, options: &ReadOptions) -> Result<D
     let elements = layouts.into_iter().map(|(part, layout)| {
         let file = match opened.take() {
             Some(file) => file,
-            None => ExrFile::open_deep(Opened::open(source)?)?,
+            None => ExrFile::open_deep(Opened::open(source)?)?.of_requested_view(options)?,
         };
         DeepElement::new(file, part, layout)
     });
     let elements = elements.collect::<Result<Vec<_>, Error>>()?;
     Ok(DeepFile { name, elements, frame, attributes, depth_channel, findings })
-}
-
-/// The pictures of the first view, if parts name several, with a warning about the others.
-fn of_one_view(
-    file: &ExrFile,
-    deep: &[usize],
-    pictures: Vec<PeelChannels>,
-) -> (Vec<PeelChannels>, Vec<Finding>) {
-    let view_of = |picture: &PeelChannels| {
-        let part = file.channels[deep[picture.color[0]]].part;
-        file.header(part).own_attributes.view_name.as_ref().map(ToString::to_string)
-    };
-    let Some(first) = pictures.first().and_then(view_of) else { return (pictures, Vec::new()) };
-    let (kept, others): (Vec<_>, Vec<_>) =
-        pictures.into_iter().partition(|picture| view_of(picture).is_none_or(|view| view == first));
-    let others: Vec<String> = others.iter().filter_map(view_of).collect();
-    let text = format!("the view {first} is used, and not {}", others.join(", "));
-    let findings = if others.is_empty() { Vec::new() } else { vec![Finding::warning("view", text)] };
-    (kept, findings)
 }
 
 /// The part of a picture, and how its samples are stored.
