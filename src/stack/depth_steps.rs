@@ -11,6 +11,7 @@ use crate::finding::Finding;
 use crate::image::Plane;
 use crate::settings::DepthConvention;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// Values that 8 bits have.
 const CODES: usize = 256;
@@ -46,7 +47,7 @@ pub(super) fn doubt(peels: &[Peel], convention: DepthConvention) -> Option<Findi
         (at - at.round()).abs() <= ROUNDING
     };
     let are_steps = values.len() >= FEWEST
-        && is_flat(&peels.first()?.depth)
+        && is_flat(&peels.first()?.depth, &foreground)
         && steps < CODES as f32 - 0.5
         && steps < 2.0 * values.len() as f32
         && step >= COARSE * high
@@ -58,13 +59,20 @@ pub(super) fn doubt(peels: &[Peel], convention: DepthConvention) -> Option<Findi
     are_steps.then(|| Finding::warning("depth", text))
 }
 
-/// Whether most pixels have the value of the next one in their row, and most that of the next one in their column.
-fn is_flat(depth: &Plane) -> bool {
-    let (width, height) = (depth.width(), depth.height());
-    let equal = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a == b).count();
-    let in_rows: usize = (0..height).map(|y| depth.row(y)).map(|row| equal(row, &row[1.min(width)..])).sum();
-    let in_columns: usize = (1..height).map(|y| equal(depth.row(y - 1), depth.row(y))).sum();
-    2 * in_rows >= width.saturating_sub(1) * height && 2 * in_columns >= width * height.saturating_sub(1)
+/// Whether most pixels of the foreground have the depth of the next one in their row, and most that of the next one in their column.
+fn is_flat(depth: &Plane, foreground: &Range<f32>) -> bool {
+    let add = |[equal, all]: [usize; 2], (a, b): (&f32, &f32)| {
+        let known = foreground.contains(a) && foreground.contains(b);
+        [equal + usize::from(known && a == b), all + usize::from(known)]
+    };
+    let (mut in_rows, mut in_columns) = ([0; 2], [0; 2]);
+    for y in 0..depth.height() {
+        let row = depth.row(y);
+        in_rows = row.iter().zip(row.iter().skip(1)).fold(in_rows, add);
+        let above = depth.row(y.saturating_sub(1));
+        in_columns = above.iter().zip(row).take(if y > 0 { row.len() } else { 0 }).fold(in_columns, add);
+    }
+    [in_rows, in_columns].into_iter().all(|[equal, all]| 2 * equal >= all)
 }
 
 #[cfg(test)]
@@ -89,6 +97,8 @@ mod tests {
         assert!(!doubted(|at| 2.0 + (at * 9.0).round()), "ten cards");
         assert!(!doubted(|_| 3.0));
         assert!(!doubted_at(|x, _| 2.0 + 0.25 * (x % 200) as f32), "a slope, a step a column");
+        let part = |x: usize| if x < 100 { 2.0 + 0.25 * x as f32 } else { 1e10 };
+        assert!(!doubted_at(|x, _| part(x)), "such a slope before background");
         assert!(!doubted_at(|_, y| 2.0 + 0.25 * (y % 200) as f32), "a slope, a step a row");
     }
 }

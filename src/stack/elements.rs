@@ -8,7 +8,7 @@ use super::kind::Announced;
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::sanitise::Replaced;
-use super::{ColorRange, Peel, Precision, StackKind, Window, camera, filtered_depth, rim_depth};
+use super::{ColorRange, Peel, Precision, StackKind, Window, camera, filtered_depth, rim_depth, windows};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -50,7 +50,7 @@ impl Extent {
     /// Damaged tables.
     pub(super) fn of_deep(file: DeepFile) -> Result<(Self, Attributes), Error> {
         let windows = file.elements.iter().map(DeepElement::window);
-        let window = windows.reduce(united).unwrap_or(file.frame.data);
+        let window = windows.reduce(windows::joined).unwrap_or(file.frame.data);
         let (mut peels, mut strip_bytes) = (0_u64, 0);
         for mut element in file.elements {
             let most = element.most_samples()?;
@@ -65,7 +65,7 @@ impl Extent {
     /// That of two elements together.
     pub(super) fn with(self, other: Self) -> Self {
         Self {
-            window: united(self.window, other.window),
+            window: windows::joined(self.window, other.window),
             peels: (self.peels + other.peels).min(MOST_PEELS),
             strip_bytes: self.strip_bytes.saturating_add(other.strip_bytes),
         }
@@ -216,10 +216,11 @@ impl Elements {
         Ok(())
     }
 
-    /// The smallest window around all elements, whatever rows are read.
+    /// The window that holds all elements, whatever rows are read: see [`windows::union`].
     pub(super) fn window(&self) -> Window {
-        let windows = self.elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
-        windows.reduce(united).unwrap_or(self.about.frame.data)
+        let all = self.elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
+        let all: Vec<Window> = all.collect();
+        if all.is_empty() { self.about.frame.data } else { windows::union(&all, self.about.frame.display) }
     }
 }
 
@@ -269,30 +270,4 @@ fn sample_of(peel: &Layer, x: i32, y: i32, far: &FarDepth) -> Option<Sample> {
     let color = peel.color.each_ref().map(|plane| plane.get(column, row));
     let sample = Sample { front: distance, back: distance, color, alpha: peel.alpha.get(column, row) };
     (!sample.is_empty()).then_some(sample)
-}
-
-/// The smallest window around two.
-pub(super) fn united(a: Window, b: Window) -> Window {
-    let span = |a: (i32, usize), b: (i32, usize)| {
-        let start = a.0.min(b.0);
-        // Coordinates are below 2^30 (see `guard`).
-        let end = |(start, size): (i32, usize)| start + size as i32;
-        (start, (end(a).max(end(b)) - start) as usize)
-    };
-    let (x, width) = span((a.x, a.width), (b.x, b.width));
-    let (y, height) = span((a.y, a.height), (b.y, b.height));
-    Window { x, y, width, height }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_window_of_a_picture_holds_those_of_its_elements() {
-        let a = Window { x: -5, y: 2, width: 10, height: 4 };
-        let b = Window { x: 20, y: 0, width: 1, height: 1 };
-        assert_eq!(united(a, b), Window { x: -5, y: 0, width: 26, height: 6 });
-        assert_eq!(united(a, a), a);
-    }
 }

@@ -5,11 +5,11 @@
 
 use super::deep::{self, Tidier};
 use super::depth::FarDepth;
-use super::elements::{self, Element, Elements, MOST_PEELS, STRIP_ROWS, united};
+use super::elements::{self, Element, Elements, MOST_PEELS, STRIP_ROWS};
 use super::layers::{Layer, Layers};
 use super::merged_peels::{Peels, Row};
 use super::options::{Carry, ReadOptions};
-use super::{Frame, Peel, Source, Window, guard};
+use super::{Frame, Peel, Source, Window, guard, windows};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
@@ -85,7 +85,7 @@ pub(super) fn merge_layers(
 ) -> Result<(Vec<Peel>, Window), Error> {
     let mut elements = elements.map(Element::Flat);
     let windows = elements.iter().flat_map(Element::windows);
-    let data = windows.reduce(united).unwrap_or(Window { x: 0, y: 0, width: 0, height: 0 });
+    let data = windows.reduce(windows::joined).unwrap_or(Window { x: 0, y: 0, width: 0, height: 0 });
     merge((&mut elements, convention), data, max_bytes).map(|(peels, _)| (peels.into_peels(), data))
 }
 
