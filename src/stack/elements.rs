@@ -216,11 +216,10 @@ impl Elements {
         Ok(())
     }
 
-    /// The window that holds all elements, whatever rows are read: see [`windows::union`].
+    /// The smallest window around all elements, whatever rows are read.
     pub(super) fn window(&self) -> Window {
-        let all = self.elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
-        let all: Vec<Window> = all.collect();
-        if all.is_empty() { self.about.frame.data } else { windows::union(&all, self.about.frame.display) }
+        let windows = self.elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
+        windows.reduce(windows::joined).unwrap_or(self.about.frame.data)
     }
 }
 
