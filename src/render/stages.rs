@@ -35,7 +35,7 @@ pub(super) fn depth_in_use(stack: &Stack, settings: &Settings, lens: &ThinLens) 
 
 /// A note about settings of the lens that are left at their defaults for a file of Blender, which writes nothing of its camera.
 pub(super) fn default_lens(stack: &Stack, settings: &Settings) -> Option<Finding> {
-    let is_blenders = stack.carried.attributes.iter().any(|(name, _)| name.eq("BlenderMultiChannel"));
+    let is_blenders = stack.is_by_blender();
     let lens = &settings.lens;
     let mut defaults = Vec::new();
     if lens.focal_length_mm.origin == Origin::Default {

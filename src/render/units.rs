@@ -14,9 +14,9 @@ const UNITS: [(&str, f32); 5] =
 const USUAL_METRES: [f32; 2] = [0.3, 100.0];
 /// An f-number below this is set to see blur.
 const FAST_F_NUMBER: f32 = 4.0;
-/// CoC radius in pixels below which nothing is blurred.
+/// CoC radius in pixels below which nothing is blurred, if it is a small share of the frame's width or the depths are unusual.
 const NO_BLUR_PX: f32 = 0.5;
-/// The same as a share of the frame's width, where the depths are unusual too.
+/// Such a share.
 const NO_BLUR_SHARE: f32 = 1e-3;
 /// CoC radius in pixels, and as a share of the frame's width, from which on something is blurred.
 const BLUR: (f32, f32) = (2.0, 1.0 / 400.0);
@@ -84,7 +84,9 @@ fn fact(in_use: &DepthInUse, set: Setting) -> Option<String> {
     }
     let is_fast = set.f_number < FAST_F_NUMBER && far > near;
     let is_unusual = likely_by_size(in_use, set).is_some();
-    if is_fast && (most_px < NO_BLUR_PX || is_unusual && most_px < NO_BLUR_SHARE * width_px) {
+    let (few_px, small_share) = (most_px < NO_BLUR_PX, most_px < NO_BLUR_SHARE * width_px);
+    // A small picture of usual depths has a blur of few pixels, and one of much of its width.
+    if is_fast && (few_px && small_share || is_unusual && (few_px || small_share)) {
         return Some(format!(
             "nothing is blurred: the largest CoC radius is {} px at f/{}",
             short(most_px),
@@ -186,6 +188,18 @@ mod tests {
     fn metres_are_not_doubted() {
         assert_eq!(doubted([3.0, 12.0], 3.0, 1.0), None);
         assert_eq!(doubted([300.0, 1200.0], 300.0, 0.01), None);
+    }
+
+    #[test]
+    fn a_small_picture_of_usual_depths_is_not_doubted_and_a_large_one_without_blur_is() {
+        let doubted = |most_px, width_px| {
+            let in_use =
+                DepthInUse { range: [3.0, 12.0], coc_px: [0.0, most_px], fragments: 100, wide: 0, width_px };
+            let set = Setting { focus: 3.0, is_given: true, f_number: 2.8, metres_per_unit: 1.0 };
+            doubt_of(&in_use, set).is_some()
+        };
+        assert!(!doubted(0.15, 48.0));
+        assert!(doubted(0.15, 1920.0) && !doubted(6.0, 1920.0));
     }
 
     #[test]

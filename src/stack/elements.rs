@@ -1,17 +1,18 @@
 //! Elements of one picture, before they are merged: deep files, and stacks or pictures with depth that were rendered apart.
 
-use super::convention::{self, Evidence};
+use super::convention::{self, Conclusion, Evidence};
 use super::deep::{DeepElement, DeepFile, Sample};
 use super::depth::FarDepth;
-use super::depth_values::DepthValues;
 use super::kind::Announced;
-use super::layers::{Layer, Layers};
+use super::layers::Layers;
 use super::options::ReadOptions;
+use super::plausible::{self, Known};
 use super::sanitise::Replaced;
-use super::{ColorRange, Peel, Precision, StackKind, Window, camera, filtered_depth, rim_depth, windows};
+use super::{
+    ColorRange, Peel, Precision, StackKind, Window, camera, filtered_depth, join, rim_depth, windows,
+};
 use crate::error::Error;
 use crate::finding::Finding;
-use crate::image::Plane;
 use crate::settings::DepthConvention;
 use exr::meta::attribute::{AttributeValue, Text};
 
@@ -28,8 +29,13 @@ type Attributes = Vec<(Text, AttributeValue)>;
 pub(super) enum Element {
     /// Deep samples.
     Deep(Box<DeepElement>),
-    /// The peels of a file, all with depth.
-    Flat(Vec<Layer>),
+    /// Peels, all of one window.
+    Flat {
+        /// The peels.
+        peels: Vec<Peel>,
+        /// Their window.
+        window: Window,
+    },
 }
 
 /// What the stack of `sources` will be at most.
@@ -88,19 +94,21 @@ pub(super) struct Elements {
 }
 
 /// How depth is written in a file with these attributes and these values, if they are known, in the channel `depth_channel`.
-fn convention_of(
-    about: &Layers,
+fn conclusion(
+    attributes: &Attributes,
     (depth_channel, depths): (&str, &[f32]),
     options: &ReadOptions,
-) -> DepthConvention {
-    let (camera, _) = camera::values(&about.attributes);
-    let attributes = &about.attributes;
+) -> Conclusion {
+    let (camera, _) = camera::values(attributes);
     let (chosen, header) = (options.convention, camera.convention);
-    convention::conclude(Evidence { chosen, header, attributes, depth_channel, depths }).0.convention
+    convention::conclude(Evidence { chosen, header, attributes, depth_channel, depths }).0
 }
 
 /// The elements of a deep file.
-pub(super) fn of_deep(file: DeepFile, options: &ReadOptions) -> Elements {
+///
+/// # Errors
+/// Normalised depth with 1 near.
+pub(super) fn of_deep(file: DeepFile, options: &ReadOptions) -> Result<Elements, Error> {
     let DeepFile { name, elements, frame, attributes, depth_channel, findings } = file;
     let is_half = elements.iter().all(|element| element.precision() == Precision::Half);
     let about = Layers {
@@ -118,54 +126,37 @@ pub(super) fn of_deep(file: DeepFile, options: &ReadOptions) -> Elements {
         findings,
         replaced: Replaced::default(),
     };
-    let convention = convention_of(&about, (&depth_channel, &[]), options);
+    let convention = conclusion(&about.attributes, (&depth_channel, &[]), options).convention;
     let elements = elements.into_iter().map(|element| Element::Deep(Box::new(element))).collect();
-    Elements { elements, about, convention, names: Vec::new(), depth_channel }
+    let (camera, _) = camera::values(&about.attributes);
+    if plausible::near_is_one(convention, Known { options, camera: &camera, has_8_bits: false }) {
+        return Err(Error::unsupported("deep samples with 1 near cannot be read")
+            .in_file(&about.name)
+            .help("write depth that grows with the distance"));
+    }
+    Ok(Elements { elements, about, convention, names: Vec::new(), depth_channel })
 }
 
-/// The element of a file without deep parts. What its edges lack of depth is completed before it is merged with what is behind it.
+/// The element of a file without deep parts: its peels in one window, with depth that is corrected and completed before it is merged with
+/// what is behind it.
 ///
 /// # Errors
-/// A peel without depth.
+/// A peel without depth; depth that cannot be any; peels too far apart.
 pub(super) fn of_flat(layers: Layers, options: &ReadOptions) -> Result<Elements, Error> {
-    let mut about = layers;
-    let peels = std::mem::take(&mut about.peels);
-    if let Some(peel) = peels.iter().find(|peel| peel.depth.is_none()) {
-        return Err(Error::input("an element has no depth channel, so that it cannot be merged")
-            .in_file(&about.name)
-            .with("found", peel.found.clone())
-            .help("render it with its depth, or name that with `depth_channel`"));
-    }
-    let depth_channel = peels.first().map_or_else(String::new, |peel| peel.depth_channel.clone());
-    let depths = peels.first().and_then(|peel| peel.depth.as_ref()).map_or(&[][..], Plane::values);
-    let convention = convention_of(&about, (&depth_channel, depths), options);
-    let (camera, _) = camera::values(&about.attributes);
+    let (camera, _) = camera::values(&layers.attributes);
+    let mut about = join::join(layers, (options, camera.supersample))?;
+    let in_file = |error: Error| error.in_file(&about.name);
+    let (window, layers) = (about.frame.data, std::mem::take(&mut about.peels));
+    let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
+    let placed = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, window));
+    let mut peels = placed.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
+    let depths = peels.first().map_or(&[][..], |peel| peel.depth.values());
+    let conclusion = conclusion(&about.attributes, (&depth_channel, depths), options);
+    let convention = conclusion.convention;
+    let known = Known { options, camera: &camera, has_8_bits: false };
+    let mut findings = plausible::correct_values(&mut peels, conclusion, known).map_err(in_file)?;
     let supersample = options.supersample.or(camera.supersample).unwrap_or(1);
     let announced = Announced { kind: options.kind.or(camera.kind), supersample };
-    let (peels, completed) = completed(peels, convention, announced);
-    about.findings.extend(completed);
-    let about = Layers { is_merged: true, beauty: None, ..about };
-    Ok(Elements { elements: vec![Element::Flat(peels)], about, convention, names: Vec::new(), depth_channel })
-}
-
-/// The peels of a file with the depths that their edges lack, if all have one window, and what was done.
-fn completed(
-    layers: Vec<Layer>,
-    convention: DepthConvention,
-    announced: Announced,
-) -> (Vec<Layer>, Vec<Finding>) {
-    if layers.windows(2).any(|pair| pair[0].window != pair[1].window) {
-        return (layers, Vec::new());
-    }
-    let mut findings = Vec::new();
-    let mut others = Vec::new();
-    let mut peels: Vec<Peel> = Vec::new();
-    for layer in layers {
-        let Layer { color, alpha, depth, .. } = layer;
-        peels.push(Peel { color, alpha, depth: depth.unwrap_or_default() });
-        others.push((layer.window, layer.prefix, layer.depth_channel, layer.found));
-    }
-    findings.extend(DepthValues::of(&peels).turn_around(&mut peels, convention));
     if let [picture] = peels.as_mut_slice()
         && announced.is_beauty()
     {
@@ -174,11 +165,10 @@ fn completed(
     if announced.kind != Some(StackKind::Coverage) {
         findings.extend(rim_depth::complete(&mut peels, convention));
     }
-    let layers = peels.into_iter().zip(others).map(|(peel, (window, prefix, depth_channel, found))| {
-        let Peel { color, alpha, depth } = peel;
-        Layer { color, alpha, depth: Some(depth), window, prefix, depth_channel, found }
-    });
-    (layers.collect(), findings)
+    findings.splice(0..0, std::mem::take(&mut about.findings));
+    let about = Layers { is_merged: true, beauty: None, findings, ..about };
+    let elements = vec![Element::Flat { peels, window }];
+    Ok(Elements { elements, about, convention, names: Vec::new(), depth_channel })
 }
 
 impl Elements {
@@ -218,17 +208,17 @@ impl Elements {
 
     /// The smallest window around all elements, whatever rows are read.
     pub(super) fn window(&self) -> Window {
-        let windows = self.elements.iter().flat_map(Element::windows).filter(|window| window.height > 0);
+        let windows = self.elements.iter().map(Element::window).filter(|window| window.height > 0);
         windows.reduce(windows::joined).unwrap_or(self.about.frame.data)
     }
 }
 
 impl Element {
-    /// The windows of its pixels, whatever rows are read.
-    pub(super) fn windows(&self) -> Vec<Window> {
+    /// The window of its pixels, whatever rows are read.
+    pub(super) fn window(&self) -> Window {
         match self {
-            Self::Deep(element) => vec![element.window()],
-            Self::Flat(peels) => peels.iter().map(|peel| peel.window).collect(),
+            Self::Deep(element) => element.window(),
+            Self::Flat { window, .. } => *window,
         }
     }
 
@@ -236,7 +226,7 @@ impl Element {
     pub(super) fn replaced(&self) -> Replaced {
         match self {
             Self::Deep(element) => element.replaced(),
-            Self::Flat(_) => Replaced::default(),
+            Self::Flat { .. } => Replaced::default(),
         }
     }
 
@@ -247,7 +237,7 @@ impl Element {
     pub(super) fn load(&mut self, strip: Window, max_bytes: u64) -> Result<(), Error> {
         match self {
             Self::Deep(element) => element.load(strip.y..strip.y + strip.height as i32, max_bytes),
-            Self::Flat(_) => Ok(()),
+            Self::Flat { .. } => Ok(()),
         }
     }
 
@@ -255,17 +245,24 @@ impl Element {
     pub(super) fn append(&self, x: i32, y: i32, far: &FarDepth, samples: &mut Vec<Sample>) {
         match self {
             Self::Deep(element) => element.append(x, y, far, samples),
-            Self::Flat(peels) => samples.extend(peels.iter().filter_map(|peel| sample_of(peel, x, y, far))),
+            Self::Flat { peels, window } => {
+                let Some(at) = place_in(*window, x, y) else { return };
+                samples.extend(peels.iter().filter_map(|peel| sample_of(peel, at, far)));
+            }
         }
     }
 }
 
-/// What a peel has at pixel `x`, `y`; `None` where it is empty.
-fn sample_of(peel: &Layer, x: i32, y: i32, far: &FarDepth) -> Option<Sample> {
-    let Window { width, height, .. } = peel.window;
-    let column = usize::try_from(x - peel.window.x).ok().filter(|&column| column < width)?;
-    let row = usize::try_from(y - peel.window.y).ok().filter(|&row| row < height)?;
-    let distance = far.of(peel.depth.as_ref()?.get(column, row));
+/// Column and row of pixel `x`, `y` in `window`.
+fn place_in(window: Window, x: i32, y: i32) -> Option<(usize, usize)> {
+    let column = usize::try_from(x - window.x).ok().filter(|&column| column < window.width)?;
+    let row = usize::try_from(y - window.y).ok().filter(|&row| row < window.height)?;
+    Some((column, row))
+}
+
+/// What a peel has at a column and row; `None` where it is empty.
+fn sample_of(peel: &Peel, (column, row): (usize, usize), far: &FarDepth) -> Option<Sample> {
+    let distance = far.of(peel.depth.get(column, row));
     let color = peel.color.each_ref().map(|plane| plane.get(column, row));
     let sample = Sample { front: distance, back: distance, color, alpha: peel.alpha.get(column, row) };
     (!sample.is_empty()).then_some(sample)

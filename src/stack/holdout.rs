@@ -5,9 +5,8 @@
 //! It is merged as the colours are, so that both have the same fragments in the same places.
 
 use super::kind::{self, Announced};
-use super::layers::Layer;
 use super::options::{Carry, ReadOptions};
-use super::{Frame, Peel, Source, Stack, Window, guard, merge_files, windows};
+use super::{Peel, Source, Stack, Window, guard, merge_files, windows};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -73,14 +72,11 @@ fn merged(stack: Stack, holdout: Stack, name: &str, options: &ReadOptions) -> Re
     let black = |peel: &Peel| painted(peel, None);
     let taken =
         holdout.peels.iter().flat_map(|peel| peel.alpha.values()).filter(|&&alpha| alpha > 0.0).count();
-    let layers = |peels: &[Peel], frame: Frame, paint: &dyn Fn(&Peel) -> Peel| -> Vec<Layer> {
-        peels.iter().map(|peel| layer(paint(peel), frame.data)).collect()
-    };
     let white = |peel: &Peel| painted(peel, Some(peel.alpha.clone()));
     let merge = |paint: &dyn Fn(&Peel) -> Peel| {
-        let elements =
-            [layers(&stack.peels, stack.frame, paint), layers(&holdout.peels, holdout.frame, &black)];
-        merge_files::merge_layers(elements, convention, limit)
+        let seen = (stack.peels.iter().map(paint).collect(), stack.frame.data);
+        let held = (holdout.peels.iter().map(black).collect(), holdout.frame.data);
+        merge_files::merge_peels([seen, held], convention, limit)
     };
     let (of_shown, _) = merge(&white)?;
     let shown: Vec<Plane> = of_shown.into_iter().map(|Peel { color: [red, _, _], .. }| red).collect();
@@ -109,20 +105,6 @@ fn painted(peel: &Peel, red: Option<Plane>) -> Peel {
         color: [red.unwrap_or_else(black), black(), black()],
         alpha: peel.alpha.clone(),
         depth: peel.depth.clone(),
-    }
-}
-
-/// `peel` of the window `window` as one of a file.
-fn layer(peel: Peel, window: Window) -> Layer {
-    let Peel { color, alpha, depth } = peel;
-    Layer {
-        color,
-        alpha,
-        depth: Some(depth),
-        window,
-        prefix: String::new(),
-        depth_channel: String::new(),
-        found: String::new(),
     }
 }
 

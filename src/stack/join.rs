@@ -3,7 +3,7 @@
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
 use super::windows::{self, place};
-use super::{Frame, Peel, Window, guard};
+use super::{Frame, Peel, Window, guard, names};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -93,7 +93,7 @@ pub(super) fn placed(i: usize, layer: Layer, data: Window) -> Result<Peel, Error
     let Some(depth) = depth else {
         return Err(Error::input(format!("peel {i} has no depth channel"))
             .with("found", found)
-            .with("looked for", "Depth.Z, Depth.V, depth.T, depth, Z")
+            .with("looked for", names::LOOKED_FOR)
             .help("enable the Z pass, name it with `depth_channel`, or give it as `depth_file`"));
     };
     let placed = |plane: Plane, outside: f32| place(plane, window, data, outside);

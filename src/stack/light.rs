@@ -38,7 +38,6 @@ impl Found {
 /// Makes fragments of the colours that have no alpha. Says how many there are, and whether any has a depth of its own: its pixel may have to
 /// be sorted then.
 pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> (Option<Finding>, bool) {
-    let all: usize = peels.iter().map(|peel| peel.alpha.values().len()).sum();
     let mut found = Found::default();
     // The deepest first, so that a light that lies on another has the depth of both.
     for i in (0..peels.len()).rev() {
@@ -57,7 +56,8 @@ pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> (Opti
     );
     let text =
         format!("{lights} fragments have colour and no alpha: light, which adds and hides nothing; {depth}");
-    let finding = if lights == all {
+    let hides_nothing = |peel: &Peel| peel.alpha.values().iter().all(|&alpha| alpha <= LIGHT_ALPHA);
+    let finding = if peels.iter().all(hides_nothing) {
         let text = format!("{text}; alpha is 0 everywhere: if it is only missing, use `alpha = opaque`");
         Finding::warning("light", text)
     } else {
@@ -138,6 +138,15 @@ mod tests {
             text.starts_with("4 fragments") && text.contains("2 of them") && text.contains("1 are"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn alpha_that_is_nowhere_is_doubted_black_pixels_or_not() {
+        let warned = |alpha: f32| {
+            let mut peels = [peel(&[(1.0, 0.0, 5.0), (0.0, 0.0, 5.0), (0.0, alpha, 5.0)])];
+            complete(&mut peels, DepthConvention::Planar).0.unwrap().warning
+        };
+        assert!(warned(0.0) && !warned(0.5));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 use super::deep::{self, Tidier};
 use super::depth::FarDepth;
 use super::elements::{self, Element, Elements, MOST_PEELS, STRIP_ROWS};
-use super::layers::{Layer, Layers};
+use super::layers::Layers;
 use super::merged_peels::{Peels, Row};
 use super::options::{Carry, ReadOptions};
 use super::{Frame, Peel, Source, Window, guard, windows};
@@ -74,18 +74,18 @@ pub(super) fn read_merged(
     Ok(Layers { peels: peels.into_layers(&depth_channel), frame, findings, replaced, ..about })
 }
 
-/// The peels of the fragments of two elements without deep samples, sorted by depth, and their data window.
+/// The fragments of two lots of peels, each with its window, sorted by depth, and their data window.
 ///
 /// # Errors
 /// More memory than allowed.
-pub(super) fn merge_layers(
-    elements: [Vec<Layer>; 2],
+pub(super) fn merge_peels(
+    elements: [(Vec<Peel>, Window); 2],
     convention: DepthConvention,
     max_bytes: u64,
 ) -> Result<(Vec<Peel>, Window), Error> {
-    let mut elements = elements.map(Element::Flat);
-    let windows = elements.iter().flat_map(Element::windows);
-    let data = windows.reduce(windows::joined).unwrap_or(Window { x: 0, y: 0, width: 0, height: 0 });
+    let [one, other] = elements.each_ref().map(|(_, window)| *window);
+    let data = windows::joined(one, other);
+    let mut elements = elements.map(|(peels, window)| Element::Flat { peels, window });
     merge((&mut elements, convention), data, max_bytes).map(|(peels, _)| (peels.into_peels(), data))
 }
 
@@ -113,7 +113,7 @@ fn open(sources: &[Source], options: &ReadOptions, read_flat: ReadFlat<'_>) -> R
     let mut all: Option<Elements> = None;
     for source in sources {
         let more = if deep::is_deep(source)? {
-            elements::of_deep(deep::open(source, options)?, options)
+            elements::of_deep(deep::open(source, options)?, options)?
         } else {
             elements::of_flat(read_flat(source, options)?, options)?
         };

@@ -12,6 +12,7 @@ mod beauty;
 mod camera;
 mod camera_used;
 mod carried;
+mod channel_groups;
 mod chroma;
 mod chunks;
 mod completeness;
@@ -264,6 +265,11 @@ impl Frame {
 }
 
 impl Stack {
+    /// Whether Blender wrote the file, which says nothing of its camera.
+    pub(crate) fn is_by_blender(&self) -> bool {
+        writer::Writer::Blender.wrote(&self.carried.attributes)
+    }
+
     /// What the fragments represent, in words: the kind that applies everywhere, or the shares of the picture.
     pub fn kind_in_words(&self) -> String {
         self.kind.map_or_else(|| self.antialiasing.in_words(), |kind| kind.name().to_owned())

@@ -21,14 +21,15 @@
 //! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
 //! cryptomattes, vectors (`P.X Y Z`, whose `Z` is not depth). Colour without alpha has alpha 1.
 
-use super::depth_names::{self, NamedDepth};
+use super::channel_groups::{
+    COMBINED, ChannelGroups, Group, RankedDepth, is_numbered_peel, last_part, layer_of, order, strip_ending,
+    vectors,
+};
+use super::depth_names;
 use super::options::ReadOptions;
 use crate::error::Error;
 use crate::finding::Finding;
-use std::collections::{BTreeMap, BTreeSet};
 
-/// Name of the colour group of a view layer.
-const COMBINED: &str = "combined";
 /// Name of the anti-aliased colour group of peel 0, after the peel's.
 const BEAUTY: &str = "beauty";
 /// Name under which Blender writes the compositor's result, which is not a view layer.
@@ -39,8 +40,6 @@ const NOT_THE_PICTURE: [&str; 3] = ["noisy", "denoising", "crypto"];
 const THE_PICTURE: [&str; 7] = ["rgba", "beauty", "rgb", "color", "img", "ci", "finalimage"];
 /// Name of `RenderMan`'s colour group, whose alpha is at the root.
 const WITHOUT_ALPHA: &str = "ci";
-/// Names of groups of positions, in small letters.
-const POSITIONS: [&str; 7] = ["p", "position", "worldposition", "pworld", "pos", "wpp", "hitp"];
 /// The names of depth that are tried, for errors.
 pub(super) const LOOKED_FOR: &str = "Depth.Z, Depth.V, depth.T, depth, Z";
 /// Maximum number of names in an error; the rest is counted.
@@ -76,32 +75,6 @@ pub(super) struct Assigned {
     pub(super) findings: Vec<Finding>,
 }
 
-/// Channels with one prefix.
-#[derive(Debug, Default)]
-struct Group {
-    /// Red, green, blue, alpha, luminance, and the chroma of red and blue.
-    channels: [Option<usize>; 7],
-}
-
-/// The channels of a file, grouped by prefix.
-struct ChannelGroups<'a> {
-    /// Colour channels by full prefix.
-    colors: BTreeMap<&'a str, Group>,
-    /// The preferred depth channel, by prefix.
-    depths: BTreeMap<&'a str, RankedDepth>,
-    /// The green and blue of groups that hold depth in red, by the index of that.
-    same: BTreeMap<usize, Vec<usize>>,
-    /// `X Y Z` of positions, by the prefix of their group.
-    positions: BTreeMap<&'a str, [Option<usize>; 3]>,
-}
-
-/// A depth channel: of those with one prefix, the smallest is preferred.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct RankedDepth {
-    rank: usize,
-    index: usize,
-}
-
 /// A channel of a depth file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct DepthAlone {
@@ -109,31 +82,6 @@ pub(super) struct DepthAlone {
     pub(super) index: usize,
     /// As [`PeelChannels::same_as_depth`].
     pub(super) same: Vec<usize>,
-}
-
-impl Group {
-    /// Red, green, blue; grey three times; or chroma of red, luminance, chroma of blue.
-    fn color(&self) -> Option<[usize; 3]> {
-        let [red, green, blue, _, grey, ..] = self.channels;
-        match (red, green, blue, grey) {
-            (Some(red), Some(green), Some(blue), _) => Some([red, green, blue]),
-            (None, None, None, Some(grey)) => {
-                Some(self.chroma().map_or([grey; 3], |[red, blue]| [red, grey, blue]))
-            }
-            _ => None,
-        }
-    }
-
-    /// The chroma of red and blue of a picture of luminance and chroma.
-    fn chroma(&self) -> Option<[usize; 2]> {
-        let [red, green, blue, _, grey, chroma_red, chroma_blue] = self.channels;
-        let has_rgb = [red, green, blue].iter().any(Option::is_some);
-        grey.filter(|_| !has_rgb).and(Some([chroma_red?, chroma_blue?]))
-    }
-
-    fn is_rgb(&self) -> bool {
-        self.channels[..3].iter().all(Option::is_some) || self.chroma().is_some()
-    }
 }
 
 /// Finds the peels in `names`. A peel's depth may be missing: it may be in another file.
@@ -240,20 +188,22 @@ pub(super) fn has_depth(names: &[&str]) -> bool {
 
 /// The channels that could be meant as depth but are not named so, each with what else it is; `None` without any.
 pub(super) fn doubtful(names: &[&str]) -> Option<String> {
-    let vectors = vectors(names);
-    let named = ChannelGroups::from_names(names).depths;
+    let (vectors, groups) = (vectors(names), ChannelGroups::from_names(names));
     let is_coordinate =
         |name: &str| name.rsplit_once('.').is_some_and(|(prefix, _)| vectors.contains(prefix));
-    let is_depth = |index: usize| named.values().any(|depth| depth.index == index);
+    let is_depth = |index: usize| groups.depths.values().any(|depth| depth.index == index);
     let could = names.iter().enumerate().filter(|(index, name)| {
         depth_names::could_be_depth(name) && !is_coordinate(name) && !is_depth(*index)
     });
-    let told: Vec<String> = could
-        .map(|(_, name)| match depth_names::other_meaning(name) {
-            Some(meaning) => format!("{name} ({meaning})"),
-            None => (*name).to_owned(),
-        })
-        .collect();
+    let told = could.map(|(_, name)| match depth_names::other_meaning(name) {
+        Some(meaning) => format!("{name} ({meaning})"),
+        None => (*name).to_owned(),
+    });
+    let positions = groups.positions.iter().filter(|(_, axes)| axes.iter().all(Option::is_some));
+    let told = told.chain(
+        positions.map(|(group, _)| format!("{group} (a position, which needs worldToCamera in the header)")),
+    );
+    let told: Vec<String> = told.collect();
     let told: Vec<&str> = told.iter().map(String::as_str).collect();
     (!told.is_empty()).then(|| listed(&told, ", "))
 }
@@ -282,78 +232,6 @@ fn listed(names: &[&str], joint: &str) -> String {
 }
 
 impl<'a> ChannelGroups<'a> {
-    fn from_names(names: &[&'a str]) -> Self {
-        let vectors = vectors(names);
-        let mut groups = Self {
-            colors: BTreeMap::new(),
-            depths: BTreeMap::new(),
-            same: BTreeMap::new(),
-            positions: BTreeMap::new(),
-        };
-        let mut letters = Vec::new();
-        let mut pictures: Vec<(&str, usize)> = Vec::new();
-        for (index, &name) in names.iter().enumerate() {
-            groups.note_position(name, index);
-            match depth_names::depth_by_name(name, &vectors) {
-                Some(_) if is_split_position(name, names) => {}
-                Some(depth) if depth.is_letter => letters.push((depth, index)),
-                Some(depth) => {
-                    groups.note_depth(depth.owner, depth.rank, index);
-                    if depth.is_picture {
-                        pictures.push((name.rsplit_once('.').map_or("", |(prefix, _)| prefix), index));
-                    }
-                }
-                None => {
-                    let color = color_role(name).filter(|(prefix, _)| !vectors.contains(prefix));
-                    if let Some((prefix, role)) =
-                        color.filter(|(prefix, _)| !depth_names::is_depth_group(prefix))
-                    {
-                        groups.colors.entry(prefix).or_default().channels[role].get_or_insert(index);
-                    }
-                }
-            }
-        }
-        letters.retain(|(depth, index)| groups.may_say_depth(depth, names[*index]));
-        for (depth, index) in letters {
-            groups.note_depth(depth.owner, depth.rank, index);
-        }
-        for (prefix, red) in pictures {
-            let is_same = |name: &&str| {
-                color_role(name).is_some_and(|(of, role)| of == prefix && (1..=2).contains(&role))
-            };
-            groups.same.insert(red, (0..names.len()).filter(|&index| is_same(&names[index])).collect());
-        }
-        groups
-    }
-
-    fn note_depth(&mut self, owner: &'a str, rank: usize, index: usize) {
-        let ranked = RankedDepth { rank, index };
-        let best = self.depths.entry(owner).or_insert(ranked);
-        *best = (*best).min(ranked);
-    }
-
-    fn note_position(&mut self, name: &'a str, index: usize) {
-        let Some((prefix, last)) = name.rsplit_once('.') else { return };
-        let group = last_part(prefix).to_ascii_lowercase();
-        let axes = [["x", "r"], ["y", "g"], ["z", "b"]];
-        let axis = axes.iter().position(|names| names.iter().any(|axis| last.eq_ignore_ascii_case(axis)));
-        if let Some(axis) = axis.filter(|_| POSITIONS.contains(&group.as_str())) {
-            self.positions.entry(prefix).or_default()[axis].get_or_insert(index);
-        }
-    }
-
-    /// Whether a letter says depth: beside colour of the same prefix, or at the root. `T` is texture coordinates of all but peels.
-    fn may_say_depth(&self, depth: &NamedDepth<'_>, name: &str) -> bool {
-        let is_t = name.ends_with(['t', 'T']);
-        let is_beside = |prefix: &str| *prefix == *depth.owner || layer_of(prefix) == depth.owner;
-        let beside_color = self.colors.keys().any(|prefix| is_beside(prefix));
-        if is_t {
-            beside_color && is_numbered_peel(depth.owner)
-        } else {
-            beside_color || depth.owner.is_empty()
-        }
-    }
-
     /// The prefixes of the peels' colour groups, in the order of the table.
     fn pictures(&self, names: &[&str]) -> Result<Vec<&'a str>, Error> {
         let rgb: Vec<&str> =
@@ -488,47 +366,9 @@ impl PeelChannels {
     }
 }
 
-/// The prefixes with an `X` channel: vectors, whose `Y` is not grey and whose `Z` is not depth.
-fn vectors<'a>(names: &[&'a str]) -> BTreeSet<&'a str> {
-    names.iter().filter_map(|name| strip_ending(name, "x")).collect()
-}
-
-/// Whether `name` is the last of `Px Py Pz`, a position. That of pbrt is in the camera's space, where the last is depth.
-fn is_split_position(name: &str, names: &[&str]) -> bool {
-    let has = |wanted: &str| names.iter().any(|name| name.eq_ignore_ascii_case(wanted));
-    name.eq_ignore_ascii_case("pz") && has("px") && !has("dzdx")
-}
-
 /// Whether the last part of `prefix` is `name`.
 fn is_named(prefix: &str, name: &str) -> bool {
     last_part(prefix).eq_ignore_ascii_case(name)
-}
-
-/// `name` without `ending` and the dot before it, if `ending` is its last part or parts; case is ignored.
-fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
-    let at = name.len().checked_sub(ending.len())?;
-    let tail = name.get(at..)?;
-    let head = &name[..at];
-    let whole = head.is_empty() || head.ends_with('.');
-    (whole && tail.eq_ignore_ascii_case(ending)).then(|| head.strip_suffix('.').unwrap_or(head))
-}
-
-/// Prefix and index in [`Group::channels`] of a colour channel.
-fn color_role(name: &str) -> Option<(&str, usize)> {
-    const ENDINGS: [&[&str]; 7] =
-        [&["r", "red"], &["g", "green"], &["b", "blue"], &["a", "alpha"], &["y"], &["ry"], &["by"]];
-    ENDINGS.iter().enumerate().find_map(|(role, endings)| {
-        endings.iter().find_map(|ending| strip_ending(name, ending)).map(|prefix| (prefix, role))
-    })
-}
-
-fn last_part(prefix: &str) -> &str {
-    prefix.rsplit('.').next().unwrap_or(prefix)
-}
-
-/// The name of the layer whose colour group is `prefix`.
-fn layer_of(prefix: &str) -> &str {
-    strip_ending(prefix, COMBINED).unwrap_or(prefix)
 }
 
 /// Whether the colour group `group` is named as the anti-aliased colour of the numbered peel `peel`.
@@ -537,23 +377,9 @@ fn is_beauty_of(group: &str, peel: &str) -> bool {
         .is_some_and(|layer| layer.eq_ignore_ascii_case(peel) && is_numbered_peel(peel))
 }
 
-/// Whether `prefix` is "peel" and a number.
-fn is_numbered_peel(prefix: &str) -> bool {
-    let (stem, number) = order(prefix);
-    stem.to_ascii_lowercase().ends_with("peel") && number >= 0
-}
-
 fn is_other(prefix: &str) -> bool {
     let last = last_part(prefix).to_ascii_lowercase();
     NOT_THE_PICTURE.iter().any(|start| last.starts_with(start))
-}
-
-/// Sort key of a peel: its name without the number at the end, and that number, −1 if there is none.
-fn order(prefix: &str) -> (String, i64) {
-    let layer = layer_of(prefix);
-    let stem = layer.trim_end_matches(|c: char| c.is_ascii_digit());
-    let number = layer[stem.len()..].parse().unwrap_or(-1);
-    (stem.trim_end_matches(['_', ' ', '-', '.']).to_owned(), number)
 }
 
 /// Gives every peel the depth channel `requested`: the full name, else the name after the peel's prefix.

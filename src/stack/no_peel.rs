@@ -203,6 +203,12 @@ mod tests {
         assert!(checked(&still, &moved, false).is_err());
         let plate = checked(&still, &[12.0; 40], false).unwrap();
         assert!(plate.is_some_and(|finding| finding.warning), "a picture without the object");
+        let (mut points, mut few) = ([12.0; 1000], [12.0; 1000]);
+        points[..20].fill(3.0);
+        few[..3].fill(3.0);
+        let plate = checked(&points, &[12.0; 1000], false).unwrap();
+        assert!(plate.is_some_and(|finding| finding.warning), "the same of small objects");
+        assert!(checked(&few, &[12.0; 1000], false).is_err(), "a copy, but for noise");
     }
 
     #[test]

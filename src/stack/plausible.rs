@@ -31,21 +31,20 @@ pub(super) struct Depths {
     pub(super) findings: Vec<Finding>,
 }
 
-/// Checks the depths of `peels`, which `concluded` says how to read and why, and corrects those that are written otherwise.
+/// Corrects the depths of `peels`, the whole of what one file has of them: their sign, which end of normalised depth is near, specks.
 ///
 /// # Errors
-/// No depth at all; a part of a file of which only the whole says how it is written.
-pub(super) fn correct(
+/// No depth at all.
+pub(super) fn correct_values(
     peels: &mut [Peel],
-    (conclusion, finding): (Conclusion, Finding),
+    conclusion: Conclusion,
     known: Known<'_>,
-) -> Result<Depths, Error> {
-    let is_whole = known.options.rows.is_none();
-    let values = DepthValues::of(peels);
+) -> Result<Vec<Finding>, Error> {
     let convention = conclusion.convention;
-    let mut findings = vec![finding];
+    let values = DepthValues::of(peels);
+    let mut findings = Vec::new();
     findings.extend(values.turn_around(peels, convention));
-    if is_whole {
+    if known.options.rows.is_none() {
         let writes_zero = match convention {
             DepthConvention::Inverse => true,
             DepthConvention::Ray => !conclusion.guessed,
@@ -53,22 +52,44 @@ pub(super) fn correct(
         };
         findings.extend(values.check(writes_zero)?);
         findings.extend(values.doubt());
-        findings.extend(depth_steps::doubt(peels, convention).filter(|_| !known.has_8_bits));
     }
-    let near_is_one = convention == DepthConvention::Normalised && near_is_one(known);
-    if near_is_one {
+    if near_is_one(convention, known) {
         peels.iter_mut().for_each(inverted);
         findings.push(Finding::note("depth", "depth 1 is nearer than depth 0: `near` is above `far`"));
     }
     findings.extend(depth_specks::repair(peels, convention));
+    Ok(findings)
+}
+
+/// Checks the depths of `peels`, which `concluded` says how to read and why, and corrects those that are written otherwise, unless they are
+/// those of elements that were.
+///
+/// # Errors
+/// No depth at all; a part of a file of which only the whole says how it is written.
+pub(super) fn correct(
+    peels: &mut [Peel],
+    (conclusion, finding): (Conclusion, Finding),
+    (known, is_merged): (Known<'_>, bool),
+) -> Result<Depths, Error> {
+    let convention = conclusion.convention;
+    let mut findings = vec![finding];
+    if !is_merged {
+        findings.extend(correct_values(peels, conclusion, known)?);
+    } else if known.options.rows.is_none() {
+        // Elements were corrected before they were merged; together they may still have nothing but background.
+        findings.extend(DepthValues::of(peels).check(false)?);
+    }
+    if known.options.rows.is_none() {
+        findings.extend(depth_steps::doubt(peels, convention).filter(|_| !known.has_8_bits));
+    }
     findings.extend(convention::doubt(conclusion, order::depth_range(peels, convention)));
-    Ok(Depths { convention, near_is_one, findings })
+    Ok(Depths { convention, near_is_one: near_is_one(convention, known), findings })
 }
 
 /// Whether the distance of depth 0 is set to be above that of depth 1. Both must be set.
-fn near_is_one(Known { options, camera, .. }: Known<'_>) -> bool {
+pub(super) fn near_is_one(convention: DepthConvention, Known { options, camera, .. }: Known<'_>) -> bool {
     let [near, far] = [options.near.or(camera.near), options.far.or(camera.far)];
-    near.zip(far).is_some_and(|(near, far)| near > far)
+    convention == DepthConvention::Normalised && near.zip(far).is_some_and(|(near, far)| near > far)
 }
 
 /// Turns normalised depth around, so that 0 is near. Background stays.

@@ -12,7 +12,7 @@ use super::{
     Antialiasing, Carried, CarriedChannel, CheckedPicture, ColorRange, Cryptomatte, Frame, FramedImage, Peel,
     Source, Stack, StackKind, Window, alpha, background_share, beauty, camera, carried, cryptomatte,
     filtered_depth, guard, holdout, join, kind, light, merge_files, names, no_peel, order, picture,
-    rim_depth, views,
+    rim_depth, views, writer,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -272,14 +272,7 @@ fn placed(own: Frame, other: Frame, options: &ReadOptions) -> Option<Window> {
 
 /// The attributes of a depth file's header that identify the program that wrote it, and those of thinlens.
 fn identifying_attributes(attributes: Vec<(Text, AttributeValue)>) -> Vec<(Text, AttributeValue)> {
-    let identifies = |name: &Text| {
-        let name = name.to_string();
-        name == "generatedBy"
-            || name == "BlenderMultiChannel"
-            || name.starts_with("nuke/")
-            || name.starts_with("unreal/")
-            || name.starts_with("thinlens.")
-    };
+    let identifies = |name: &Text| writer::identifies(name) || name.to_string().starts_with("thinlens.");
     attributes.into_iter().filter(|(name, _)| identifies(name)).collect()
 }
 
@@ -353,7 +346,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let has_8_bits = findings.iter().any(|finding| finding.text == picture::EIGHT_BITS);
     let known = Known { options, camera: &camera, has_8_bits };
     let Depths { convention, near_is_one, findings: of_depth } =
-        plausible::correct(&mut peels, concluded, known).map_err(in_file)?;
+        plausible::correct(&mut peels, concluded, (known, is_merged)).map_err(in_file)?;
     findings.extend(of_depth);
     if options.alpha.is_none() {
         findings.extend(alpha::doubt(&peels));

@@ -14,8 +14,18 @@ pub(super) enum Writer {
     VRay,
 }
 
+/// All of them.
+const WRITERS: [Writer; 5] = [Writer::Blender, Writer::Nuke, Writer::Unreal, Writer::Usd, Writer::VRay];
+
 /// Attributes whose text names the program.
 const PROGRAM: [&str; 5] = ["generatedBy", "software", "Software", "writer", "creator"];
+
+/// Whether an attribute of this name says which program wrote the file.
+pub(super) fn identifies(name: &Text) -> bool {
+    let name = name.to_string();
+    let is_program = PROGRAM.contains(&name.as_str());
+    is_program || WRITERS.iter().any(|writer| writer.marks_with(&name))
+}
 
 impl Writer {
     /// How the names of its attributes begin, and the words that name it in those of [`PROGRAM`]; both in small letters.
@@ -31,13 +41,16 @@ impl Writer {
         }
     }
 
+    /// Whether `name` is that of one of its attributes.
+    fn marks_with(self, name: &str) -> bool {
+        let name = name.to_ascii_lowercase();
+        self.marks().0.iter().any(|prefix| name.starts_with(prefix))
+    }
+
     /// Whether it wrote the file with these attributes.
     pub(super) fn wrote(self, attributes: &[(Text, AttributeValue)]) -> bool {
-        let (prefixes, words) = self.marks();
-        let is_marked = |(name, _): &(Text, AttributeValue)| {
-            let name = name.to_string().to_ascii_lowercase();
-            prefixes.iter().any(|prefix| name.starts_with(prefix))
-        };
+        let (_, words) = self.marks();
+        let is_marked = |(name, _): &(Text, AttributeValue)| self.marks_with(&name.to_string());
         let names_it = |name: &&str| {
             let program = text(attributes, name).unwrap_or_default().to_ascii_lowercase();
             words.iter().any(|word| program.contains(word))

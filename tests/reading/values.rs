@@ -79,6 +79,41 @@ fn distances_along_minus_z_are_those_without_the_sign() {
 }
 
 #[test]
+fn elements_are_corrected_before_they_are_merged() {
+    let near = |x: usize, y: usize| if x < 8 { 3.0 + y as f32 } else { 1e10 };
+    let far = |x: usize, y: usize| 12.0 + (x + y) as f32;
+    let merged = |part: Part, convention: Option<DepthConvention>| {
+        let options = ReadOptions { merge: true, convention, ..ReadOptions::default() };
+        let behind = exr_bytes(vec![picture("Z", far)]);
+        read(&[source(exr_bytes(vec![part])), source(behind)], &options).unwrap()
+    };
+    let expected = merged(picture("Z", near), None);
+    let backwards = merged(picture("Z", |x, y| if x < 8 { -near(x, y) } else { f32::NEG_INFINITY }), None);
+    assert_eq!(backwards.peels, expected.peels, "along −z");
+    assert!(is_said(&backwards, "without their sign"));
+    let even = |x: usize, _: usize| if x < 8 { 3.0 } else { 1e10 };
+    let broken = merged(picture("Z", move |x, y| if (x, y) == (4, 5) { f32::NAN } else { even(x, y) }), None);
+    assert_eq!(broken.peels, merged(picture("Z", even), None).peels, "a speck of NaN");
+    let options = ReadOptions { merge: true, ..ReadOptions::default() };
+    let nothing = exr_bytes(vec![picture("Z", |_, _| 0.0)]);
+    let error = read(&[source(nothing), source(exr_bytes(vec![picture("Z", far)]))], &options).unwrap_err();
+    assert!(error.to_string().contains("is 0 everywhere"), "{error}");
+}
+
+#[test]
+fn the_program_of_a_depth_file_says_how_depth_is_written() {
+    let distance = |x: usize, y: usize| 2.0 + (x + y) as f32;
+    let nuke = AttributeValue::Text(Text::from("15.0v4"));
+    let mut depth = picture("depth.Z", |x, y| 1.0 / distance(x, y)).attribute("nuke/version", nuke);
+    depth.channels.retain(|(name, _)| name == "depth.Z");
+    let mut beauty = picture("Z", distance);
+    beauty.channels.retain(|(name, _)| name != "Z");
+    let files = [beauty, depth].map(|part| source(exr_bytes(vec![part])));
+    let stack = read(&files, &ReadOptions::default()).unwrap();
+    assert_eq!(stack.convention, DepthConvention::Inverse);
+}
+
+#[test]
 fn specks_of_nan_on_a_surface_have_its_depth_and_are_counted() {
     let at = [(3, 2), (9, 7), (20, 12), (21, 12)];
     let depth = |x: usize, y: usize| if at.contains(&(x, y)) { f32::NAN } else { 4.0 + 0.1 * y as f32 };
