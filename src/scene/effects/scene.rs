@@ -90,6 +90,35 @@ pub(super) fn transparent_background(stats: &SceneStats) -> Effect {
     )
 }
 
+pub(super) fn reflections(stats: &SceneStats) -> Effect {
+    let decided =
+        |on, reason: String, change: String| Effect::new(EffectKind::Reflections, on, reason, change);
+    let Some(reflections) = &stats.reflections else {
+        let reason = "no channel says what surfaces reflect, or they reflect nothing".to_owned();
+        return decided(false, reason, "with it, no effect".to_owned());
+    };
+    let reflecting = percent(reflections.reflecting_fragments, stats.fragments);
+    let moving = percent(reflections.moving_fragments, stats.fragments);
+    let largest = reflections.largest_movement_px;
+    if reflections.moving_fragments == 0 {
+        let reason = format!(
+            "{reflecting:.1} % of the fragments reflect, and the lens moves what they show by {largest:.2} px at most, or to nothing else"
+        );
+        return decided(
+            false,
+            reason,
+            "with it, no reflection would move by more than half a pixel".to_owned(),
+        );
+    }
+    let reason = format!(
+        "{reflecting:.1} % of the fragments reflect, and the lens moves what {moving:.1} % show, by up to {largest:.1} px"
+    );
+    let change = format!(
+        "without it, {moving:.1} % of the fragments would be focused at their surface instead of at what they reflect"
+    );
+    decided(true, reason, change)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
