@@ -53,6 +53,34 @@ impl ReflectedLight {
         Some(Self { reflections, supersample: scene.supersample as f32 })
     }
 
+    /// The same, with other light: that of each layer as `of` makes it.
+    #[must_use]
+    pub(in crate::methods) fn with_light(&self, of: impl Fn(&ReflectingLayer) -> [Plane; 3]) -> Self {
+        let other = |layer: &ReflectingLayer| ReflectingLayer { light: of(layer), ..layer.clone() };
+        let layers = self.reflections.layers.iter().map(|layer| layer.as_ref().map(other)).collect();
+        let Reflections { farthest_px, stats, .. } = &*self.reflections;
+        let reflections = Reflections { layers, farthest_px: farthest_px.clone(), stats: *stats };
+        Self { reflections: Arc::new(reflections), supersample: self.supersample }
+    }
+
+    /// The fragments at a sample whose reflection moves: their layers and CoC radii.
+    pub(in crate::methods) fn fragments_at(
+        &self,
+        (x, y): (usize, usize),
+    ) -> impl Iterator<Item = (usize, f32)> {
+        let layers = self.reflections.layers.iter().enumerate();
+        layers.filter_map(move |(number, layer)| {
+            let layer = layer.as_ref().filter(|layer| layer.share(x, y) > 0.0)?;
+            Some((number, layer.coc_px.get(x, y)))
+        })
+    }
+
+    /// The light that `ray` sees in the fragment that it has `met`, of all that moves.
+    pub(in crate::methods) fn seen(&self, met: Met, ray: &LensRay) -> [f32; 3] {
+        let moved = self.moved(met, ray);
+        moved.map_or([0.0; 3], |moved| moved.seen.map(|value| value / moved.share))
+    }
+
     /// What changes for `ray` in the light of the fragment that it has `met`; `None` if none of it moves.
     #[inline]
     pub(in crate::methods) fn moved(&self, met: Met, ray: &LensRay) -> Option<MovedLight> {

@@ -11,7 +11,9 @@ const BLUR_FROM_PX: f32 = 0.01;
 pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let stats = inputs.stats;
     let shift = inputs.longest_shift_px();
-    let largest = inputs.max_blur_px();
+    // A mirror in focus everywhere still shows what is not.
+    let moved = stats.reflections.filter(|reflections| reflections.moving_fragments > 0);
+    let largest = inputs.max_blur_px().max(moved.map_or(0.0, |moved| moved.largest_movement_px));
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason = format!("the largest CoC radius is {largest:.4} px: no blur is visible");
