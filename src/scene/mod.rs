@@ -8,6 +8,7 @@ mod border;
 mod bright;
 mod depth_in_use;
 pub(crate) mod effects;
+pub mod environment;
 mod extrapolation;
 mod stats;
 mod fill;
