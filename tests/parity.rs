@@ -14,7 +14,7 @@ use thinlens::methods::{self, LostRays, METHODS, Method, Plan};
 use thinlens::render::{Job, NamedPreset, prepare, render};
 use thinlens::scene::{EffectKind, Layer, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
-use thinlens::stack::{Antialiasing, Source, StackKind};
+use thinlens::stack::{Antialiasing, LIGHT_ALPHA, Source, StackKind};
 
 /// Maximum difference between a method's two pictures.
 #[derive(Clone, Copy)]
@@ -201,10 +201,18 @@ fn open_scenes() -> Vec<(&'static str, Scene)> {
             (scaled(texture(x, y, seed), alpha), coc_px)
         })
     };
+    let light = |seed: usize, coc_px: f32| {
+        layer(67, 41, move |x, y| {
+            let [r, g, b, _] = texture(x, y, seed).map(|value| if bar(x) { 3.0 * value } else { 0.0 });
+            ([r, g, b, if bar(x) { LIGHT_ALPHA } else { 0.0 }], coc_px)
+        })
+    };
     vec![
         ("nine clear pixels in a corner", scene(vec![wall_with_clear_corner], 9.0)),
         ("a lone translucent element", scene(vec![element], 6.0)),
         ("a lone opaque object, infinity on the other side of focus", scene(vec![object], 5.0)),
+        ("light without alpha over nothing", scene(vec![light(8, -5.0)], 6.0)),
+        ("light without alpha before panes", scene(vec![light(9, -4.0), panes(10, 3.0)], 7.0)),
         ("panes of every alpha", scene(vec![panes(5, -4.0), panes(7, 3.0)], 7.0)),
     ]
 }
