@@ -185,6 +185,7 @@ mod tests {
             color_range: ColorRange::Unbounded,
             light: Vec::new(),
             limited_fragments: 0,
+            reflections: None,
             spread: Spread::default(),
             field: Field::from_picture_size(100, 100),
             peels: Vec::new(),

@@ -51,6 +51,8 @@ impl Scene {
         let outside = outside_px.map(|pixels| pixels * self.supersample);
         // One plane at a time, so that only one of them is held twice.
         let pad = |plane: Plane| padded(&plane, outside);
+        // Beyond the frame, what surfaces reflect does not move.
+        let pad_with_nothing = |plane: &Plane| zero_padded(plane, outside);
         let layer = |layer: Layer| Layer {
             color: layer.color.map(pad),
             alpha: pad(layer.alpha),
@@ -61,7 +63,8 @@ impl Scene {
         let antialiasing = self.antialiasing.changed(|plane| mirror_padded(plane, outside_px));
         let mut field = self.field;
         field.axis_px += Vec2::from(outside_px.map(|pixels| pixels as f32));
-        Self { layers, antialiasing, field, outside_px, background, ..self }
+        let reflections = self.reflections.map(|found| Arc::new(found.padded(pad_with_nothing)));
+        Self { layers, antialiasing, field, outside_px, background, reflections, ..self }
     }
 }
 

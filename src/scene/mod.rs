@@ -20,6 +20,7 @@ mod layer;
 mod light;
 mod merge;
 mod peel_stats;
+mod reflections;
 mod smooth;
 mod spread;
 pub(crate) mod surface;
@@ -40,6 +41,7 @@ pub(crate) use key_frames::number_at;
 pub(crate) use layer::MAX_TRANSLUCENT_LAYERS;
 pub use layer::{Layer, OPAQUE_ALPHA};
 pub use peel_stats::PeelStats;
+pub use reflections::{ReflectingLayer, ReflectionStats, Reflections};
 pub use stats::SceneStats;
 pub(crate) use workload::Discs;
 pub use workload::Workload;
@@ -78,6 +80,8 @@ pub struct Scene {
     pub outside_px: [usize; 2],
     /// The background behind the layers as they were read, before any were merged or estimated; `None` where no pixel shows it.
     pub background: Option<Arc<Background>>,
+    /// What the surfaces of the layers reflect, where the stack says so.
+    pub reflections: Option<Arc<Reflections>>,
 }
 
 /// Largest CoC radius kept for a picture of this size, in picture pixels. A larger disc extends over several frame widths, so that its
@@ -104,6 +108,7 @@ impl Scene {
             color_range: ColorRange::Unbounded,
             outside_px: [0; 2],
             background,
+            reflections: None,
         }
     }
 
@@ -111,6 +116,8 @@ impl Scene {
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
         let supersample = stack.supersample;
         let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
+        let (reflections, findings) = reflections::reflections(stack, lens, scale);
+        stack.findings.extend(findings);
         let mut limited_fragments = 0;
         let mut layers = Vec::with_capacity(stack.peels.len());
         for mut peel in std::mem::take(&mut stack.peels) {
@@ -125,6 +132,7 @@ impl Scene {
             color_range,
             opening_px: lens.opening_px,
             antialiasing: stack.antialiasing.clone(),
+            reflections,
             ..Self::new(layers, StackKind::PointSampled, supersample, lens.coc_infinity_px.min(limit))
         }
     }

@@ -11,7 +11,7 @@ use super::layer::divisor;
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
-use super::{Background, Layer, OPAQUE_ALPHA, Scene};
+use super::{Background, Layer, OPAQUE_ALPHA, ReflectionStats, Scene};
 use crate::lens::Field;
 use crate::stack::ColorRange;
 use pulp::{Arch, NullaryFnOnce};
@@ -52,6 +52,9 @@ pub struct SceneStats {
     pub(crate) light: Vec<LightStep>,
     /// See [`Scene::limited_fragments`].
     pub limited_fragments: usize,
+    /// What the surfaces reflect, where the stack says so and they do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reflections: Option<ReflectionStats>,
     /// How far fragments spread, and where.
     pub(crate) spread: Spread,
     /// Position of the picture in the lens's field.
@@ -119,6 +122,7 @@ impl Scene {
             color_range: self.color_range,
             light: tally.light,
             limited_fragments: self.limited_fragments,
+            reflections: self.reflections.as_ref().map(|reflections| reflections.stats),
             spread,
             field: self.field,
             peels,

@@ -148,7 +148,9 @@ pub(super) fn of_flat(layers: Layers, options: &ReadOptions) -> Result<Elements,
     let in_file = |error: Error| error.in_file(&about.name);
     let (window, layers) = (about.frame.data, std::mem::take(&mut about.peels));
     let depth_channel = layers.first().map_or_else(String::new, |layer| layer.depth_channel.clone());
-    let placed = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, window));
+    // What surfaces reflect is not merged.
+    let peel = |(i, layer)| join::placed(i, layer, window).map(|(peel, _)| peel);
+    let placed = layers.into_iter().enumerate().map(peel);
     let mut peels = placed.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
     let depths = peels.first().map_or(&[][..], |peel| peel.depth.values());
     let conclusion = conclusion(&about.attributes, (&depth_channel, depths), options);

@@ -18,6 +18,9 @@ use exr::meta::attribute::SampleType;
 /// Bytes of one peel's sample: red, green, blue, alpha and depth.
 const PEEL_BYTES: u64 = 20;
 
+/// Planes that are made of what a peel reflects, for each of its samples.
+const MOVED_PLANES: usize = 13;
+
 /// Bytes for each sample of the data window that a render takes beside the decoded stack: what methods were measured to take, at most 84,
 /// and the margin that an estimate needs.
 const WORK_BYTES: u64 = 100;
@@ -238,6 +241,9 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<(Footprint, Frame), E
     // Channels that depth is made of or compared with, while they are read.
     let of_depth = |peel: &PeelChannels| peel.same_as_depth.len() + 2 * usize::from(peel.position.is_some());
     let of_depth: usize = assigned.peels.iter().map(of_depth).sum();
+    // What is read of reflections, and the planes that are made of it.
+    let with_shading = assigned.peels.iter().filter_map(|peel| peel.shading.as_ref());
+    let of_shading: usize = with_shading.map(|shading| shading.indices().count() + MOVED_PLANES).sum();
     let (camera, _) = camera::values(&file.attributes());
     let of_peels = Footprint {
         width: frame.data.width,
@@ -247,7 +253,7 @@ fn of_exr(file: &ExrFile, options: &ReadOptions) -> Result<(Footprint, Frame), E
         supersample: options.supersample.or(camera.supersample).unwrap_or(1).max(1),
         sample_bytes: PEEL_BYTES * peels as u64
             + beauty
-            + 4 * of_depth as u64
+            + 4 * (of_depth + of_shading) as u64
             + carried.iter().map(size_of).sum::<u64>(),
         block_bytes: file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0),
         is_in_rows: true,

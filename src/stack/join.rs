@@ -2,6 +2,7 @@
 
 use super::layers::{Layer, Layers};
 use super::options::ReadOptions;
+use super::shading::Shading;
 use super::windows::{self, place};
 use super::{Frame, Peel, Window, guard, names};
 use crate::error::Error;
@@ -87,9 +88,9 @@ fn with_depth_of_empty(mut layers: Vec<Layer>) -> Vec<Layer> {
     layers
 }
 
-/// `layer` as peel number `i`, in the data window of the stack.
-pub(super) fn placed(i: usize, layer: Layer, data: Window) -> Result<Peel, Error> {
-    let Layer { color, alpha, depth, window, found, .. } = layer;
+/// `layer` as peel number `i`, and what its surfaces reflect, in the data window of the stack.
+pub(super) fn placed(i: usize, layer: Layer, data: Window) -> Result<(Peel, Option<Shading>), Error> {
+    let Layer { color, alpha, depth, window, found, shading, .. } = layer;
     let Some(depth) = depth else {
         return Err(Error::input(format!("peel {i} has no depth channel"))
             .with("found", found)
@@ -97,9 +98,10 @@ pub(super) fn placed(i: usize, layer: Layer, data: Window) -> Result<Peel, Error
             .help("enable the Z pass, name it with `depth_channel`, or give it as `depth_file`"));
     };
     let placed = |plane: Plane, outside: f32| place(plane, window, data, outside);
-    Ok(Peel {
+    let peel = Peel {
         color: color.map(|plane| placed(plane, 0.0)),
         alpha: placed(alpha, 0.0),
         depth: placed(depth, f32::INFINITY),
-    })
+    };
+    Ok((peel, shading.map(|shading| shading.placed(window, data))))
 }

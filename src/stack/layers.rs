@@ -8,6 +8,7 @@ use super::names::{self, Assigned, PeelChannels};
 use super::options::{Carry, ReadOptions};
 use super::position::{self, WorldToCamera};
 use super::sanitise::Replaced;
+use super::shading::{Shading, ShadingChannels};
 use super::windows::{self, place_depth};
 use super::{
     AlphaMode, CarriedChannel, ColorRange, Cryptomatte, Frame, Precision, Window, alpha, carried, cryptomatte,
@@ -35,6 +36,8 @@ pub(super) struct Layer {
     pub(super) depth_channel: String,
     /// The channels with its prefix, for errors.
     pub(super) found: String,
+    /// What its surfaces reflect, if the file says so.
+    pub(super) shading: Option<Shading>,
 }
 
 /// The anti-aliased picture of the stack's frame.
@@ -88,7 +91,10 @@ impl Layer {
     /// The layer, its colour multiplied by alpha if `alpha` says that the file has it straight.
     pub(super) fn premultiplied(mut self, alpha: Option<AlphaMode>) -> Self {
         match alpha {
-            Some(AlphaMode::Straight) => alpha::premultiply(&mut self.color, &self.alpha),
+            Some(AlphaMode::Straight) => {
+                alpha::premultiply(&mut self.color, &self.alpha);
+                self.shading = self.shading.map(|shading| shading.premultiplied(&self.alpha));
+            }
             Some(AlphaMode::Opaque) => self.alpha.values_mut().fill(1.0),
             Some(AlphaMode::Premultiplied) | None => {}
         }
@@ -134,6 +140,10 @@ fn assign(file: &ExrFile, options: &ReadOptions) -> Result<Assigned, Error> {
         if peel.depth.is_some() || camera.is_none() {
             peel.position = None;
         }
+        // Bands of rows do not have what lies beyond them, where reflections move to.
+        if options.rows.is_none() {
+            peel.shading = ShadingChannels::of(&file.names(), &peel.prefix);
+        }
     }
     Ok(assigned)
 }
@@ -158,8 +168,8 @@ fn beside_peels(
     options: &ReadOptions,
 ) -> (Vec<Cryptomatte>, Vec<usize>, Vec<Finding>) {
     let Assigned { peels, beauty, .. } = assigned;
-    let used: Vec<usize> =
-        peels.iter().chain(beauty).flat_map(requested_channels).map(|(index, _)| index).collect();
+    let peels_own = peels.iter().chain(beauty).flat_map(channels_of_peel);
+    let used: Vec<usize> = peels_own.map(|(index, _)| index).collect();
     let Some(Frame { data, .. }) = frame_of(file, peels) else {
         return (Vec::new(), Vec::new(), Vec::new());
     };
@@ -243,6 +253,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     let Assigned { peels, beauty, mut findings } = assigned;
     findings.extend(of_kept);
     findings.extend(file.findings.iter().cloned());
+    findings.extend(peels.iter().filter_map(|peel| peel.shading.as_ref()?.doubt(&peel.prefix)));
     let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
@@ -295,8 +306,14 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     })
 }
 
-/// The channels of one peel, in the order in which they are decoded.
+/// All that is decoded of one peel, in order.
 fn requested_channels(peel: &PeelChannels) -> impl Iterator<Item = (usize, Use)> + use<> {
+    let shading = peel.shading.iter().flat_map(ShadingChannels::indices).map(|index| (index, Use::Depth));
+    channels_of_peel(peel).chain(shading.collect::<Vec<_>>())
+}
+
+/// The channels of one peel that are not copied to the output, in the order in which they are decoded.
+fn channels_of_peel(peel: &PeelChannels) -> impl Iterator<Item = (usize, Use)> + use<> {
     let color = peel.color.into_iter().map(|index| (index, Use::Color));
     color
         .chain(peel.alpha.map(|index| (index, Use::Alpha)))
@@ -324,6 +341,8 @@ struct Described {
     depth_window: Window,
     depth_channel: String,
     found: String,
+    /// The data windows of the shading channels.
+    shading_windows: Vec<Window>,
 }
 
 impl Described {
@@ -343,7 +362,10 @@ impl Described {
             (None, Some([.., z])) => all[z].to_owned(),
             (None, None) => String::new(),
         };
-        Self { window, depth_window: depth.map_or(window, window_of), depth_channel, found, channels }
+        let shading_windows =
+            channels.shading.iter().flat_map(ShadingChannels::indices).map(window_of).collect();
+        let depth_window = depth.map_or(window, window_of);
+        Self { window, depth_window, depth_channel, found, channels, shading_windows }
     }
 
     /// The layer, from the decoded channels, and what is assumed of its depth where only its colour has pixels; a position needs the `camera`
@@ -356,7 +378,7 @@ impl Described {
         decoded: &mut impl Iterator<Item = Decoded>,
         (camera, luminance): (Option<&WorldToCamera>, Option<[f32; 3]>),
     ) -> Result<(Layer, Option<Finding>), Error> {
-        let Self { channels, window, depth_window, depth_channel, found } = self;
+        let Self { channels, window, depth_window, depth_channel, found, shading_windows } = self;
         let mut next = || planes(decoded.by_ref()).next().unwrap_or_default();
         let mut color = [next(), next(), next()];
         if let (true, Some(luminance)) = (channels.is_chroma, luminance) {
@@ -376,8 +398,11 @@ impl Described {
         }
         let depth = depth.map(|depth| place_depth(depth, depth_window, window));
         let beyond = windows::depth_beyond(&depth_channel, depth_window, (window, &alpha));
+        let mut windows_of = shading_windows.into_iter();
+        let placed = || windows::place(next(), windows_of.next().unwrap_or(window), window, 0.0);
+        let shading = channels.shading.map(|shading| shading.read(&color, placed));
         let prefix = channels.prefix;
-        Ok((Layer { color, alpha, depth, window, prefix, depth_channel, found }, beyond))
+        Ok((Layer { color, alpha, depth, window, prefix, depth_channel, found, shading }, beyond))
     }
 }
 

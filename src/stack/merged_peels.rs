@@ -117,6 +117,7 @@ impl Peels {
             prefix: i.to_string(),
             depth_channel: depth_channel.to_owned(),
             found: "samples merged by depth".to_owned(),
+            shading: None,
         };
         self.peels.into_iter().enumerate().map(layer).collect()
     }

@@ -58,6 +58,7 @@ mod read;
 mod renderers;
 mod rim_depth;
 mod sanitise;
+mod shading;
 mod silhouettes;
 mod tiff_alpha;
 mod windows;
@@ -82,6 +83,7 @@ pub use held::{Held, STDIN, is_read_once};
 pub use light::LIGHT_ALPHA;
 pub use options::{Carry, ReadOptions};
 pub use read::{read, read_checked, read_framed, read_framed_picture, read_picture};
+pub use shading::Shading;
 pub use source::Source;
 pub use views::{ALL_VIEWS, views};
 
@@ -191,6 +193,8 @@ pub struct Stack {
     pub supersample: usize,
     /// What the fragments of each peel show of their alpha: all of it, or nothing of a holdout's. Empty without a holdout.
     pub shown: Vec<Plane>,
+    /// What the surfaces of each peel reflect, where the file says so. Empty if it does for no peel.
+    pub shading: Vec<Option<Shading>>,
     /// Numeric type of the colour channels.
     pub precision: Precision,
     /// Range of the colours.

@@ -17,7 +17,7 @@
 //! | anti-aliased colour of peel 0 | `Peel0.Beauty.R G B A` beside numbered peels | that of peel 0 | see [`super::beauty`] |
 //! | the same as a view layer | `Peel0.Beauty.Combined.R G B A` | that of peel 0 | as above |
 //!
-//! [`super::depth_names`] has the names of depth. Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
+//! [`super::depth_names`] has the names of depth, [`super::shading`] those of what surfaces reflect. Case is ignored. The first match in this order is used: `Combined`, `peelN`, root, groups with depth of
 //! their own, a single group. All other channels are copied to the output: duplicates (`img.R` beside `R`), `Noisy Image`, `Denoising …`,
 //! cryptomattes, vectors (`P.X Y Z`, whose `Z` is not depth). Colour without alpha has alpha 1.
 
@@ -27,6 +27,7 @@ use super::channel_groups::{
 };
 use super::depth_names;
 use super::options::ReadOptions;
+use super::shading::ShadingChannels;
 use crate::error::Error;
 use crate::finding::Finding;
 
@@ -62,6 +63,8 @@ pub(super) struct PeelChannels {
     pub(super) same_as_depth: Vec<usize>,
     /// The position `X Y Z` of the surface, which a camera turns into depth.
     pub(super) position: Option<[usize; 3]>,
+    /// What the surface reflects, if the file says so.
+    pub(super) shading: Option<ShadingChannels>,
 }
 
 /// The peels found in a file's channel names.
@@ -303,6 +306,7 @@ impl<'a> ChannelGroups<'a> {
             depth: None,
             same_as_depth: Vec::new(),
             position: self.position(layer),
+            shading: None,
         };
         self.set_depth(&mut peel, depth);
         Some(peel)

@@ -46,21 +46,27 @@ struct Behind {
     nearer: usize,
 }
 
-/// Sorts the fragments of each pixel that are not in order, nearest first. Says so, as a warning where they are many.
-pub(super) fn sort(peels: &mut [Peel], convention: DepthConvention) -> Option<Finding> {
+/// Sorts the fragments of each pixel that are not in order, nearest first. Says so, as a warning where they are many, and returns these
+/// pixels.
+pub(super) fn sort(
+    peels: &mut [Peel],
+    convention: DepthConvention,
+) -> (Option<Finding>, Vec<(usize, usize)>) {
     let far = FarDepth::new(convention);
     let (behind, disordered) = disorder(peels, &far);
-    if disordered.is_empty() {
-        return None;
-    }
     disordered.iter().for_each(|&(x, y)| sort_pixel(peels, &far, x, y));
+    let finding = if disordered.is_empty() { None } else { finding(&behind, disordered.len()) };
+    (finding, disordered)
+}
+
+/// What is said of `pixels` pixels whose fragments were sorted, in peels with these counts.
+fn finding(behind: &[Behind], pixels: usize) -> Option<Finding> {
     let share = |behind: &Behind| behind.nearer as f64 / behind.both.max(1) as f64;
-    let worst = (0..peels.len()).max_by(|&a, &b| share(&behind[a]).total_cmp(&share(&behind[b])))?;
+    let worst = (0..behind.len()).max_by(|&a, &b| share(&behind[a]).total_cmp(&share(&behind[b])))?;
     let text = format!(
-        "peel {worst} is nearer than a peel before it in {:.1} % of the pixels that both have; the fragments of {} \
+        "peel {worst} is nearer than a peel before it in {:.1} % of the pixels that both have; the fragments of {pixels} \
          pixels were sorted nearest first: give the peels in that order",
         100.0 * share(&behind[worst]),
-        disordered.len()
     );
     let warned = share(&behind[worst]) >= WARNED_SHARE;
     Some(if warned { Finding::warning("peels", text) } else { Finding::note("peels", text) })
@@ -150,9 +156,9 @@ mod tests {
     fn peels_in_another_order_are_sorted_in_every_convention() {
         let ordered = [peel(&[(1.0, 1.0); 3]), peel(&[(0.5, 5.0); 3])];
         let mut reversed = [ordered[1].clone(), ordered[0].clone()];
-        assert!(sort(&mut ordered.clone(), DepthConvention::Planar).is_none());
-        assert!(sort(&mut reversed.clone(), DepthConvention::Inverse).is_none());
-        let finding = sort(&mut reversed, DepthConvention::Planar).unwrap();
+        assert!(sort(&mut ordered.clone(), DepthConvention::Planar).0.is_none());
+        assert!(sort(&mut reversed.clone(), DepthConvention::Inverse).0.is_none());
+        let finding = sort(&mut reversed, DepthConvention::Planar).0.unwrap();
         assert!(finding.warning && finding.text.contains("peel 1") && finding.text.contains("100.0 %"));
         assert_eq!(reversed, ordered, "colour, alpha and depth move together");
     }
@@ -162,7 +168,7 @@ mod tests {
         // The empty sample keeps its place; the sky moves behind the surface.
         let mut peels = [peel(&[(0.0, 1.0), (1.0, 1e10)]), peel(&[(1.0, 3.0), (0.5, 3.0)])];
         let before = peels.clone();
-        assert!(sort(&mut peels, DepthConvention::Planar).is_some());
+        assert!(sort(&mut peels, DepthConvention::Planar).0.is_some());
         assert_eq!(peels[0].depth.row(0), [1.0, 3.0]);
         assert_eq!(peels[1].depth.row(0), [3.0, 1e10]);
         assert_eq!(peels[0].color[0].get(0, 0), before[0].color[0].get(0, 0));
@@ -173,6 +179,7 @@ mod tests {
         let warned = |swapped: usize| {
             let front: Vec<_> = (0..100).map(|x| (1.0, if x < swapped { 5.0 } else { 1.0 })).collect();
             sort(&mut [peel(&front), peel(&[(1.0, 3.0); 100])], DepthConvention::Planar)
+                .0
                 .map(|found| found.warning)
         };
         assert_eq!([0, 4, 5].map(warned), [None, Some(false), Some(true)]);
@@ -181,7 +188,7 @@ mod tests {
     #[test]
     fn depth_that_differs_by_rounding_stays_as_it_is() {
         let mut peels = [peel(&[(1.0, 5.0)]), peel(&[(1.0, 4.9976)])];
-        assert!(sort(&mut peels, DepthConvention::Planar).is_none(), "half floats at 5 are 0.004 apart");
+        assert!(sort(&mut peels, DepthConvention::Planar).0.is_none(), "half floats at 5 are 0.004 apart");
         assert_eq!(peels[0].depth.get(0, 0), 5.0);
     }
 

@@ -53,7 +53,7 @@ pub(super) fn read_color(mut opened: Opened, options: &ReadOptions) -> Result<La
     let frame = Frame { data: window, display: window, pixel_aspect: 1.0 };
     let found = "a picture without depth".to_owned();
     let (prefix, depth_channel) = (String::new(), String::new());
-    let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found };
+    let layer = Layer { color, alpha, depth: None, window, prefix, depth_channel, found, shading: None };
     let layer = layer.premultiplied(has_alpha.then_some(mode));
     let (attributes, channels, cryptomattes) = (Vec::new(), Vec::new(), Vec::new());
     let peels = vec![layer];

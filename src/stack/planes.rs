@@ -104,6 +104,7 @@ fn layer(i: usize, peel: Peel, window: Window, replaced: &mut Replaced) -> Layer
         prefix: i.to_string(),
         depth_channel: String::new(),
         found: "planes in memory".to_owned(),
+        shading: None,
     }
 }
 

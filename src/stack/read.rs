@@ -10,9 +10,9 @@ use super::plausible::{self, Depths, Known};
 use super::windows::{self, place_depth};
 use super::{
     Antialiasing, Carried, CarriedChannel, CheckedPicture, ColorRange, Cryptomatte, Frame, FramedImage, Peel,
-    Source, Stack, StackKind, Window, alpha, background_share, beauty, camera, carried, cryptomatte,
+    Shading, Source, Stack, StackKind, Window, alpha, background_share, beauty, camera, carried, cryptomatte,
     filtered_depth, guard, holdout, join, kind, light, merge_files, names, no_peel, order, picture,
-    rim_depth, views, writer,
+    rim_depth, shading, views, writer,
 };
 use crate::error::Error;
 use crate::finding::Finding;
@@ -333,7 +333,11 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let named = layers.iter().find(|layer| layer.depth.is_some());
     let depth_channel = named.map_or_else(String::new, |layer| layer.depth_channel.clone());
     let peels = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, frame.data));
-    let mut peels = peels.collect::<Result<Vec<Peel>, Error>>().map_err(in_file)?;
+    type Peels = (Vec<Peel>, Vec<Option<Shading>>);
+    let (mut peels, mut shading) = peels.collect::<Result<Peels, Error>>().map_err(in_file)?;
+    if shading.iter().all(Option::is_none) {
+        shading.clear();
+    }
 
     let evidence = Evidence {
         chosen: options.convention,
@@ -360,7 +364,9 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
             findings.extend(no_peel::check(&peels, &names, convention, is_numbered).map_err(in_file)?);
         }
     }
-    findings.extend(order::sort(&mut peels, convention));
+    let (finding, reordered) = order::sort(&mut peels, convention);
+    findings.extend(finding);
+    findings.extend(shading::unordered(&mut shading, &reordered));
     let (mut kind, mut antialiasing, finding) =
         kind::conclude(&peels, convention, announced).map_err(in_file)?;
     findings.push(finding);
@@ -378,7 +384,8 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let (of_light, may_be_disordered) = light::complete(&mut peels, convention);
     findings.extend(of_light);
     if may_be_disordered {
-        order::sort(&mut peels, convention);
+        let (_, reordered) = order::sort(&mut peels, convention);
+        findings.extend(shading::unordered(&mut shading, &reordered));
     }
     let mut carried = Carried { channels, attributes: carried::attributes(&attributes) };
     let (mattes, finding) = split_mattes(&mut carried, kind, options, &cryptomattes);
@@ -392,6 +399,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         antialiasing,
         supersample,
         shown: Vec::new(),
+        shading,
         precision,
         color_range,
         camera,

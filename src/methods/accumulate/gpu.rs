@@ -8,14 +8,15 @@
 
 use super::Accumulate;
 use super::tiles::{REACH_PX, SLABS, TILE};
-use super::volume::{Ray, Volume};
+use super::volume::Volume;
 use crate::error::Error;
 use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mirrored, tiles};
 use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, has_translucent, picture_of_batches,
+    Batch, Batches, LensRay, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, has_translucent,
+    picture_of_batches,
 };
 use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX, ROUGHNESS, SAME_HIT_PX};
 use crate::scene::{Layer, MAX_TRANSLUCENT_LAYERS, OPAQUE_ALPHA, Scene};
@@ -113,7 +114,7 @@ mirrored! {
 impl View {
     fn from_lens_view(view: &LensView, volume: &Volume<&Layer>) -> Self {
         let step = view.lens * volume.supersample;
-        let inverse = Ray::new(Vec2::ZERO, step).inverse;
+        let inverse = LensRay::new(Vec2::ZERO, step).inverse;
         Self {
             step_x: step.x,
             step_y: step.y,

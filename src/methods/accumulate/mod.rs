@@ -48,6 +48,7 @@ impl Method for Accumulate {
             role: Role::Reference,
             summary: "every lens ray traced through the stack, without approximation",
             effects: &[
+                EffectKind::Reflections,
                 EffectKind::BladeCurvature,
                 EffectKind::Squeeze,
                 EffectKind::ApertureImage,

@@ -4,7 +4,7 @@ use super::surfaces::{Hit, TranslucentHits, extent, is_translucent};
 use super::tiles::{Passage, REACH_PX, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::contract::{LostRays, Plan};
-use crate::methods::shared::{RayJitter, RaySum};
+use crate::methods::shared::{LensRay, Met, RayJitter, RaySum, ReflectedLight};
 use crate::scene::{Background, Layer, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
@@ -25,6 +25,8 @@ pub(crate) struct Volume<L> {
     pub(super) lost_rays: LostRays,
     pub(super) optics: Optics,
     pub(super) field: Field,
+    /// What the surfaces reflect, if it moves.
+    pub(super) reflected: Option<ReflectedLight>,
 }
 
 /// The index of the alpha channel.
@@ -37,13 +39,22 @@ fn centre(x: usize, y: usize) -> Vec2 {
 
 /// What the hits of rays are added to.
 trait Hits {
-    /// Adds the fragment `x, y` of `layer`, which a ray of `transmittance` hits.
-    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32);
+    /// Adds the fragment that a ray of `transmittance` hits.
+    fn hit(&mut self, fragment: &Fragment, transmittance: f32);
+}
+
+/// A fragment as a ray sees it.
+struct Fragment {
+    color: [f32; 3],
+    alpha: f32,
+    coc_px: f32,
+    /// Share of what it reflects that moves with the lens.
+    moved: f32,
 }
 
 impl Hits for RaySum {
-    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
-        self.add(layer.color_at(x, y), transmittance);
+    fn hit(&mut self, fragment: &Fragment, transmittance: f32) {
+        self.add(fragment.color, transmittance);
     }
 }
 
@@ -57,10 +68,10 @@ struct FocusedHits<'a> {
 }
 
 impl Hits for FocusedHits<'_> {
-    fn hit(&mut self, layer: &Layer, x: usize, y: usize, transmittance: f32) {
-        self.colors.hit(layer, x, y, transmittance);
-        let covered = transmittance * layer.alpha.get(x, y);
-        self.focused += f64::from(covered * (self.focus)(layer.coc_px.get(x, y)));
+    fn hit(&mut self, fragment: &Fragment, transmittance: f32) {
+        self.colors.hit(fragment, transmittance);
+        let covered = transmittance * fragment.alpha * (1.0 - fragment.moved);
+        self.focused += f64::from(covered * (self.focus)(fragment.coc_px));
     }
 }
 
@@ -133,6 +144,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             lost_rays: plan.lost_rays,
             optics: plan.optics.clone(),
             field: scene.field,
+            reflected: ReflectedLight::of(scene, plan),
         }
     }
 
@@ -184,7 +196,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// The rays through picture pixel `x, y` of those of `views` that the lens barrel does not occlude.
-    fn rays_of(&self, (x, y): (usize, usize), views: &[View]) -> impl Iterator<Item = Ray> {
+    fn rays_of(&self, (x, y): (usize, usize), views: &[View]) -> impl Iterator<Item = LensRay> {
         let (centre, jitter) = (centre(x, y), self.jitter.at(x, y));
         let height = self.field.height(centre);
         let passes = move |view: &&View| self.optics.within_barrel(view.lens, height) >= 0.0;
@@ -199,7 +211,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     /// Fraction of the rays `samples` of picture pixel `x, y` that hit nothing although they pass behind a fragment of the last
     /// layer: a further layer might have content there.
     pub(crate) fn lost_rays(&self, x: usize, y: usize, samples: &[View]) -> f64 {
-        let lost = |ray: &Ray| {
+        let lost = |ray: &LensRay| {
             let left = self.follow(ray, &mut RaySum::default());
             let lost = left - left.min(self.share_of_background(ray, left));
             if lost > 0.0 && self.passes_last_layer(ray) { f64::from(lost) } else { 0.0 }
@@ -213,20 +225,20 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// The ray of `view` through the pixel with its centre at `centre`, in picture pixels, in which rays extend over the part `jitter`.
-    fn ray(&self, centre: Vec2, jitter: f32, view: &View) -> Ray {
+    fn ray(&self, centre: Vec2, jitter: f32, view: &View) -> LensRay {
         let point = centre + jitter * view.jitter + view.shift;
-        Ray::new(point * self.supersample, view.lens * self.supersample)
+        LensRay::new(point * self.supersample, view.lens * self.supersample)
     }
 
     /// Share of the background where `ray` ends with the transmittance `left`; 0 for a ray that is occluded.
-    fn share_of_background(&self, ray: &Ray, left: f32) -> f32 {
+    fn share_of_background(&self, ray: &LensRay, left: f32) -> f32 {
         let Some(background) = self.background.as_deref().filter(|_| left > 0.0) else { return 0.0 };
         let supersample = self.supersample as i32;
         background.met_by(|coc_px| ray.cell(coc_px).div_euclid(IVec2::splat(supersample)))
     }
 
     /// Whether `ray` passes behind any fragment of the last layer.
-    fn passes_last_layer(&self, ray: &Ray) -> bool {
+    fn passes_last_layer(&self, ray: &LensRay) -> bool {
         let Some(last) = self.layers.last().map(Borrow::borrow) else { return false };
         let [mut enter, farthest] = self.coc_range_px;
         let mut cell = ray.cell(enter);
@@ -248,7 +260,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     }
 
     /// Traces `ray` through the stack, adds the fragments that it hits to `hits`, and returns the transmittance that is left.
-    fn follow(&self, ray: &Ray, hits: &mut impl Hits) -> f32 {
+    fn follow(&self, ray: &LensRay, hits: &mut impl Hits) -> f32 {
         let [nearest, farthest] = self.coc_range_px;
         let mut enter = nearest;
         let mut tile = ray.cell(enter).div_euclid(IVec2::splat(TILE));
@@ -269,7 +281,7 @@ impl<L: Borrow<Layer>> Volume<L> {
     /// Traces `ray` over the samples of `tile`.
     fn cross_tile(
         &self,
-        ray: &Ray,
+        ray: &LensRay,
         tile: IVec2,
         Passage { coc_interval: [mut enter, end], nearest_first }: Passage,
         path: &mut Path,
@@ -280,7 +292,7 @@ impl<L: Borrow<Layer>> Volume<L> {
         loop {
             let (exit, side) = ray.leaves(cell, 1);
             let passage = Passage { coc_interval: [enter, exit.min(end)], nearest_first };
-            self.hit_sample(cell, passage, path, hits);
+            self.hit_sample(ray, (cell, passage), path, hits);
             if path.transmittance <= 0.0 || exit >= end {
                 return;
             }
@@ -289,8 +301,32 @@ impl<L: Borrow<Layer>> Volume<L> {
         }
     }
 
+    /// The fragment at `x, y` of layer `number` as `ray` sees it.
+    fn seen_by(&self, ray: &LensRay, number: usize, (x, y): (usize, usize)) -> Fragment {
+        let layer = self.layers[number].borrow();
+        let (mut color, alpha) = (layer.color_at(x, y), layer.alpha.get(x, y));
+        let met = Met { layer: number, at: (x, y) };
+        let moved = self.reflected.as_ref().and_then(|reflected| reflected.moved(met, ray));
+        if let Some(moved) = &moved {
+            let change = moved.seen.iter().zip(moved.own).map(|(seen, own)| alpha * (seen - own));
+            color.iter_mut().zip(change).for_each(|(color, change)| *color += change);
+        }
+        Fragment {
+            color,
+            alpha,
+            coc_px: layer.coc_px.get(x, y),
+            moved: moved.map_or(0.0, |moved| moved.share),
+        }
+    }
+
     /// Adds the fragments of one sample that overlap the ray's interval there, nearest first.
-    fn hit_sample(&self, cell: IVec2, passage: Passage, path: &mut Path, hits: &mut impl Hits) {
+    fn hit_sample(
+        &self,
+        ray: &LensRay,
+        (cell, passage): (IVec2, Passage),
+        path: &mut Path,
+        hits: &mut impl Hits,
+    ) {
         let Passage { coc_interval, nearest_first } = passage;
         let (x, y) = self.clamped(cell);
         for (number, layer) in self.layers.iter().enumerate() {
@@ -308,7 +344,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             if is_translucent(alpha) && path.translucent.is_repeated(&self.layers, hit) {
                 continue;
             }
-            hits.hit(layer, x, y, path.transmittance);
+            hits.hit(&self.seen_by(ray, number, (x, y)), path.transmittance);
             path.transmittance *= if is_translucent(alpha) { 1.0 - alpha } else { 0.0 };
             if path.transmittance <= 0.0 {
                 return;
@@ -323,74 +359,11 @@ struct Path {
     translucent: TranslucentHits,
 }
 
-/// A ray: at CoC depth `c` it is at sample position `start + c·step`.
-pub(super) struct Ray {
-    start: Vec2,
-    step: Vec2,
-    /// `1 / step`; 0 along an axis that the ray is perpendicular to.
-    pub(super) inverse: Vec2,
-    /// CoC depth at which the ray leaves a sample along an axis that it is perpendicular to: infinity; 0 on other axes.
-    perpendicular_exit: Vec2,
-    /// Direction on each axis: −1 or 1.
-    heading: IVec2,
-}
-
-impl Ray {
-    pub(super) fn new(start: Vec2, step: Vec2) -> Self {
-        // Below this step a ray crosses no sample boundary within any CoC that occurs.
-        const STEEP: f32 = 1e-7;
-        let moves = step.abs().cmpgt(Vec2::splat(STEEP));
-        Self {
-            start,
-            step,
-            inverse: Vec2::select(moves, step.recip(), Vec2::ZERO),
-            perpendicular_exit: Vec2::select(moves, Vec2::ZERO, Vec2::INFINITY),
-            heading: IVec2::select(step.cmpgt(Vec2::ZERO), IVec2::ONE, IVec2::NEG_ONE),
-        }
-    }
-
-    /// The sample at CoC depth `coc`.
-    fn cell(&self, coc: f32) -> IVec2 {
-        let position = self.start + coc * self.step;
-        // `floor` is a call into the C library on processors before SSE 4.1, which took a tenth of the time.
-        let towards_zero = position.as_ivec2();
-        towards_zero - IVec2::select(towards_zero.as_vec2().cmpgt(position), IVec2::ONE, IVec2::ZERO)
-    }
-
-    /// CoC depth at which the ray leaves the square of `side` samples that begins at `first`, and the direction in which it
-    /// leaves.
-    #[inline]
-    fn leaves(&self, first: IVec2, side: i32) -> (f32, IVec2) {
-        let edge = first + side * self.heading.max(IVec2::ZERO);
-        let leave = (edge.as_vec2() - self.start) * self.inverse + self.perpendicular_exit;
-        if leave.x <= leave.y {
-            (leave.x, IVec2::new(self.heading.x, 0))
-        } else {
-            (leave.y, IVec2::new(0, self.heading.y))
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::lens::Aperture;
-
-    #[test]
-    fn a_ray_leaves_a_square_on_the_side_of_its_direction() {
-        let leaves = |x: f32, y: f32, side: i32| {
-            Ray::new(Vec2::splat(0.25), Vec2::new(x, y)).leaves(IVec2::ZERO, side)
-        };
-        assert_eq!(
-            leaves(0.5, 0.0, 1),
-            (1.5, IVec2::X),
-            "three quarters of a cell at half a cell per unit of c"
-        );
-        assert_eq!(leaves(0.0, -0.5, 1), (0.5, IVec2::NEG_Y), "a quarter of a cell the other way");
-        assert_eq!(leaves(0.5, 0.5, 8), (15.5, IVec2::X), "of eight cells");
-        assert_eq!(leaves(0.0, 0.0, 1).0, f32::INFINITY, "never");
-    }
 
     #[test]
     fn the_nearest_layer_is_visible_whatever_the_order_of_layers() {
@@ -414,6 +387,7 @@ mod tests {
                 lost_rays: LostRays::LeftOut,
                 optics: Optics::from_aperture(Aperture::DISC),
                 field: Field::from_picture_size(3, 3),
+                reflected: None,
             };
             let view = View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO, shift: Vec2::ZERO };
             let pixel = volume.pixel(1, 1, &Rays::alike(vec![view]));

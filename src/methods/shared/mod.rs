@@ -7,6 +7,7 @@ mod content;
 mod dilation;
 mod disc;
 mod fragments;
+mod lens_ray;
 mod nbuffer;
 #[cfg(feature = "gpu")]
 mod planes;
@@ -18,6 +19,7 @@ mod ray_jitter;
 mod ray_stack;
 mod ray_sum;
 mod rays;
+mod reflected_light;
 mod rows;
 mod sub_image_work;
 mod sub_images;
@@ -33,6 +35,7 @@ pub(super) use disc::{DiscAreas, soft_area};
 #[cfg(test)]
 pub(super) use fragments::noise;
 pub(super) use fragments::{Blocks, Fragments};
+pub(super) use lens_ray::LensRay;
 pub(super) use nbuffer::NBuffer;
 #[cfg(feature = "gpu")]
 pub(super) use planes::{
@@ -56,6 +59,7 @@ pub(super) use ray_stack::{
 pub(super) use ray_sum::MIN_HIT;
 pub(super) use ray_sum::RaySum;
 pub(super) use rays::{RaySampler, Tracer};
+pub(super) use reflected_light::{Met, ReflectedLight};
 pub(super) use rows::planes_from_rows;
 pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;

@@ -1,6 +1,7 @@
 //! The input of painting, and how far each view moves it.
 
 use super::bins::Bins;
+use super::mirrors::Mirrors;
 use super::spans::Spans;
 use crate::lens::{Field, Optics, View};
 use crate::methods::contract::LostRays;
@@ -17,6 +18,8 @@ pub(super) struct Canvas<'a> {
     pub(super) spans: &'a Spans,
     /// The bins of the spans.
     pub(super) bins: &'a Bins,
+    /// The surfaces whose reflection moves, if any.
+    pub(super) mirrors: Option<&'a Mirrors>,
     /// The barrel, if it hides views.
     pub(super) barrel: Option<Barrel<'a>>,
     /// The largest distance by which aberrations move a view, in picture pixels.

@@ -12,6 +12,7 @@
 //! | highlights | [`sparks`], [`lights`] | removes bright points, which are drawn as exact discs |
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage layers, as many as the pixels need |
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
+//! | reflections | [`mirrors`] | removes what mirrors show, which each ray looks up |
 //! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
@@ -35,6 +36,7 @@ mod highlights;
 mod keys;
 mod lanes;
 mod lights;
+mod mirrors;
 mod near;
 mod occluders;
 mod paint;
@@ -85,6 +87,7 @@ impl Method for Shear {
                 EffectKind::Merge,
                 EffectKind::Highlights,
                 EffectKind::Fill,
+                EffectKind::Reflections,
                 EffectKind::Prefilter,
                 EffectKind::Resolve,
                 EffectKind::BladeCurvature,
@@ -149,7 +152,7 @@ impl LensSampling for Shear {
             return Cow::Borrowed(scene);
         }
         let mut scene = scene.clone();
-        lights::extract(&mut scene, plan);
+        mirrors::without_moving(&mut scene, plan, |scene| lights::extract(scene, plan));
         Cow::Owned(scene)
     }
 

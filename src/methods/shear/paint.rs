@@ -19,6 +19,7 @@
 use super::bins::Block;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::lanes::{Chunk, LANES, Mask, has, lanes};
+use super::mirrors::Noted;
 use super::spans::Span;
 use super::sums::{Means, Sums};
 use super::translucent_hits::{Hit, TranslucentHits};
@@ -61,6 +62,8 @@ pub(super) struct RowSums {
     /// Undefined for rays that are not attenuated.
     transmittance: Vec<Chunk>,
     hits: TranslucentHits,
+    /// Rays of the current view that mirrors stop.
+    noted: Vec<Noted>,
 }
 
 impl RowSums {
@@ -86,6 +89,7 @@ impl RowSums {
             attenuated: vec![0; chunks],
             transmittance: vec![Chunk::default(); chunks],
             hits: TranslucentHits::default(),
+            noted: Vec::new(),
         }
     }
 
@@ -201,6 +205,23 @@ impl RowSums {
         }
     }
 
+    /// Adds what the rays of `shear` that mirrors stopped see there.
+    fn add_reflections(&mut self, canvas: &Canvas<'_>, (y, shear): (usize, &Shear)) {
+        let Some(mirrors) = canvas.mirrors else { return };
+        let (off, lens) = (shear.view.jitter + shear.view.shift, shear.view.lens);
+        for noted in self.noted.drain(..) {
+            let layer = &canvas.layers[usize::from(noted.layer)];
+            let coc_px = layer.coc_px.get(noted.column as usize, noted.row as usize);
+            let seen = mirrors.seen(&noted, (y, off, lens), coc_px);
+            let (chunk, lane) = (noted.x as usize / LANES, noted.x as usize % LANES);
+            for (sum, value) in self.sums.color[chunk].iter_mut().zip(seen) {
+                sum.0[lane] += noted.weight * value;
+            }
+            // What a mirror shows is not in focus where its surface is.
+            self.sums.focused[chunk].0[lane] -= noted.weight * noted.focus;
+        }
+    }
+
     /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
     fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
         for (chunk, &occluded) in
@@ -245,6 +266,7 @@ impl WithSimd for AddViews<'_> {
             if painter.active_chunks > 0 {
                 self.row.end_rays(self.canvas.background, shear, self.y);
             }
+            self.row.add_reflections(self.canvas, (self.y, shear));
         }
     }
 }
@@ -344,6 +366,7 @@ impl<S: Simd> Painter<'_, S> {
                 continue;
             }
             if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
+                self.note_mirrors(canvas, chunk, (source, column), (free, None));
                 self.add_opaque(chunk, (source, column), free);
             } else {
                 self.composite(canvas, chunk, (source, column), free);
@@ -370,6 +393,39 @@ impl<S: Simd> Painter<'_, S> {
             add_constant(self.simd, &mut self.row.sums.focused[chunk], free, source.block.focus);
         }
         self.row.occluded[chunk] |= free;
+    }
+
+    /// Notes the rays of the lanes in `free` that `source` stops with a mirror; they have `passing` left, or all.
+    #[inline(always)]
+    fn note_mirrors(
+        &mut self,
+        canvas: &Canvas<'_>,
+        chunk: usize,
+        (source, column): (&Source<'_>, SourceColumn),
+        (free, passing): (Mask, Option<&Chunk>),
+    ) {
+        let layer = source.span.layer;
+        let Some(weights) = canvas.mirrors.and_then(|mirrors| mirrors.weights(usize::from(layer))) else {
+            return;
+        };
+        for lane in (0..LANES).filter(|&lane| has(free, lane)) {
+            let x = chunk * LANES + lane;
+            let column = match column {
+                SourceColumn::Shifted(shift) => (x as i32 + shift) as usize,
+                SourceColumn::Border(column) => column,
+            };
+            let weight = weights.get(column, source.row) * passing.map_or(1.0, |passing| passing.0[lane]);
+            if weight > 0.0 {
+                self.row.noted.push(Noted {
+                    x: x as u32,
+                    layer,
+                    column: column as u32,
+                    row: source.row as u32,
+                    weight,
+                    focus: source.block.focus,
+                });
+            }
+        }
     }
 
     /// How far the fragments of `block` are kept apart as near.
@@ -405,6 +461,8 @@ impl<S: Simd> Painter<'_, S> {
         for (i, (passing, before)) in vectors.zip(S::as_simd_f32s(&*transmittance).0).enumerate() {
             *passing = simd.select_f32s(lanes(simd, attenuated, i), *before, one);
         }
+        self.note_mirrors(canvas, chunk, (source, column), (free, Some(&passing)));
+        let transmittance = &mut self.row.transmittance[chunk].0;
         let sums = &mut self.row.sums;
         let weights = |share| Weights { passing: &passing, free, share };
         let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
@@ -576,6 +634,7 @@ mod tests {
                 layers: &layers,
                 spans: &spans,
                 bins: &bins,
+                mirrors: None,
                 barrel: None,
                 aberration_px: 0.0,
                 background: None,

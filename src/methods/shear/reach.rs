@@ -86,6 +86,7 @@ mod tests {
             layers: &layers,
             spans: &spans,
             bins: &bins,
+            mirrors: None,
             barrel: None,
             aberration_px: 0.0,
             background: None,

@@ -5,15 +5,17 @@ use super::canvas::{Barrel, BinsInReach, Canvas, Shear};
 use super::highlights::{self, Highlight};
 use super::keys::Extent;
 use super::lanes::LANES;
+use super::mirrors::Mirrors;
 use super::near::{self, NearLight};
 use super::paint::RowSums;
+use super::prefilter;
+use super::prepare::{self, Painted};
 use super::reach::Reach;
 use super::resolve::Resolve;
 use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
 use super::sums::{ALPHA, FOCUSED, NEAR_COLOR, NEAR_RADIUS, NEAR_SHARE};
-use super::{prefilter, prepare};
 use crate::image::{Image, Plane, neighbours};
 use crate::lens::Field;
 use crate::methods::contract::{LostRays, PixelFilter, Plan, Progress, Sampler};
@@ -74,6 +76,8 @@ pub(super) struct ShearSampler<'p> {
     frame: Frame<'p>,
     /// The highlights removed from the layers, which are drawn as discs.
     highlights: Vec<Highlight>,
+    /// The reflections removed from the layers.
+    mirrors: Option<Mirrors>,
     layers: PaintLayers,
 }
 
@@ -94,53 +98,64 @@ struct Prepared {
     row_views: RowViews,
     /// The layers, prefiltered.
     layers: Vec<Layer>,
+    /// The reflections removed from them, smoothed.
+    mirrors: Option<Mirrors>,
     /// What [`Prepared::paint`] has painted, if single pixels were asked for that need their surroundings.
     whole: Option<(Image, Plane)>,
 }
 
 impl Prepared {
     /// Prepares `layers` for `views` views.
-    fn new(layers: Vec<Layer>, frame: &Frame<'_>, views: usize) -> Self {
+    fn new(source: (Vec<Layer>, &Option<Mirrors>), frame: &Frame<'_>, views: usize) -> Self {
         let bins = bins(frame.plan, views);
-        let spans = spans::find(&layers, &bins, Extent::HalfWay);
-        Self::with_spans(layers, (bins, spans), frame, views)
+        let spans = spans::find(&source.0, &bins, Extent::HalfWay);
+        Self::with_spans(source, (bins, spans), frame, views)
     }
 
     /// Prepares the layers for another number of views, from their original colours `saved`.
-    fn for_views(self, saved: &SavedColors, frame: &Frame<'_>, views: usize) -> Self {
+    fn for_views(
+        self,
+        (saved, mirrors): (&SavedColors, &Option<Mirrors>),
+        frame: &Frame<'_>,
+        views: usize,
+    ) -> Self {
         if self.views == views {
             return self;
         }
         let Self { views: before, mut layers, bins, spans, .. } = self;
         saved.restore(&mut layers);
         if plateau_px(before) == plateau_px(views) {
-            Self::with_spans(layers, (bins, spans), frame, views)
+            Self::with_spans((layers, mirrors), (bins, spans), frame, views)
         } else {
-            Self::new(layers, frame, views)
+            Self::new((layers, mirrors), frame, views)
         }
     }
 
     fn with_spans(
-        mut layers: Vec<Layer>,
+        (mut layers, mirrors): (Vec<Layer>, &Option<Mirrors>),
         (bins, spans): (Bins, Spans),
         frame: &Frame<'_>,
         views: usize,
     ) -> Self {
         let plan = frame.plan;
+        let mut mirrors = mirrors.clone();
         if plan.does(EffectKind::Prefilter) {
-            prefilter::smooth(&mut layers, views, plan.strength(EffectKind::Prefilter).unwrap_or(0.0));
+            let strength = plan.strength(EffectKind::Prefilter).unwrap_or(0.0);
+            prefilter::smooth(&mut layers, views, strength);
+            mirrors = mirrors.map(|mirrors| mirrors.smoothed(views, strength));
         }
         let row_views = RowViews::new(plan, &frame.antialiasing, &bins, views);
-        Self { views, bins, spans, row_views, layers, whole: None }
+        Self { views, bins, spans, row_views, layers, mirrors, whole: None }
     }
 
     fn canvas<'a>(&'a self, frame: &'a Frame<'_>) -> Canvas<'a> {
         let Self { layers, spans, bins, .. } = self;
+        let mirrors = self.mirrors.as_ref();
         let (optics, lost_rays) = (&frame.plan.optics, frame.plan.lost_rays);
         let (softness, field) = (barrel_softness(self.views), frame.field);
         let barrel = (optics.cats_eye > 0.0).then_some(Barrel { optics, field, softness });
         let (aberration_px, background) = (optics.longest_shift_px(), frame.background.as_deref());
-        Canvas { layers, spans, bins, barrel, aberration_px, background, lost_rays }
+        Canvas { layers, spans, bins, mirrors, barrel, aberration_px, background, lost_rays }
     }
 
     /// Paints all views. Returns the picture with smooth near light and, for each pixel, the share of rays that hit something in focus.
@@ -179,7 +194,7 @@ impl Prepared {
     ///
     /// Smooth near light needs a pixel's surroundings, and those of a few hundred pixels are much of the picture: there all of it is painted,
     /// and kept.
-    fn values_of(&mut self, frame: &Frame<'_>, pixels: impl Iterator<Item = usize>) -> Painted {
+    fn values_of(&mut self, frame: &Frame<'_>, pixels: impl Iterator<Item = usize>) -> Values {
         if near_radius_per_coc(frame.plan, &self.bins, self.views).is_none() {
             let reach = Reach::from_spans(&self.spans, &self.bins, frame.size);
             return self.paint_pixels(&self.canvas(frame), (&reach, frame.size.0), pixels);
@@ -203,7 +218,7 @@ impl Prepared {
         canvas: &Canvas<'_>,
         (reach, width): (&Reach, usize),
         pixels: impl Iterator<Item = usize>,
-    ) -> Painted {
+    ) -> Values {
         let arch = Arch::new();
         let mut rows: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
         for pixel in pixels {
@@ -330,7 +345,8 @@ fn add_row(
     shears: &[Shear],
     arch: Arch,
 ) {
-    if shears.iter().all(|shear| shear.is_identity(in_reach)) {
+    // A mirror shows each view something else, also where it stays in its place.
+    if canvas.mirrors.is_none() && shears.iter().all(|shear| shear.is_identity(in_reach)) {
         sums.add(&Canvas { barrel: None, ..*canvas }, (y, in_reach), &shears[..1], arch);
     } else {
         sums.add(canvas, (y, in_reach), shears, arch);
@@ -338,19 +354,19 @@ fn add_row(
 }
 
 /// For each pixel its values, in the order of [`super::sums::Means`].
-type Painted = HashMap<usize, [f32; 5]>;
+type Values = HashMap<usize, [f32; 5]>;
 
 impl Sampler for ShearSampler<'_> {
     fn pixels(&mut self, views: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
-        let frame = &self.frame;
+        let (frame, mirrors) = (&self.frame, &self.mirrors);
         let (mut prepared, saved) =
             match std::mem::replace(&mut self.layers, PaintLayers::Unprepared(Vec::new())) {
                 PaintLayers::Unprepared(layers) => {
                     let saved = SavedColors::from_layers(&layers);
-                    (Box::new(Prepared::new(layers, frame, views)), saved)
+                    (Box::new(Prepared::new((layers, mirrors), frame, views)), saved)
                 }
                 PaintLayers::Prepared(prepared, saved) => {
-                    (Box::new(prepared.for_views(&saved, frame, views)), saved)
+                    (Box::new(prepared.for_views((&saved, mirrors), frame, views)), saved)
                 }
             };
         let own = prepared.values_of(frame, pixels.iter().copied());
@@ -371,10 +387,10 @@ impl Sampler for ShearSampler<'_> {
     }
 
     fn picture(self: Box<Self>, views: usize, progress: &Progress<'_>) -> Image {
-        let Self { frame, highlights, layers } = *self;
+        let Self { frame, highlights, mirrors, layers } = *self;
         let mut prepared = match layers {
-            PaintLayers::Unprepared(layers) => Prepared::new(layers, &frame, views),
-            PaintLayers::Prepared(prepared, saved) => prepared.for_views(&saved, &frame, views),
+            PaintLayers::Unprepared(layers) => Prepared::new((layers, &mirrors), &frame, views),
+            PaintLayers::Prepared(prepared, saved) => prepared.for_views((&saved, &mirrors), &frame, views),
         };
         let whole = prepared.whole.take();
         let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
@@ -390,19 +406,19 @@ impl<'p> ShearSampler<'p> {
     /// A sampler of `scene` by `plan`.
     pub(super) fn new(scene: Scene, plan: &'p Plan) -> Self {
         let frame = Frame::new(&scene, plan);
-        let (layers, highlights) = prepare::layers(scene, plan);
-        Self { frame, highlights, layers: PaintLayers::Unprepared(layers) }
+        let Painted { layers, highlights, mirrors } = prepare::painted(scene, plan);
+        Self { frame, highlights, mirrors, layers: PaintLayers::Unprepared(layers) }
     }
 }
 
 /// The discs of the highlights of `scene` by `plan` on a transparent picture; `None` without highlights.
 pub(super) fn discs(scene: Scene, plan: &Plan) -> Option<Image> {
     let frame = Frame::new(&scene, plan);
-    let (layers, highlights) = prepare::layers(scene, plan);
+    let Painted { layers, highlights, .. } = prepare::painted(scene, plan);
     if highlights.is_empty() {
         return None;
     }
     let mut discs = Image::transparent(frame.size.0, frame.size.1);
-    Prepared::new(layers, &frame, plan.lens_samples()).draw_discs(&mut discs, &highlights, &frame);
+    Prepared::new((layers, &None), &frame, plan.lens_samples()).draw_discs(&mut discs, &highlights, &frame);
     Some(discs)
 }

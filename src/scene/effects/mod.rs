@@ -21,6 +21,7 @@ pub(crate) fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
         extrapolation::highlight_extrapolation(inputs),
         scene::translucency(inputs.stats),
         scene::transparent_background(inputs.stats),
+        scene::reflections(inputs.stats),
         lens::blade_curvature(inputs),
         lens::squeeze(inputs),
         lens::aperture_image(inputs),

@@ -11,7 +11,9 @@ const BLUR_FROM_PX: f32 = 0.01;
 pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let stats = inputs.stats;
     let shift = inputs.longest_shift_px();
-    let largest = inputs.max_blur_px();
+    // A mirror in focus everywhere still shows what is not.
+    let moved = stats.reflections.filter(|reflections| reflections.moving_fragments > 0);
+    let largest = inputs.max_blur_px().max(moved.map_or(0.0, |moved| moved.largest_movement_px));
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason = format!("the largest CoC radius is {largest:.4} px: no blur is visible");
@@ -88,6 +90,35 @@ pub(super) fn transparent_background(stats: &SceneStats) -> Effect {
         format!("{count} pixels show the background: the picture is transparent where lens rays end in it"),
         format!("without it, blurred edges in front of the {share:.1} % that show it would become opaque"),
     )
+}
+
+pub(super) fn reflections(stats: &SceneStats) -> Effect {
+    let decided =
+        |on, reason: String, change: String| Effect::new(EffectKind::Reflections, on, reason, change);
+    let Some(reflections) = &stats.reflections else {
+        let reason = "no channel says what surfaces reflect, or they reflect nothing".to_owned();
+        return decided(false, reason, "with it, no effect".to_owned());
+    };
+    let reflecting = percent(reflections.reflecting_fragments, stats.fragments);
+    let moving = percent(reflections.moving_fragments, stats.fragments);
+    let largest = reflections.largest_movement_px;
+    if reflections.moving_fragments == 0 {
+        let reason = format!(
+            "{reflecting:.1} % of the fragments reflect, and the lens moves what they show by {largest:.2} px at most, or to nothing else"
+        );
+        return decided(
+            false,
+            reason,
+            "with it, no reflection would move by more than half a pixel".to_owned(),
+        );
+    }
+    let reason = format!(
+        "{reflecting:.1} % of the fragments reflect, and the lens moves what {moving:.1} % show, by up to {largest:.1} px"
+    );
+    let change = format!(
+        "without it, {moving:.1} % of the fragments would be focused at their surface instead of at what they reflect"
+    );
+    decided(true, reason, change)
 }
 
 #[cfg(test)]

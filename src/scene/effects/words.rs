@@ -26,6 +26,8 @@ pub enum EffectKind {
     /// Transparent background: lens rays that end in the background make the picture transparent.
     #[serde(rename = "open-background")]
     TransparentBackground,
+    /// Reflections that the lens moves: mirrors are focused at what they show.
+    Reflections,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
     /// Anti-aliasing of point-sampled, in-focus pixels.
@@ -53,7 +55,7 @@ const TRANSPARENT_BACKGROUND: &str = "transparent-background";
 
 impl EffectKind {
     /// Every effect, in the order of plans.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Blur,
         Self::Merge,
         Self::HighlightExtrapolation,
@@ -61,6 +63,7 @@ impl EffectKind {
         Self::Fill,
         Self::Translucency,
         Self::TransparentBackground,
+        Self::Reflections,
         Self::Prefilter,
         Self::Resolve,
         Self::BladeCurvature,
@@ -83,6 +86,7 @@ impl EffectKind {
             Self::Fill => "fill",
             Self::Translucency => "translucency",
             Self::TransparentBackground => "open-background",
+            Self::Reflections => "reflections",
             Self::Prefilter => "prefilter",
             Self::Resolve => "resolve",
             Self::BladeCurvature => "blade-curvature",
@@ -128,6 +132,7 @@ impl EffectKind {
             Self::Merge
             | Self::Highlights
             | Self::Fill
+            | Self::Reflections
             | Self::Prefilter
             | Self::Resolve
             | Self::BladeCurvature

@@ -14,7 +14,8 @@ mod frame;
 mod kernels;
 
 use super::highlights::{self, Highlight};
-use super::{prepare, sampler};
+use super::prepare::{self, Painted};
+use super::sampler;
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
 use crate::image::{Image, Plane};
@@ -55,7 +56,7 @@ fn layers<'a>(scene: &'a Scene, plan: &Plan) -> (Cow<'a, [Layer]>, Vec<Highlight
     if !changes {
         return (Cow::Borrowed(&scene.layers), Vec::new());
     }
-    let (layers, highlights) = prepare::layers(scene.clone(), plan);
+    let Painted { layers, highlights, .. } = prepare::painted(scene.clone(), plan);
     (Cow::Owned(layers), highlights)
 }
 
