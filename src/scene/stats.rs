@@ -55,6 +55,9 @@ pub struct SceneStats {
     /// What the surfaces reflect, where the stack says so and they do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reflections: Option<ReflectionStats>,
+    /// Fragments that reflect the environment, where the user gives it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environment_fragments: Option<usize>,
     /// How far fragments spread, and where.
     pub(crate) spread: Spread,
     /// Position of the picture in the lens's field.
@@ -122,6 +125,7 @@ impl Scene {
             color_range: self.color_range,
             light: tally.light,
             limited_fragments: self.limited_fragments,
+            environment_fragments: self.environment.as_ref().map(|shading| shading.fragments()),
             reflections: self.reflections.as_ref().map(|reflections| reflections.stats),
             spread,
             field: self.field,

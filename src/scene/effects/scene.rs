@@ -1,7 +1,7 @@
 //! Decisions about the picture as a whole: blur, merging of samples, translucency, transparent background.
 
 use super::inputs::{Inputs, percent};
-use super::words::{Effect, EffectKind};
+use super::words::{Effect, EffectKind, NO_EFFECT};
 use crate::scene::stats::SceneStats;
 use std::f32::consts::PI;
 
@@ -119,6 +119,24 @@ pub(super) fn reflections(stats: &SceneStats) -> Effect {
         "without it, {moving:.1} % of the fragments would be focused at their surface instead of at what they reflect"
     );
     decided(true, reason, change)
+}
+
+pub(super) fn environment(stats: &SceneStats) -> Effect {
+    let kind = EffectKind::Environment;
+    match stats.environment_fragments {
+        None => Effect::new(
+            kind,
+            false,
+            "no fragment reflects an environment: `environment` has its picture",
+            NO_EFFECT,
+        ),
+        Some(fragments) => {
+            let share = percent(fragments, stats.fragments);
+            let reason = format!("{share:.1} % of the fragments reflect the environment");
+            let change = "without it, they would show each point of the lens what its centre sees";
+            Effect::new(kind, true, reason, change)
+        }
+    }
 }
 
 #[cfg(test)]

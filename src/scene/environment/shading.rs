@@ -60,14 +60,10 @@ pub struct EnvironmentShading {
     fragments: usize,
 }
 
-/// A fragment that a ray meets.
+/// Where a ray meets a fragment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Met {
-    /// Its layer.
-    pub layer: usize,
-    /// Its column and row.
-    pub sample: [usize; 2],
-    /// Where the ray meets it, in samples.
+pub struct Sight {
+    /// Where the ray is at the fragment, in samples.
     pub place: Vec2,
     /// Where the ray passes infinity, in samples.
     pub vanishing: Vec2,
@@ -137,20 +133,42 @@ impl EnvironmentShading {
         Self { origin: outside, ..self.clone() }
     }
 
-    /// By how much the ray sees what it meets other than the centre of the lens does; `None` where that does not depend on the lens. Not multiplied
-    /// by the fragment's alpha.
-    pub fn change(&self, met: &Met) -> Option<[f32; 3]> {
-        let fragments = self.layers.get(met.layer)?.as_deref()?;
-        let sample = self.own(met.sample)?;
-        let shaded = &fragments[sample[1] * self.size[0] + sample[0]];
+    /// By how much a ray sees the fragment in column `x` of row `y` of `layer` otherwise than the centre of the lens does, not multiplied by the
+    /// fragment's alpha; `None` where that does not depend on the lens.
+    pub fn change(&self, layer: usize, (x, y): (usize, usize), sight: &Sight) -> Option<[f32; 3]> {
+        let fragments = self.layers.get(layer)?.as_deref()?;
+        let sample = self.own(x, y)?;
+        let shaded = &fragments[self.index(sample)];
         if shaded.share <= 0.0 {
             return None;
         }
-        let origin = Vec2::from(self.origin.map(|samples| samples as f32));
-        let normal = self.normal_at(fragments, sample, met.place - origin);
-        let view = self.view(met.vanishing - origin);
+        let origin = self.origin();
+        let normal = self.normal_at(fragments, sample, sight.place - origin);
+        let view = self.view(sight.vanishing - origin);
         let light = self.environment.reflected(view, &Gloss { normal, ..shaded.gloss });
         Some(std::array::from_fn(|k| shaded.share * (light[k] - shaded.at_centre[k])))
+    }
+
+    /// The layer whose fragment at column `x` of row `y` has this CoC radius and reflects the environment.
+    pub fn layer_at(&self, (x, y): (usize, usize), coc_px: f32) -> Option<usize> {
+        let index = self.index(self.own(x, y)?);
+        let is_it =
+            |fragments: &Vec<Shaded>| fragments[index].share > 0.0 && fragments[index].coc_px == coc_px;
+        self.layers.iter().position(|layer| layer.as_ref().is_some_and(is_it))
+    }
+
+    /// How the fragment at column `x` of row `y` of `layer` reflects, and the share of its reflection that the environment is.
+    pub fn gloss(&self, layer: usize, (x, y): (usize, usize)) -> Option<(Gloss, f32)> {
+        let fragments = self.layers.get(layer)?.as_deref()?;
+        let shaded = &fragments[self.index(self.own(x, y)?)];
+        (shaded.share > 0.0).then_some((shaded.gloss, shaded.share))
+    }
+
+    /// By how much a ray sees a surface of this `gloss` otherwise than the centre of the lens does.
+    pub fn change_of(&self, gloss: &Gloss, sight: &Sight) -> [f32; 3] {
+        let seen_at = |place: Vec2| self.environment.reflected(self.view(place - self.origin()), gloss);
+        let (seen, at_centre) = (seen_at(sight.vanishing), seen_at(sight.place));
+        std::array::from_fn(|k| seen[k] - at_centre[k])
     }
 
     /// The CoC radius at which rays pass infinity, in picture pixels.
@@ -159,10 +177,17 @@ impl EnvironmentShading {
     }
 
     /// The sample of the scene without its padding.
-    fn own(&self, sample: [usize; 2]) -> Option<[usize; 2]> {
-        let [x, y] = sample;
+    fn own(&self, x: usize, y: usize) -> Option<[usize; 2]> {
         let (x, y) = (x.checked_sub(self.origin[0])?, y.checked_sub(self.origin[1])?);
         (x < self.size[0] && y < self.size[1]).then_some([x, y])
+    }
+
+    fn index(&self, [x, y]: [usize; 2]) -> usize {
+        y * self.size[0] + x
+    }
+
+    fn origin(&self) -> Vec2 {
+        Vec2::from(self.origin.map(|samples| samples as f32))
     }
 
     /// Direction, of length 1, in which the centre of the lens sees `place`, in samples.
@@ -173,7 +198,7 @@ impl EnvironmentShading {
     /// The normal at `place`, between those of the samples of one smooth surface around it.
     fn normal_at(&self, fragments: &[Shaded], [x, y]: [usize; 2], place: Vec2) -> Vec3 {
         let [width, height] = self.size;
-        let own = &fragments[y * width + x];
+        let own = &fragments[self.index([x, y])];
         let away = (place - centre([x, y])).clamp(Vec2::splat(-0.5), Vec2::splat(0.5));
         let beside = |at: usize, away: f32, size: usize| {
             if away < 0.0 { at.checked_sub(1) } else { Some(at + 1).filter(|&at| at < size) }
@@ -257,11 +282,14 @@ mod tests {
         RadianceMap::from_fn(256, 128, |x, y| [2.0 + direction(x, y).x, 2.0 + direction(x, y).y, 1.0])
     }
 
-    /// What the middle fragment, at `coc_px`, sends through the lens point `lens`.
-    fn met(shading: &EnvironmentShading, coc_px: f32, lens: Vec2) -> Met {
+    /// What the middle fragment, at `coc_px`, shows otherwise through the lens point `lens`.
+    fn change(shading: &EnvironmentShading, coc_px: f32, lens: Vec2) -> Option<[f32; 3]> {
+        shading.change(0, (4, 2), &sight(shading, coc_px, lens))
+    }
+
+    fn sight(shading: &EnvironmentShading, coc_px: f32, lens: Vec2) -> Sight {
         let place = Vec2::new(4.5, 2.5);
-        let vanishing = place + (shading.coc_infinity_px() - coc_px) * lens;
-        Met { layer: 0, sample: [4, 2], place, vanishing }
+        Sight { place, vanishing: place + (shading.coc_infinity_px() - coc_px) * lens }
     }
 
     #[test]
@@ -289,14 +317,14 @@ mod tests {
         // A mirror that faces the camera. u to the right in the picture is a lens point on the left: from there the view runs to the right, and so does
         // its reflection. u downwards is a lens point above: the view runs down.
         let shading = shading(0.0, Vec3::Z, 1e10, ramp()).unwrap();
-        let [red, green, blue] = shading.change(&met(&shading, 0.0, Vec2::X)).unwrap();
+        let [red, green, blue] = change(&shading, 0.0, Vec2::X).unwrap();
         // The view along (c_inf, 0, −f): x = 4 / √(4² + 20²).
         let expected = 4.0 / 416.0f32.sqrt();
         assert!(
             (red - expected).abs() < 1e-3 && green.abs() < 1e-3 && blue.abs() < 1e-4,
             "{red}, {green}, {blue}"
         );
-        let [_, green, _] = shading.change(&met(&shading, 0.0, Vec2::Y)).unwrap();
+        let [_, green, _] = change(&shading, 0.0, Vec2::Y).unwrap();
         assert!((green + expected).abs() < 1e-3, "{green}");
     }
 
@@ -304,11 +332,11 @@ mod tests {
     fn a_ray_from_the_lens_centre_changes_nothing_and_neither_does_an_even_environment() {
         let tilted = Vec3::new(0.3, 0.2, 1.0);
         let one = shading(1.5, tilted, 1e10, ramp()).unwrap();
-        let change = one.change(&met(&one, 1.5, Vec2::ZERO)).unwrap();
-        assert!(change.iter().all(|change| change.abs() < 1e-6), "but for rounding: {change:?}");
+        let same = change(&one, 1.5, Vec2::ZERO).unwrap();
+        assert!(same.iter().all(|change| change.abs() < 1e-6), "but for rounding: {same:?}");
         let even = shading(1.5, tilted, 1e10, RadianceMap::from_fn(16, 8, |_, _| [3.0; 3])).unwrap();
-        let change = even.change(&met(&even, 1.5, Vec2::new(0.5, 0.5))).unwrap();
-        assert!(change.iter().all(|change| change.abs() < 1e-2), "by Schlick's term alone: {change:?}");
+        let even = change(&even, 1.5, Vec2::new(0.5, 0.5)).unwrap();
+        assert!(even.iter().all(|change| change.abs() < 1e-2), "by Schlick's term alone: {even:?}");
     }
 
     #[test]
@@ -321,15 +349,13 @@ mod tests {
     fn beyond_the_frame_nothing_reflects() {
         let shading = shading(0.0, Vec3::Z, 1e10, ramp()).unwrap();
         let padded = shading.padded([3, 2]);
-        let moved = |met: &Met, by: [usize; 2]| {
-            let offset = Vec2::new(by[0] as f32, by[1] as f32);
-            let sample = [met.sample[0] + by[0], met.sample[1] + by[1]];
-            Met { sample, place: met.place + offset, vanishing: met.vanishing + offset, ..*met }
-        };
-        let middle = met(&shading, 0.0, Vec2::X);
-        assert_eq!(padded.change(&moved(&middle, [3, 2])), shading.change(&middle), "the same fragment");
-        assert_eq!(padded.change(&Met { sample: [2, 2], ..middle }), None);
-        assert_eq!(padded.change(&Met { sample: [12, 2], ..middle }), None);
+        let middle = sight(&shading, 0.0, Vec2::X);
+        let by = Vec2::new(3.0, 2.0);
+        let moved = Sight { place: middle.place + by, vanishing: middle.vanishing + by };
+        assert_eq!(padded.change(0, (7, 4), &moved), shading.change(0, (4, 2), &middle), "the same fragment");
+        assert_eq!(padded.change(0, (2, 4), &moved), None);
+        assert_eq!(padded.change(0, (12, 4), &moved), None);
+        assert_eq!([(7, 4), (2, 4)].map(|at| padded.layer_at(at, 0.0)), [Some(0), None]);
     }
 
     #[test]
