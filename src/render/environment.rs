@@ -58,7 +58,7 @@ impl Reflecting {
         };
         stack
             .findings
-            .push(Finding::note("environment", format!("its axes are those of {}: {reason}", axes.name())));
+            .push(Finding::note("environment", format!("its axes are `{}`: {reason}", axes.name())));
         let orientation = Orientation { axes, rotation_deg: settings.picture.environment_rotation_deg.value };
         Ok(Some(Self {
             map: RadianceMap::new(picture),

@@ -27,8 +27,8 @@ impl SceneStats {
         self.background_pixels += below.background_pixels;
         self.barely_blurred_lights += below.barely_blurred_lights;
         self.limited_fragments += below.limited_fragments;
-        self.environment_fragments = match (self.environment_fragments, below.environment_fragments) {
-            (Some(own), Some(below)) => Some(own + below),
+        self.environment = match (self.environment, below.environment) {
+            (Some(own), Some(below)) => Some(own.joined(below)),
             (own, below) => own.or(below),
         };
         for (sum, other) in self.bright.iter_mut().zip(&below.bright) {

@@ -33,7 +33,7 @@ pub(crate) use bright::{BrightStep, bright_step_floor, brightness, isolation, sh
 pub(crate) use depth_in_use::DepthInUse;
 pub(crate) use effects::percent;
 pub use effects::{Effect, EffectKind, Inputs};
-pub use environment::EnvironmentShading;
+pub use environment::{EnvironmentShading, EnvironmentStats};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, focus_distance};

@@ -53,11 +53,14 @@ struct Fragment {
     coc_px: f32,
     /// Share of what it reflects that moves with the lens.
     moved: f32,
+    /// Whether its colour is shaded for the ray.
+    shaded: bool,
 }
 
 impl Hits for RaySum {
     fn hit(&mut self, fragment: &Fragment, transmittance: f32) {
         self.add(fragment.color, transmittance);
+        self.shaded |= fragment.shaded;
     }
 }
 
@@ -311,7 +314,7 @@ impl<L: Borrow<Layer>> Volume<L> {
         let (mut color, alpha) = (layer.color_at(x, y), layer.alpha.get(x, y));
         if let Some(change) = self.change_of_environment(ray, number, (x, y)) {
             color.iter_mut().zip(change).for_each(|(color, change)| *color += alpha * change);
-            return Fragment { color, alpha, coc_px: layer.coc_px.get(x, y), moved: 1.0 };
+            return Fragment { color, alpha, coc_px: layer.coc_px.get(x, y), moved: 1.0, shaded: true };
         }
         let met = Met { layer: number, at: (x, y) };
         let moved = self.reflected.as_ref().and_then(|reflected| reflected.moved(met, ray));
@@ -324,6 +327,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             alpha,
             coc_px: layer.coc_px.get(x, y),
             moved: moved.map_or(0.0, |moved| moved.share),
+            shaded: false,
         }
     }
 

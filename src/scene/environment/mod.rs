@@ -22,7 +22,7 @@ mod split_sum;
 pub use map::RadianceMap;
 pub use orientation::Orientation;
 pub use prefilter::Prefiltered;
-pub use shading::{EnvironmentShading, Sight, SurfacePlanes};
+pub use shading::{EnvironmentShading, EnvironmentStats, Sight, SurfacePlanes};
 pub use split_sum::SplitSum;
 
 use crate::settings::Lobe;

@@ -57,7 +57,27 @@ pub struct EnvironmentShading {
     supersample: f32,
     coc_infinity_px: f32,
     field: Field,
-    fragments: usize,
+    stats: EnvironmentStats,
+}
+
+/// What reflects an environment.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct EnvironmentStats {
+    /// Fragments that reflect it.
+    pub fragments: usize,
+    /// How far the view of them moves at most, in picture pixels per aperture radius.
+    pub largest_movement_px: f32,
+}
+
+impl EnvironmentStats {
+    /// Those of both parts of a picture.
+    pub(in crate::scene) fn joined(self, other: Self) -> Self {
+        Self {
+            fragments: self.fragments + other.fragments,
+            largest_movement_px: self.largest_movement_px.max(other.largest_movement_px),
+        }
+    }
 }
 
 /// Where a ray meets a fragment.
@@ -90,6 +110,8 @@ impl EnvironmentShading {
         if fragments == 0 {
             return None;
         }
+        let movements = all().map(|shaded| scene.coc_infinity_px - shaded.coc_px);
+        let stats = EnvironmentStats { fragments, largest_movement_px: movements.fold(0.0, f32::max) };
         let occurs = |[from, to]: [f32; 2]| {
             all().any(|shaded| (from..=to).contains(&shaded.gloss.roughness) && shaded.gloss.roughness > 0.0)
         };
@@ -101,7 +123,7 @@ impl EnvironmentShading {
             supersample: scene.supersample as f32,
             coc_infinity_px: scene.coc_infinity_px,
             field: scene.field,
-            fragments,
+            stats,
         };
         shading.shade_centre();
         Some(shading)
@@ -122,9 +144,9 @@ impl EnvironmentShading {
         self.layers = layers;
     }
 
-    /// Number of fragments that reflect the environment.
-    pub fn fragments(&self) -> usize {
-        self.fragments
+    /// What is known of all fragments that reflect the environment.
+    pub fn stats(&self) -> EnvironmentStats {
+        self.stats
     }
 
     /// The shading of the scene padded by `outside` columns and rows of samples on either side, where nothing reflects.

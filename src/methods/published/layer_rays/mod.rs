@@ -243,6 +243,7 @@ impl LayerTracer {
                 let [r, g, b, alpha] = cone.unwrap_or_else(|| self.fragments.color(hit.sample, hit.fragment));
                 let changed =
                     self.gloss.as_ref().and_then(|gloss| gloss.change(&self.fragments, &hit, &ray, layer));
+                sum.shaded |= changed.is_some();
                 let [red, green, blue] = changed.unwrap_or_default();
                 sum.add([r + red, g + green, b + blue], transmittance);
                 transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
