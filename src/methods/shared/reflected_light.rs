@@ -100,6 +100,16 @@ impl ReflectedLight {
         })
     }
 
+    /// [`ReflectedLight::moved`] in the fragment of CoC radius `coc_px` at the sample `at`, whatever its layer.
+    pub(in crate::methods) fn moved_at(
+        &self,
+        (at, coc_px): ((usize, usize), f32),
+        ray: &LensRay,
+    ) -> Option<MovedLight> {
+        let (layer, _) = self.fragments_at(at).find(|(_, own_px)| *own_px == coc_px)?;
+        self.moved(Met { layer, at }, ray)
+    }
+
     /// The light that `ray` sees in the fragment that it has `met`, of all that moves.
     pub(in crate::methods) fn seen(&self, met: Met, ray: &LensRay) -> [f32; 3] {
         let moved = self.moved(met, ray);
