@@ -205,7 +205,7 @@ class Peeler:
         return np.stack([values.reshape(-1, count).mean(axis=1) for values in found], axis=1)
 
     def _add_shading(self, walked: Walked, layers: list[Layer], paths: int, seed: tuple[int, ...]) -> None:
-        """Adds the channels of `shading`. Of the environment, all light is its own."""
+        """Adds the channels of `shading`. Of the environment and of surfaces that are only diffuse, all light is."""
         for layer in layers:
             layer.sums.update({name: layer.color[:, k].copy() for k, name in enumerate(DIFFUSE)})
             layer.sums.update({name: np.zeros(len(walked.x), np.float32) for name in REFLECTION})
@@ -232,13 +232,12 @@ class Peeler:
             if len(at) == 0:
                 return
             columns = (walked.x[at], walked.y[at], walked.before[peel, at])
-            found = self._mean(diffuse, columns, paths, (*seed, peel, 2))
-            for k, name in enumerate(DIFFUSE):
-                layer.sums[name][at] = found[:, k]
             shines = np.flatnonzero(evaluate(is_specular, columns)[0])
-            found = self._mean(reflected, [column[shines] for column in columns], paths, (*seed, peel, 3))
-            for k, name in enumerate(REFLECTION):
-                layer.sums[name][at[shines]] = found[:, k]
+            shining = [column[shines] for column in columns]
+            for follow, names, number in ((diffuse, DIFFUSE, 2), (reflected, REFLECTION, 3)):
+                found = self._mean(follow, shining, paths, (*seed, peel, number))
+                for k, name in enumerate(names):
+                    layer.sums[name][at[shines]] = found[:, k]
             for name, values in zip(shading.MEANS, evaluate(properties, columns), strict=True):
                 layer.means[name][at] = values
 
