@@ -1,6 +1,6 @@
 """Scenes whose reflections blur with a depth of their own, for Mitsuba 3: meshes, textures, lights, all made here.
 
-    python scenes.py FOLDER                the folders FOLDER/stone, teapot, facing, unfolded, facing_full, unfolded_full
+    python scenes.py FOLDER                FOLDER/stone, teapot, facing, unfolded, facing_full and unfolded_full
     python scenes.py FOLDER --scene stone  one of them
 
 Each gets `scene.xml`, with the parameters `focus`, `aperture` (radius; scene units) and `spp`, and a preset for each
@@ -52,7 +52,9 @@ class Mesh:
     def mirrored(self, z: float) -> Mesh:
         """The mesh as a mirror in the plane at `z` shows it."""
         flip = np.array([1.0, 1.0, -1.0])
-        return Mesh(self.points * flip + np.array([0.0, 0.0, 2.0 * z]), self.normals * flip, self.uv, self.faces[:, ::-1])
+        return Mesh(
+            self.points * flip + np.array([0.0, 0.0, 2.0 * z]), self.normals * flip, self.uv, self.faces[:, ::-1]
+        )
 
     def write(self, path: Path) -> None:
         """Writes a PLY file."""
@@ -97,7 +99,9 @@ def surface(points: np.ndarray, uv_scale: tuple[float, float] = (1.0, 1.0)) -> M
     upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
     faces = np.concatenate([lower, upper])
     flat = points.reshape(-1, 3)
-    areas = np.linalg.norm(np.cross(flat[faces[:, 1]] - flat[faces[:, 0]], flat[faces[:, 2]] - flat[faces[:, 0]]), axis=1)
+    areas = np.linalg.norm(
+        np.cross(flat[faces[:, 1]] - flat[faces[:, 0]], flat[faces[:, 2]] - flat[faces[:, 0]]), axis=1
+    )
     return Mesh(flat, normals.reshape(-1, 3), np.stack([u, v], axis=-1).reshape(-1, 2), faces[areas > 1e-14])
 
 
@@ -162,7 +166,8 @@ def spline(points: np.ndarray, steps: int) -> np.ndarray:
         t = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None]
         for a, b, c, d in zip(padded, padded[1:], padded[2:], padded[3:], strict=False):
             pieces.append(
-                0.5 * (2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t**2 + (3.0 * (b - c) + d - a) * t**3)
+                0.5
+                * (2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t**2 + (3.0 * (b - c) + d - a) * t**3)
             )
         pieces.append(piece[-1:])
     return np.concatenate(pieces)
@@ -206,7 +211,9 @@ class Scene:
         light = f'<emitter type="area">{radiance}</emitter>' if radiance else ""
         self.parts.append(f'<shape type="ply"><string name="filename" value="{name}"/>{bsdf}{light}</shape>')
 
-    def texture(self, name: str, property_name: str, picture: np.ndarray, tiles: tuple[float, float] = (1.0, 1.0)) -> str:
+    def texture(
+        self, name: str, property_name: str, picture: np.ndarray, tiles: tuple[float, float] = (1.0, 1.0)
+    ) -> str:
         """The XML of a texture; `picture` is linear, `[row][column][3]`, from 0 to 1."""
         path = self.folder / f"{name}.png"
         bitmap = mi.Bitmap(picture.astype(np.float32)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, True)
@@ -229,7 +236,8 @@ class Scene:
 <default name="spp" value="1024"/>
 <default name="focus" value="{self.focus:.6g}"/>
 <default name="aperture" value="{radius:.6g}"/>
-<integrator type="path"><integer name="max_depth" value="{self.max_depth}"/><integer name="rr_depth" value="64"/></integrator>
+<integrator type="path"><integer name="max_depth" value="{self.max_depth}"/>
+<integer name="rr_depth" value="64"/></integrator>
 <sensor type="thinlens">
 <float name="fov" value="{FIELD_DEG:.8g}"/><string name="fov_axis" value="x"/>
 <float name="focus_distance" value="$focus"/><float name="aperture_radius" value="$aperture"/>
@@ -319,7 +327,7 @@ def labels(seed: int, columns: int = 8, rows: int = 6, size: int = 32) -> np.nda
 
 
 def room(windows: list[tuple[float, float, float, float, Point]], ground: Point, sky: Point, top: Point) -> np.ndarray:
-    """Surroundings, 512 × 256: a gradient, and windows `(u, v, width, height, radiance)`, all in shares of the picture."""
+    """Surroundings, 512 × 256: a gradient, and windows `(u, v, width, height, radiance)`, in shares of the picture."""
     v, u = (np.mgrid[:256, :512] + 0.5) / np.array([256, 512]).reshape(2, 1, 1)
     up = np.clip(1.0 - 2.0 * v, -1.0, 1.0)[..., None]
     out = np.where(up > 0.0, np.array(sky) + (np.array(top) - np.array(sky)) * up, np.array(ground) * (1.0 + 0.5 * up))
@@ -352,7 +360,9 @@ def stone(folder: Path) -> Scene:
     for place in ((-0.33, 0.0, -2.2), (0.42, 0.0, -3.1), (-0.75, 0.0, -4.4)):
         scene.add(revolved(shaft, smooth=6).moved(place), striped)
     tiles = scene.texture("tiles", "reflectance", labels(7, 12, 6))
-    scene.add(ball(0.075).moved((-0.05, 0.075, -1.62)), f'<bsdf type="twosided"><bsdf type="diffuse">{tiles}</bsdf></bsdf>')
+    scene.add(
+        ball(0.075).moved((-0.05, 0.075, -1.62)), f'<bsdf type="twosided"><bsdf type="diffuse">{tiles}</bsdf></bsdf>'
+    )
     scene.add(joined(box(0.13, 0.22, 0.13)).turned(1, 25.0).moved((0.17, 0.0, -2.0)), matt(0.1, 0.35, 0.5))
     scene.add(joined(box(0.3, 0.1, 0.2)).turned(1, -15.0).moved((0.12, 0.0, -4.2)), matt(0.5, 0.4, 0.08))
     stem, lamp = [(0.0, 0.0), (0.03, 0.0), (0.03, 0.0), (0.008, 0.012), (0.006, 0.1), (0.006, 0.16)], 0.022
@@ -362,7 +372,12 @@ def stone(folder: Path) -> Scene:
         color = tuple(14.0 * c for c in glows[k % 3])
         scene.add(ball(lamp).moved((x, 0.17, z)), BLACK, rgb("radiance", *color))
     scene.environment(
-        room([(0.08, 0.36, 0.07, 0.2, (5.0, 4.6, 4.0)), (0.62, 0.3, 0.15, 0.25, (6.0, 6.0, 6.5))], (0.05,) * 3, (0.25, 0.3, 0.4), (0.5, 0.6, 0.8))
+        room(
+            [(0.08, 0.36, 0.07, 0.2, (5.0, 4.6, 4.0)), (0.62, 0.3, 0.15, 0.25, (6.0, 6.0, 6.5))],
+            (0.05,) * 3,
+            (0.25, 0.3, 0.4),
+            (0.5, 0.6, 0.8),
+        )
     )
     return scene
 
@@ -370,18 +385,37 @@ def stone(folder: Path) -> Scene:
 def teapot(folder: Path) -> Scene:
     """A pot of polished metal on a checkered table, coloured things around it, windows behind the camera."""
     scene = Scene(folder, (0.0, 0.19, 0.74), (0.0, 0.072, 0.0), 1.6, 0.672, 0.712, 6)
-    squares = scene.texture("table", "reflectance", checks(2, 2, (0.6, 0.55, 0.45), (0.08, 0.1, 0.13), 16), (12.0, 12.0))
-    scene.add(rectangle(1.8, 1.8).turned(0, -90.0), f'<bsdf type="twosided"><bsdf type="diffuse">{squares}</bsdf></bsdf>')
+    squares = scene.texture(
+        "table", "reflectance", checks(2, 2, (0.6, 0.55, 0.45), (0.08, 0.1, 0.13), 16), (12.0, 12.0)
+    )
+    scene.add(
+        rectangle(1.8, 1.8).turned(0, -90.0), f'<bsdf type="twosided"><bsdf type="diffuse">{squares}</bsdf></bsdf>'
+    )
     metal = '<bsdf type="conductor"><string name="material" value="Ag"/></bsdf>'
     body = [(0.0, 0.0), (0.045, 0.0), (0.045, 0.0), (0.047, 0.006), (0.05, 0.01), (0.068, 0.03), (0.078, 0.055)]
     body += [(0.073, 0.082), (0.055, 0.102), (0.046, 0.108), (0.044, 0.108), (0.044, 0.108), (0.0, 0.108)]
     scene.add(revolved(body), metal)
-    lid = [(0.0, 0.1085), (0.045, 0.1085), (0.045, 0.1085), (0.0455, 0.111), (0.04, 0.117), (0.022, 0.124), (0.007, 0.127)]
+    lid = [
+        (0.0, 0.1085),
+        (0.045, 0.1085),
+        (0.045, 0.1085),
+        (0.0455, 0.111),
+        (0.04, 0.117),
+        (0.022, 0.124),
+        (0.007, 0.127),
+    ]
     lid += [(0.005, 0.131), (0.009, 0.137), (0.011, 0.143), (0.008, 0.149), (0.0, 0.151)]
     scene.add(revolved(lid), metal)
     spout = [(0.055, 0.045, 0.0), (0.085, 0.05, 0.0), (0.105, 0.075, 0.0), (0.118, 0.1, 0.0), (0.132, 0.108, 0.0)]
     scene.add(tube(spout, [0.022, 0.018, 0.011, 0.009, 0.0085]), metal)
-    handle = [(-0.052, 0.095, 0.0), (-0.085, 0.106, 0.0), (-0.118, 0.09, 0.0), (-0.116, 0.055, 0.0), (-0.09, 0.034, 0.0), (-0.066, 0.03, 0.0)]
+    handle = [
+        (-0.052, 0.095, 0.0),
+        (-0.085, 0.106, 0.0),
+        (-0.118, 0.09, 0.0),
+        (-0.116, 0.055, 0.0),
+        (-0.09, 0.034, 0.0),
+        (-0.066, 0.03, 0.0),
+    ]
     scene.add(tube(handle, [0.006, 0.007, 0.0075, 0.0075, 0.007, 0.006]), metal)
     tiles = scene.texture("tiles", "reflectance", labels(11, 12, 6))
     scene.add(ball(0.03).moved((0.1, 0.03, 0.1)), f'<bsdf type="twosided"><bsdf type="diffuse">{tiles}</bsdf></bsdf>')
@@ -392,7 +426,11 @@ def teapot(folder: Path) -> Scene:
     # Behind the camera's plane or above the frame: seen in the pot only.
     scene.add(joined(box(0.1, 0.25, 0.1)).turned(1, 40.0).moved((0.3, 0.0, 0.45)), matt(0.55, 0.15, 0.45))
     scene.add(ball(0.06).moved((-0.3, 0.06, 0.4)), matt(0.1, 0.5, 0.5))
-    windows = [(0.42, 0.33, 0.1, 0.2, (9.0, 8.6, 8.0)), (0.6, 0.33, 0.1, 0.2, (9.0, 8.6, 8.0)), (0.2, 0.3, 0.08, 0.24, (5.0, 5.6, 7.0))]
+    windows = [
+        (0.42, 0.33, 0.1, 0.2, (9.0, 8.6, 8.0)),
+        (0.6, 0.33, 0.1, 0.2, (9.0, 8.6, 8.0)),
+        (0.2, 0.3, 0.08, 0.24, (5.0, 5.6, 7.0)),
+    ]
     scene.environment(room(windows, (0.12, 0.1, 0.09), (0.35, 0.36, 0.38), (0.7, 0.75, 0.85)))
     return scene
 
@@ -409,7 +447,10 @@ def reflected_objects(scene: Scene) -> list[tuple[Mesh, str, bool]]:
     things += [(rectangle(0.55, 0.4).turned(1, 200.0).moved((-0.38, 0.13, 0.4)), card, False)]
     things += [(ball(0.13).moved((0.4, -0.15, 0.9)), globe, False)]
     things += [(ball(0.05).moved((0.13, 0.1, -1.45)), globe, True)]
-    things += [(ball(0.015).moved((x, y, z)), rgb("radiance", 6.0, 5.0, 3.0), False) for x, y, z in ((0.35, 0.3, 1.6), (-0.1, -0.33, 1.2))]
+    things += [
+        (ball(0.015).moved((x, y, z)), rgb("radiance", 6.0, 5.0, 3.0), False)
+        for x, y, z in ((0.35, 0.3, 1.6), (-0.1, -0.33, 1.2))
+    ]
     return things
 
 
@@ -437,11 +478,12 @@ def facing_full(folder: Path, unfolded: bool = False) -> Scene:
     y, x = np.mgrid[-1.5:1.5:121j, -2.5:2.5:201j]
     depth = 0.9 + 0.5 * x + 0.12 * np.sin(5.0 * y + 1.0)
     # Facing −Z: columns run to the left.
-    sheet = surface(np.stack([-x, y, depth], axis=-1))
+    # Off the middle: rays through the middles of pixels must not meet edges of triangles, which let a few of them pass.
+    sheet = surface(np.stack([-x, y, depth], axis=-1)).moved((0.00371, 0.00229, 0.0))
     radiance = scene.texture("sheet", "radiance", labels(31, 40, 24))
     scene.add(sheet.mirrored(MIRROR_Z) if unfolded else sheet, BLACK, radiance)
     if not unfolded:
-        scene.add(rectangle(3.0, 2.0).moved((0.0, 0.0, MIRROR_Z)), MIRROR)
+        scene.add(rectangle(3.0, 2.0).moved((0.0113, 0.0271, MIRROR_Z)), MIRROR)
     return scene
 
 
