@@ -54,6 +54,7 @@ pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> 
 fn without_color_passes(plan: &Plan) -> Plan {
     let left_out = [
         EffectKind::Environment,
+        EffectKind::Reflections,
         EffectKind::Highlights,
         EffectKind::Fill,
         EffectKind::Prefilter,

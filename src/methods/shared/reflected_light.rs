@@ -53,6 +53,31 @@ impl ReflectedLight {
         Some(Self { reflections, supersample: scene.supersample as f32 })
     }
 
+    /// For each layer of the scene what its surfaces reflect.
+    #[cfg(feature = "gpu")]
+    pub(super) fn layers(&self) -> &[Option<ReflectingLayer>] {
+        &self.reflections.layers
+    }
+
+    /// Columns and rows of samples.
+    #[cfg(feature = "gpu")]
+    pub(super) fn size(&self) -> [usize; 2] {
+        let planes = self.reflections.layers.iter().flatten().map(|layer| &layer.coc_px);
+        planes.map(|plane| [plane.width(), plane.height()]).next().unwrap_or([1; 2])
+    }
+
+    /// Samples per pixel along each axis.
+    #[cfg(feature = "gpu")]
+    pub(super) fn supersample(&self) -> f32 {
+        self.supersample
+    }
+
+    /// The largest CoC radius of what `surface` shows as a flat mirror.
+    #[cfg(feature = "gpu")]
+    pub(super) fn farthest_px(&self, surface: u32) -> f32 {
+        self.reflections.farthest_px[surface as usize]
+    }
+
     /// The same, with other light: that of each layer as `of` makes it.
     #[must_use]
     pub(in crate::methods) fn with_light(&self, of: impl Fn(&ReflectingLayer) -> [Plane; 3]) -> Self {
@@ -73,6 +98,16 @@ impl ReflectedLight {
             let layer = layer.as_ref().filter(|layer| layer.share(x, y) > 0.0)?;
             Some((number, layer.coc_px.get(x, y)))
         })
+    }
+
+    /// [`ReflectedLight::moved`] in the fragment of CoC radius `coc_px` at the sample `at`, whatever its layer.
+    pub(in crate::methods) fn moved_at(
+        &self,
+        (at, coc_px): ((usize, usize), f32),
+        ray: &LensRay,
+    ) -> Option<MovedLight> {
+        let (layer, _) = self.fragments_at(at).find(|(_, own_px)| *own_px == coc_px)?;
+        self.moved(Met { layer, at }, ray)
     }
 
     /// The light that `ray` sees in the fragment that it has `met`, of all that moves.
