@@ -312,7 +312,8 @@ fn not_in_bands(file: &ExrFile, peels: &[PeelChannels], options: &ReadOptions) -
     let names = file.names();
     let says = options.rows.is_some()
         && peels.iter().any(|peel| ShadingChannels::of(&names, &peel.prefix).is_some());
-    let text = "reflections do not move with the lens in a frame that is rendered in bands: allow more memory";
+    let text =
+        "reflections do not move with the lens in a frame that is rendered in bands: allow more memory";
     says.then(|| Finding::warning("reflections", text))
 }
 
