@@ -168,6 +168,13 @@ impl Shading {
         }
     }
 
+    /// All its planes.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = &Plane> {
+        let single = [Some(&self.reflected_distance), self.roughness.as_ref()].into_iter().flatten();
+        let colors = [&self.specular, &self.reflection].into_iter().flatten().flatten();
+        self.light.iter().chain(&self.normal).chain(single).chain(colors)
+    }
+
     /// Whether the surface at column `x` of row `y` reflects light specularly.
     pub(crate) fn reflects(&self, x: usize, y: usize) -> bool {
         self.light.iter().any(|plane| plane.get(x, y).abs() > LEAST_LIGHT)
