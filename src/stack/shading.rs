@@ -65,7 +65,7 @@ impl ShadingChannels {
                 full.get(..start.len()).is_some_and(|head| head == start)
                     && full[start.len()..].eq_ignore_ascii_case(name)
             };
-            names.iter().position(|full| is_it(full))
+            names.iter().position(is_it)
         };
         let three = |group: &str, parts: [&str; 3]| {
             let [first, second, third] = parts.map(|part| index(&format!("{group}.{part}")));
