@@ -52,7 +52,13 @@ pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> 
 
 /// `plan` without the passes that depend on colour, with lost rays visible, for a scene that is filled already.
 fn without_color_passes(plan: &Plan) -> Plan {
-    let left_out = [EffectKind::Highlights, EffectKind::Fill, EffectKind::Prefilter, EffectKind::Resolve];
+    let left_out = [
+        EffectKind::Environment,
+        EffectKind::Highlights,
+        EffectKind::Fill,
+        EffectKind::Prefilter,
+        EffectKind::Resolve,
+    ];
     let reduced = left_out.into_iter().fold(plan.clone(), |plan, kind| plan.forced(kind, false));
     Plan { lost_rays: LostRays::Black, ..reduced }
 }

@@ -7,12 +7,13 @@
 #![expect(clippy::unwrap_used, reason = "a test stops at the first thing that fails")]
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::OnceLock;
 use thinlens::gpu::{DeviceChoice, DeviceKind, Gpu};
 use thinlens::image::{Image, Plane};
 use thinlens::methods::{self, LostRays, METHODS, Method, Plan};
 use thinlens::render::{Job, NamedPreset, prepare, render};
-use thinlens::scene::{EffectKind, Layer, Scene};
+use thinlens::scene::{EffectKind, Layer, ReflectingLayer, ReflectionStats, Reflections, Scene};
 use thinlens::settings::{Effort, Origin, ParameterValues, Preset, Settings, Values};
 use thinlens::stack::{Antialiasing, LIGHT_ALPHA, Source, StackKind};
 
@@ -214,12 +215,58 @@ fn open_scenes() -> Vec<(&'static str, Scene)> {
         ("light without alpha over nothing", scene(vec![light(8, -5.0)], 6.0)),
         ("light without alpha before panes", scene(vec![light(9, -4.0), panes(10, 3.0)], 7.0)),
         ("panes of every alpha", scene(vec![panes(5, -4.0), panes(7, 3.0)], 7.0)),
+        ("mirrors behind bars and panes", mirrors(1)),
+        ("mirrors of four samples a pixel", mirrors(2)),
     ]
 }
 
 /// `texture` at `x, y` of this alpha.
 fn painted(x: usize, y: usize, seed: usize, alpha: f32) -> [f32; 4] {
     [noise(x / 2, y / 2, seed), noise(x, y / 3, seed + 1), 0.2, 1.0].map(|value| alpha * value)
+}
+
+/// What a wall of `width × height` samples reflects that hangs in the last of `layers` layers: a flat mirror on its left, a curved one on its
+/// right, and between them something of both.
+fn reflections(layers: usize, [width, height]: [usize; 2]) -> Reflections {
+    let plane = |value: &dyn Fn(usize, usize) -> f32| Plane::from_fn(width, height, value);
+    let flat = |x: usize| (2.0 - 3.0 * x as f32 / width as f32).clamp(0.0, 1.0);
+    let is_panel = |x: usize| x % 31 < 28;
+    let shown_px = |x: usize, y: usize| 5.0 + 4.0 * noise(x / 9, y / 7, 6);
+    let surface = |x: usize| if is_panel(x) { 1 + (x / 31) as u32 } else { 0 };
+    let share = |x: usize, share: f32| if is_panel(x) { share } else { 0.0 };
+    let mirror = ReflectingLayer {
+        light: std::array::from_fn(|k| plane(&|x, y| 2.0 * noise(x, y, 20 + k))),
+        movement: std::array::from_fn(|k| {
+            plane(&|x, y| [4.0, -1.0, 1.5, 3.0][k] + noise(x / 4, y / 4, 30 + k))
+        }),
+        coc_px: plane(&|_, _| 1.0),
+        mirrored_px: [-0.2, 0.2].map(|off| plane(&|x, y| shown_px(x, y) + off)),
+        flat: plane(&|x, _| share(x, flat(x))),
+        curved: plane(&|x, _| share(x, 1.0 - flat(x))),
+        surface: (0..width * height).map(|index| surface(index % width)).collect(),
+    };
+    let mut stats = ReflectionStats::default();
+    stats.reflecting_fragments = width * height;
+    stats.moving_fragments = width * height;
+    stats.largest_movement_px = 6.0;
+    let farthest_px = vec![f32::NEG_INFINITY, 9.2, 9.2, 9.2, 9.2, 9.2];
+    let layers = (1..=layers).map(|layer| (layer == layers).then(|| mirror.clone())).collect();
+    Reflections { layers, farthest_px, stats }
+}
+
+/// A wall that reflects, seen between bars and panes, with `supersample` samples a pixel along each axis.
+fn mirrors(supersample: usize) -> Scene {
+    let [width, height] = [67 * supersample, 41 * supersample];
+    let before = layer(width, height, |x, y| match x / (10 * supersample) % 3 {
+        0 => (painted(x, y, 11, 1.0), -5.0),
+        1 => (painted(x, y, 12, 0.4), -2.0),
+        _ => ([0.0; 4], 0.0),
+    });
+    let wall = layer(width, height, |x, y| (painted(x, y, 13, 1.0), 1.0));
+    let kind = if supersample > 1 { StackKind::Supersampled } else { StackKind::PointSampled };
+    let mut scene = Scene::new(vec![before, wall], kind, supersample, 12.0);
+    scene.reflections = Some(Arc::new(reflections(2, [width, height])));
+    scene
 }
 
 /// Scenes of surfaces that go on from sample to sample, and of mixed kinds, with their names.

@@ -212,6 +212,7 @@ impl Case {
             EffectKind::Merge | EffectKind::Translucency => true,
             // Forced in a closed scene, it has no background to show.
             EffectKind::TransparentBackground
+            | EffectKind::Environment
             | EffectKind::Prefilter
             | EffectKind::BladeCurvature
             | EffectKind::Squeeze

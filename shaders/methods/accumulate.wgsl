@@ -60,7 +60,7 @@ struct View {
 @group(0) @binding(7) var<storage, read> blue: array<f32>;
 @group(0) @binding(8) var<storage, read> alpha: array<f32>;
 @group(0) @binding(9) var<storage, read> coc_px: array<f32>;
-// Interval of CoC depth of each fragment; both ends ABSENT where there is none.
+// Interval of CoC depth of each fragment; both ends BEYOND where there is none.
 @group(0) @binding(10) var<storage, read> extents: array<vec2f>;
 // [row][column] of tiles: one bit per slab, set where the slab has a fragment.
 @group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
@@ -80,8 +80,6 @@ override TRANSLUCENT = true;
 const SECOND_WORD: u32 = 0x3fffffff;
 // Set in the second word of a tile where the fragments of every sample are sorted nearest first.
 const NEAREST_FIRST: u32 = 0x40000000;
-// Larger than any CoC depth of a fragment or a ray.
-const ABSENT: f32 = 3e38;
 
 fn uploaded_rows() -> i32 {
     return frame.bottom - frame.top + 1;
@@ -118,15 +116,15 @@ fn bit(index: u32) -> vec2u {
     return select(vec2u(0u, 1u << (index & 31u)), vec2u(1u << (index & 31u), 0u), index < 32u);
 }
 
-// CoC radius of the fragment of `layer` at `position`; ABSENT where there is none.
+// CoC radius of the fragment of `layer` at `position`; BEYOND where there is none.
 fn coc_px_at(layer: u32, position: vec2i) -> f32 {
     let first = vec2i(0, frame.top);
     let last = vec2i(frame.columns - 1, frame.bottom);
     if any(position < first) || any(position > last) {
-        return ABSENT;
+        return BEYOND;
     }
     let index = layer * layer_stride() + sample_index(position);
-    return select(ABSENT, coc_px[index], alpha[index] > 0.0);
+    return select(BEYOND, coc_px[index], alpha[index] > 0.0);
 }
 
 // Whether the surface of the fragment of `layer` at `position` goes on in the same layer on one side. CPU version: `surface::goes_on`.
@@ -135,14 +133,14 @@ fn goes_on(layer: u32, position: vec2i, side: vec2i) -> bool {
     let own = coc_px_at(layer, position);
     let next = coc_px_at(layer, position + side);
     let after = coc_px_at(layer, position + 2 * side);
-    let back = select(abs(own - before), 0.0, before == ABSENT);
-    let ahead = select(abs(after - next), 0.0, after == ABSENT);
+    let back = select(abs(own - before), 0.0, before == BEYOND);
+    let ahead = select(abs(after - next), 0.0, after == BEYOND);
     let limit = max(min(ROUGHNESS * (back + ahead), MAX_JOIN_PX), JOIN_PX);
-    return next != ABSENT && abs(next - own) < limit;
+    return next != BEYOND && abs(next - own) < limit;
 }
 
 // CoC radius of the neighbour on one side that continues the surface of the fragment of `layer` at `position`: in its own layer, or where
-// the surface does not go on there, in any other within JOIN_PX; ABSENT if there is none.
+// the surface does not go on there, in any other within JOIN_PX; BEYOND if there is none.
 fn continuation_px(layer: u32, position: vec2i, side: vec2i) -> f32 {
     if goes_on(layer, position, side) {
         return coc_px_at(layer, position + side);
@@ -154,20 +152,20 @@ fn continuation_px(layer: u32, position: vec2i, side: vec2i) -> f32 {
             return neighbour;
         }
     }
-    return ABSENT;
+    return BEYOND;
 }
 
 // `interval` of a fragment of CoC radius `own`, extended half-way to its neighbour of CoC radius `other`.
 fn extended_to(other: f32, own: f32, interval: vec2f) -> vec2f {
     let middle = 0.5 * (own + other);
-    return select(vec2f(min(interval.x, middle), max(interval.y, middle)), interval, other == ABSENT);
+    return select(vec2f(min(interval.x, middle), max(interval.y, middle)), interval, other == BEYOND);
 }
 
 // Interval of CoC depth of the fragment of `layer` at `position`.
 fn extent(layer: u32, position: vec2i) -> vec2f {
     let own = coc_px_at(layer, position);
     var interval = vec2f(own);
-    if own == ABSENT {
+    if own == BEYOND {
         return interval;
     }
     interval = extended_to(continuation_px(layer, position, vec2i(-1, 0)), own, interval);
@@ -183,7 +181,7 @@ var<workgroup> disordered: atomic<u32>;
 // nearest first.
 fn analyze_sample(position: vec2i) -> vec3u {
     var found = vec3u(0u);
-    var nearest = -ABSENT;
+    var nearest = -BEYOND;
     for (var layer = 0u; layer < frame.layers; layer++) {
         let index = layer * layer_stride() + sample_index(position);
         extents_made[index] = extent(layer, position);
@@ -224,27 +222,10 @@ fn look(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     }
 }
 
-// A ray: at CoC depth c it is at sample position `start + c·step`.
-struct Ray {
-    start: vec2f,
-    step: vec2f,
-    inverse: vec2f,
-    // ABSENT along an axis that the ray is perpendicular to, so that it never leaves a sample there; 0 on other axes.
-    perpendicular_exit: vec2f,
-    // Direction on each axis: -1 or 1.
-    heading: vec2i,
-}
-
 // Colour that a ray has collected, and its remaining transmittance.
 struct RayResult {
     color: vec3f,
     transmittance: f32,
-}
-
-// Where a ray leaves a square of samples: CoC depth and direction.
-struct Exit {
-    coc: f32,
-    side: vec2i,
 }
 
 // The part of a ray's path over a tile that may hit fragments.
@@ -258,28 +239,10 @@ struct Passage {
 }
 
 // The ray of `view` through the pixel with its centre at `centre`, in picture pixels, in which rays extend over the part `jitter`.
-fn ray_of(view: View, centre: vec2f, jitter: f32) -> Ray {
+fn ray_of(view: View, centre: vec2f, jitter: f32) -> LensRay {
     let point = centre + jitter * vec2f(view.jitter_x, view.jitter_y) + vec2f(view.shift_x, view.shift_y);
     let step = vec2f(view.step_x, view.step_y);
-    let inverse = vec2f(view.inverse_x, view.inverse_y);
-    let perpendicular_exit = select(vec2f(0.0), vec2f(ABSENT), inverse == vec2f(0.0));
-    let heading = select(vec2i(-1), vec2i(1), step > vec2f(0.0));
-    return Ray(point * frame.supersample, step, inverse, perpendicular_exit, heading);
-}
-
-// The sample at CoC depth `coc`.
-fn cell_at(ray: Ray, coc: f32) -> vec2i {
-    return vec2i(floor(ray.start + coc * ray.step));
-}
-
-// Where `ray` leaves the square of `side` samples that begins at `first`.
-fn leaves(ray: Ray, first: vec2i, side: i32) -> Exit {
-    let edge = first + side * max(ray.heading, vec2i(0));
-    let leave = (vec2f(edge) - ray.start) * ray.inverse + ray.perpendicular_exit;
-    if leave.x <= leave.y {
-        return Exit(leave.x, vec2i(ray.heading.x, 0));
-    }
-    return Exit(leave.y, vec2i(0, ray.heading.y));
+    return lens_ray(point * frame.supersample, step, vec2f(view.inverse_x, view.inverse_y));
 }
 
 // The part of a ray's path over `tile`, from CoC depth `begin` to `end`, that may hit fragments.
@@ -313,7 +276,7 @@ fn next_hit(index: u32, first: u32, begin: f32, end: f32, nearest_first: bool) -
         if max(interval.x, begin) <= min(interval.y, end) {
             return layer;
         }
-        if nearest_first && interval.x < ABSENT && interval.x > end + REACH_PX {
+        if nearest_first && interval.x < BEYOND && interval.x > end + REACH_PX {
             return frame.layers;
         }
         layer++;
@@ -375,7 +338,7 @@ fn is_hit_before(layer: u32, position: vec2i, index: u32, begin: f32, end: f32) 
 }
 
 // Traces `ray` over the samples of `tile`.
-fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, RayResult>) {
+fn cross_tile(ray: LensRay, tile: vec2i, passage: Passage, result: ptr<function, RayResult>) {
     let first = tile * TILE;
     let min_cell = vec2i(0, frame.top);
     let max_cell = vec2i(frame.columns - 1, frame.bottom);
@@ -405,7 +368,9 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, Ray
         index += layer * layer_stride();
         if !is_hit_before(layer, position, index, enter, min(exit.coc, passage.end)) {
             let own = alpha[index];
-            (*result).color += (*result).transmittance * vec3f(red[index], green[index], blue[index]);
+            let moved = moved_light(layer, position, ray);
+            let color = vec3f(red[index], green[index], blue[index]) + own * (moved.seen - moved.own);
+            (*result).color += (*result).transmittance * color;
             (*result).transmittance *= select(1.0 - own, 0.0, own >= OPAQUE_ALPHA);
             if (*result).transmittance <= 0.0 {
                 return;
@@ -416,7 +381,7 @@ fn cross_tile(ray: Ray, tile: vec2i, passage: Passage, result: ptr<function, Ray
 }
 
 // Traces `ray` through the stack.
-fn trace_ray(ray: Ray) -> RayResult {
+fn trace_ray(ray: LensRay) -> RayResult {
     var result = RayResult(vec3f(0.0), 1.0);
     translucent_hit_count = 0u;
     var enter = frame.nearest;

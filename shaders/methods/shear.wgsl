@@ -105,6 +105,9 @@ struct Params {
 // averages in the pixel, and share of the background behind a fragment that a ray passes beside in the pixel.
 @group(0) @binding(18) var pixels: texture_2d_array<f32>;
 
+// [layer][row][column] of the whole picture: how much of a ray to the pixel sees light that moves, and the fragment's CoC radius.
+@group(0) @binding(23) var<storage, read> mirrors: array<vec2f>;
+
 // A lens sample.
 struct View {
     // Point on the aperture, in aperture radii.
@@ -302,6 +305,69 @@ fn light_of(value: f32, color: vec3f, coverage: f32) -> Light {
     return Light(vec4f(color, coverage * max(value, 0.0)), near_light(value, vec4f(color, coverage)));
 }
 
+// The sample of the fragment of CoC radius `coc` at `source`, a place of the whole picture, that `ray` has met: of those of its pixel, the
+// nearest one to the ray at that depth. CPU version: `Mirrors::met`.
+fn met_sample(layer: u32, source: vec2i, coc: f32, ray: LensRay) -> Met {
+    let side = u32(reflecting.supersample);
+    let place = ray.start + coc * ray.step;
+    var least = BEYOND;
+    var best = Met(layer, NONE);
+    for (var index = 0u; index < side * side; index++) {
+        let at = source * i32(side) + vec2i(i32(index % side), i32(index / side));
+        let from_place = vec2f(at) + 0.5 - place;
+        let apart = min(dot(from_place, from_place), 1e4);
+        for (var other = 0u; other < reflecting.layers; other++) {
+            let fragment = reflecting_in(other, at);
+            if fragment == 0u || dot(of_fragment(fragment, 2u).zw, vec2f(1.0)) <= 0.0 {
+                continue;
+            }
+            let off = max(abs(of_fragment(fragment, 0u).w - coc) - MIRROR_SAME_PX, 0.0);
+            let cost = 1e4 * off + apart;
+            if cost < least {
+                least = cost;
+                best = Met(other, index);
+            }
+        }
+    }
+    return best;
+}
+
+// What a ray of `view` from `pixel` sees of light that moves in the fragment of `layer` at `source`, and the weight of it.
+fn reflection_at(view: View, pixel: vec2u, source: vec2u, layer: u32) -> vec4f {
+    if !REFLECTS {
+        return vec4f(0.0);
+    }
+    let at = vec2i(source + vec2u(0u, params.source_start));
+    let own = mirrors[(layer * params.height + u32(at.y)) * params.width + u32(at.x)];
+    if own.x <= 0.0 {
+        return vec4f(0.0);
+    }
+    let off = vec2f(view.jitter_x + view.shift_x, view.jitter_y + view.shift_y);
+    let place = vec2f(pixel + vec2u(0u, params.band_start)) + 0.5 + off;
+    let step = vec2f(view.lens_x, view.lens_y) * reflecting.supersample;
+    let inverse = select(vec2f(0.0), 1.0 / step, abs(step) > vec2f(STEEP));
+    let ray = lens_ray(place * reflecting.supersample, step, inverse);
+    var met = Met(layer, 0u);
+    if reflecting.supersample > 1.0 {
+        met = met_sample(layer, at, own.y, ray);
+        if met.fragment == NONE {
+            return vec4f(0.0, 0.0, 0.0, own.x);
+        }
+    }
+    let side = u32(reflecting.supersample);
+    let sample = at * i32(side) + vec2i(i32(met.fragment % side), i32(met.fragment / side));
+    let moved = moved_light(met.layer, sample, ray);
+    if moved.share <= 0.0 {
+        return vec4f(0.0, 0.0, 0.0, own.x);
+    }
+    return vec4f(own.x * (moved.seen / moved.share), own.x);
+}
+
+// The light of a `reflection` in a fragment in a bin of `value`, which is no more in focus where its surface is.
+fn reflected_light(value: f32, reflection: vec4f) -> Light {
+    return Light(vec4f(reflection.rgb, -reflection.a * max(value, 0.0)), NOTHING_NEAR);
+}
+
 // `light`, `share` of it.
 fn scaled(light: Light, share: f32) -> Light {
     return Light(share * light.all, NearLight(share * light.near.light, share * light.near.radius));
@@ -403,8 +469,10 @@ fn covered_view(index: u32, turn: u32) -> CoveredView {
 // `sums` with the ray from `pixel` of a view in which an occluder covers the tile: its hit is known without keys.
 fn with_covered_ray(sums: RaySums, covered: CoveredView, pixel: vec2u) -> RaySums {
     let passing = passing_to(covered.view, pixel);
-    let color = textureLoad(colors, source_of(pixel, covered.shift), 0u, 0).rgb;
-    let light = scaled(light_of(covered.value, color, 1.0), passing);
+    let source = source_of(pixel, covered.shift);
+    let color = textureLoad(colors, source, 0u, 0).rgb;
+    let reflection = reflected_light(covered.value, reflection_at(covered.view, pixel, source, 0u));
+    let light = scaled(light_sum(light_of(covered.value, color, 1.0), reflection), passing);
     return RaySums(
         sums.light + light.all,
         sums.transparent,
@@ -442,8 +510,11 @@ fn with_opaque_ray(sums: RaySums, view: View, pixel: vec2u, hit: Hit) -> RaySums
     if hit.order == NONE {
         return with_ray(sums, view, pixel, passing, NO_LIGHT, passing);
     }
-    let color = textureLoad(colors, hit.source, layer_of(hit.order), 0).rgb;
-    return with_ray(sums, view, pixel, passing, scaled(light_of(hit.value, color, 1.0), passing), 0.0);
+    let layer = layer_of(hit.order);
+    let color = textureLoad(colors, hit.source, layer, 0).rgb;
+    let reflection = reflected_light(hit.value, reflection_at(view, pixel, hit.source, layer));
+    let light = light_sum(light_of(hit.value, color, 1.0), reflection);
+    return with_ray(sums, view, pixel, passing, scaled(light, passing), 0.0);
 }
 
 @compute @workgroup_size(16, 16)
@@ -529,8 +600,8 @@ struct Composite {
     spent: f32,
 }
 
-// Composites the fragments of `group` at `pixel` along the thread's ray `number`, of transmittance `before`, front to back.
-fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite {
+// Composites the fragments of `group` at `pixel` along the thread's ray `number` of `view`, of transmittance `before`, front to back.
+fn composite(view: View, group: Group, pixel: vec2u, number: u32, before: f32) -> Composite {
     var light = NO_LIGHT;
     var transmittance = before;
     let source = source_of(pixel, unpacked_shift(group.shift));
@@ -549,7 +620,8 @@ fn composite(group: Group, pixel: vec2u, number: u32, before: f32) -> Composite 
         let color = textureLoad(colors, source, layer, 0);
         let alpha = select(color.a, 1.0, (key & OPAQUE) != 0u);
         let value = value_at(order, group, source);
-        light = light_sum(light, scaled(light_of(value, color.rgb, alpha), transmittance));
+        let reflection = reflected_light(value, reflection_at(view, pixel, source, layer));
+        light = light_sum(light, scaled(light_sum(light_of(value, color.rgb, alpha), reflection), transmittance));
         transmittance *= 1.0 - alpha;
         if transmittance < MIN_TRANSMITTANCE {
             return Composite(light, 0.0, transmittance);
@@ -580,7 +652,7 @@ fn paint_translucent(@builtin(global_invocation_id) global: vec3u) {
         var entry = 0u;
         while transmittance > 0.0 {
             let next = groups[list + entry];
-            let passed = composite(unpacked(next), pixel, ray_number, transmittance);
+            let passed = composite(view, unpacked(next), pixel, ray_number, transmittance);
             light = light_sum(light, passed.light);
             transmittance = passed.transmittance;
             spent = passed.spent;

@@ -135,6 +135,8 @@ pub(super) struct EffectArgs {
     /// rays end in the background, which is behind pixels that let light through all peels. Forced, nothing changes where no pixel
     /// does; without it, such rays are left out of the mean.
     ///
+    /// environment: without it, surfaces show every lens ray the part of the environment that the centre of the lens sees.
+    ///
     /// prefilter, resolve: forced, they run with their strength from the preset or --set, or with the default strength if that is 0.
     ///
     /// blade-curvature, squeeze, aperture-image, cats-eye: forced, the aperture has them even if their effect is too small to be

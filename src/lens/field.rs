@@ -1,6 +1,6 @@
 //! The field of a lens: positions in the picture relative to the lens's axis, and their field angles.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 /// Where the axis of the lens meets the picture, and the lengths that turn pixels into shares of the field and into angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,12 @@ impl Field {
         self.axis_px + self.half_diagonal_px * Vec2::X
     }
 
+    /// Direction, of length 1, in which the centre of the lens sees `place`, in pixels from the picture's corner: x right, y up, z to the viewer.
+    pub(crate) fn direction(&self, place: Vec2) -> Vec3 {
+        let from_axis = (place - self.axis_px) / Vec2::new(1.0, -self.pixel_aspect);
+        from_axis.extend(-self.focal_length_px).normalize()
+    }
+
     /// Cosine of the field angle at `place`.
     pub(crate) fn cosine(&self, place: Vec2) -> f32 {
         let from_axis = (place - self.axis_px) / Vec2::new(1.0, self.pixel_aspect);
@@ -49,6 +55,17 @@ mod tests {
         let field = Field::from_picture_size(640, 360);
         assert_eq!(field.height(Vec2::new(320.0, 180.0)), Vec2::ZERO);
         assert!((field.height(Vec2::new(640.0, 0.0)).length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn directions_have_x_to_the_right_and_y_upwards() {
+        let field = Field { focal_length_px: 100.0, pixel_aspect: 2.0, ..Field::from_picture_size(640, 360) };
+        assert_eq!(field.direction(Vec2::new(320.0, 180.0)), Vec3::NEG_Z);
+        let seen = field.direction(Vec2::new(420.0, -20.0));
+        assert!(
+            (seen - Vec3::new(1.0, 1.0, -1.0).normalize()).length() < 1e-6,
+            "200 rows up, half as high: {seen}"
+        );
     }
 
     #[test]

@@ -7,7 +7,9 @@ use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::lens::Optics;
-use crate::scene::{Background, Effect, EffectKind, Extrapolation, Inputs, Scene, Workload};
+use crate::scene::{
+    Background, Effect, EffectKind, EnvironmentShading, Extrapolation, Inputs, Scene, Workload,
+};
 use crate::settings::{ParameterTable, Parameters};
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
@@ -332,6 +334,11 @@ impl Plan {
     /// The background of `scene`, where the plan simulates it and it is visible.
     pub fn background(&self, scene: &Scene) -> Option<Arc<Background>> {
         scene.background.clone().filter(|_| self.does(EffectKind::TransparentBackground))
+    }
+
+    /// The environment that surfaces of `scene` reflect, where the plan shades it for each point of the lens.
+    pub fn environment(&self, scene: &Scene) -> Option<Arc<EnvironmentShading>> {
+        scene.environment.clone().filter(|_| self.does(EffectKind::Environment))
     }
 
     /// Extent of the views' positions in a pixel, as a fraction of its width, where the share `antialiased` of its colours are averages

@@ -186,6 +186,7 @@ mod tests {
             light: Vec::new(),
             limited_fragments: 0,
             reflections: None,
+            environment: None,
             spread: Spread::default(),
             field: Field::from_picture_size(100, 100),
             peels: Vec::new(),

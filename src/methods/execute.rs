@@ -23,6 +23,9 @@ pub(crate) fn cpu_only_reason(plan: &Plan) -> Option<String> {
     match plan.target {
         _ if !gpu::IS_SUPPORTED => Some(gpu::LOOKED_FOR.to_owned()),
         _ if plan.method.gpu().is_none() => Some(format!("{} runs on the CPU only", plan.method)),
+        _ if plan.does(EffectKind::Environment) => {
+            Some("the environment is shaded on the CPU only".to_owned())
+        }
         Some(Target::Time { .. }) => Some("the time per view is known for the CPU only".to_owned()),
         _ => None,
     }

@@ -120,7 +120,9 @@ fn with_origin(settings: &Settings, reading: Values) -> Values {
             listed.setting.set(&mut values, value);
         }
     }
-    for path in [&mut values.aperture_image, &mut values.beauty, &mut values.holdout].into_iter().flatten() {
+    let files =
+        [&mut values.aperture_image, &mut values.environment, &mut values.beauty, &mut values.holdout];
+    for path in files.into_iter().flatten() {
         if let Ok(full) = std::path::absolute(&*path) {
             *path = full;
         }

@@ -274,7 +274,7 @@ impl Bands {
     /// The scene of a band, as methods see it.
     fn scene(&self, stack: &mut Stack) -> Result<Scene, Error> {
         let Survey { settings, lens, .. } = &self.survey;
-        let scene = Scene::from_stack(stack, lens, &stages::depth_scale(stack, settings)?);
+        let scene = stages::scene(stack, settings, lens)?;
         let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
         Ok(stages::bordered(scene, settings.picture.border.value, astray_px, &mut Vec::new()))
     }

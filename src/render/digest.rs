@@ -74,7 +74,8 @@ fn named_files(job: &Job) -> impl Iterator<Item = &Path> {
     let beauty = last(|values| values.beauty.as_ref()).or(job.read_options.beauty.as_ref());
     let holdout = last(|values| values.holdout.as_ref()).or(job.read_options.holdout.as_ref());
     let aperture = last(|values| values.aperture_image.as_ref());
-    [job.read_options.depth_file.as_ref(), beauty, holdout, aperture]
+    let environment = last(|values| values.environment.as_ref());
+    [job.read_options.depth_file.as_ref(), beauty, holdout, aperture, environment]
         .into_iter()
         .flatten()
         .map(PathBuf::as_path)
@@ -85,6 +86,7 @@ fn without_folders(values: &Values) -> Values {
     let base = |path: &Option<PathBuf>| path.as_deref().map(|path| PathBuf::from(base_name(path)));
     Values {
         aperture_image: base(&values.aperture_image),
+        environment: base(&values.environment),
         beauty: base(&values.beauty),
         holdout: base(&values.holdout),
         ..values.clone()

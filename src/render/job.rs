@@ -7,7 +7,9 @@ use crate::image::Image;
 use crate::memory::memory_limit_bytes;
 use crate::methods::{self, Registry};
 use crate::scene::{self, FrameNumber};
-use crate::settings::{Focus, KEYED, Mask, Origin, Preset, Setting, Settings, Switches, Value, Values};
+use crate::settings::{
+    Focus, KEYED, Mask, Origin, Preset, Setting, Settings, Surroundings, Switches, Value, Values,
+};
 use crate::stack::{self, ReadOptions, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -76,7 +78,8 @@ impl Job {
     pub fn held(mut self) -> Result<Self, Error> {
         let (max_bytes, mut held) = (limit_bytes(&self) / 2, stack::Held::default());
         let aperture = user_layers(&self).filter_map(|(_, values)| values.aperture_image.as_deref()).last();
-        for path in self.files().chain(aperture) {
+        let environment = user_layers(&self).filter_map(|(_, values)| values.environment.as_deref()).last();
+        for path in self.files().chain(aperture).chain(environment) {
             held.hold(path, max_bytes.saturating_sub(held.bytes()))?;
         }
         for source in &mut self.sources {
@@ -160,6 +163,8 @@ pub(super) fn resolve(job: &Job, camera: &Values) -> Result<(Settings, Vec<Findi
     }
     settings.mask =
         settings.lens.aperture_image.value.as_deref().map(|path| mask(job, path)).transpose()?.map(Arc::new);
+    settings.surroundings =
+        settings.picture.environment.value.as_deref().map(|path| surroundings(job, path)).transpose()?;
     Ok((settings, findings))
 }
 
@@ -209,6 +214,17 @@ fn mask(job: &Job, path: &Path) -> Result<Mask, Error> {
         height: red.height(),
         values: light.map(|((red, green), blue)| (red + green + blue) / 3.0).collect(),
     })
+}
+
+/// The environment at `path`.
+fn surroundings(job: &Job, path: &Path) -> Result<Surroundings, Error> {
+    let options = ReadOptions { max_bytes: Some(limit_bytes(job)), ..ReadOptions::default() };
+    let image = stack::read_environment(&job.read_options.held.source(path), &options)
+        .map_err(|error| error.with("used as", "`environment`"))?;
+    let [red, green, blue, _] = &image.planes;
+    let texels = red.values().iter().zip(green.values()).zip(blue.values());
+    let texels: Vec<_> = texels.map(|((&red, &green), &blue)| [red, green, blue]).collect();
+    Ok(Surroundings { width: image.width(), height: image.height(), texels: texels.into() })
 }
 
 /// The job's read options, with what preset and flags set about the file.

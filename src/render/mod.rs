@@ -5,6 +5,7 @@
 
 mod bands;
 mod decisions;
+mod environment;
 mod digest;
 mod job;
 mod layout;

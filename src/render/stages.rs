@@ -1,5 +1,6 @@
 //! The stages of a job from stack to plan: lens, scene, decision.
 
+use super::environment::Reflecting;
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -64,13 +65,21 @@ pub(super) fn decide(
     lens: &ThinLens,
     methods: &Registry,
 ) -> Result<(Scene, SceneStats, Plan), Error> {
-    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
+    let scene = scene(stack, settings, lens)?;
     stack.findings.extend(limited(&scene));
     let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
     let scene = bordered(scene, settings.picture.border.value, astray_px, &mut stack.findings);
     let (scene, stats, plan) = methods.prepare(scene, settings)?;
     stack.findings.extend(not_round(stack.frame.usable_pixel_aspect(), &plan));
     Ok((scene, stats, plan))
+}
+
+/// The scene of `stack`, whose peels move into it, with the environment that its surfaces reflect.
+pub(super) fn scene(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> Result<Scene, Error> {
+    let reflecting = Reflecting::of(stack, settings)?;
+    let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
+    let environment = reflecting.and_then(|reflecting| reflecting.shading(&scene));
+    Ok(Scene { environment, ..scene })
 }
 
 /// The warning that the method of `plan` takes pixels for square, if they are not.

@@ -12,7 +12,7 @@ use crate::lens::{Optics, ThinLens};
 use crate::methods::{Plan, Target};
 use crate::output::report::StackReport;
 use crate::sample_budget::{self, Outcome};
-use crate::scene::{DepthInUse, EffectKind, Scene, SceneStats};
+use crate::scene::{DepthInUse, EffectKind, SceneStats};
 use crate::settings::{Border, DepthConvention, Focus, Settings};
 use crate::stack::{self, Footprint, ReadOptions, Stack, Window};
 use std::ops::Range;
@@ -101,7 +101,7 @@ impl Sum {
     fn of(stack: &mut Stack, job: &Job, settings: &Settings, lens: &ThinLens) -> Result<Self, Error> {
         let mut findings = std::mem::take(&mut stack.findings);
         let in_use = stages::depth_in_use(stack, settings, lens)?;
-        let scene = Scene::from_stack(stack, lens, &stages::depth_scale(stack, settings)?);
+        let scene = stages::scene(stack, settings, lens)?;
         findings.extend(stages::limited(&scene));
         let astray_px = Optics::new(settings, &scene.field)?.max_displacement_px();
         let (stats, reach_px) = (scene.analyze(), scene.reach_px(astray_px));

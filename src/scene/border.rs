@@ -64,7 +64,8 @@ impl Scene {
         let mut field = self.field;
         field.axis_px += Vec2::from(outside_px.map(|pixels| pixels as f32));
         let reflections = self.reflections.map(|found| Arc::new(found.padded(pad_with_nothing)));
-        Self { layers, antialiasing, field, outside_px, background, reflections, ..self }
+        let environment = self.environment.map(|shading| Arc::new(shading.padded(outside)));
+        Self { layers, antialiasing, field, outside_px, background, reflections, environment, ..self }
     }
 }
 

@@ -27,6 +27,10 @@ impl SceneStats {
         self.background_pixels += below.background_pixels;
         self.barely_blurred_lights += below.barely_blurred_lights;
         self.limited_fragments += below.limited_fragments;
+        self.environment = match (self.environment, below.environment) {
+            (Some(own), Some(below)) => Some(own.joined(below)),
+            (own, below) => own.or(below),
+        };
         for (sum, other) in self.bright.iter_mut().zip(&below.bright) {
             sum.fragments += other.fragments;
             sum.discs += other.discs;

@@ -8,6 +8,7 @@ mod border;
 mod bright;
 mod depth_in_use;
 pub(crate) mod effects;
+pub mod environment;
 mod extrapolation;
 mod stats;
 mod fill;
@@ -32,6 +33,7 @@ pub(crate) use bright::{BrightStep, bright_step_floor, brightness, isolation, sh
 pub(crate) use depth_in_use::DepthInUse;
 pub(crate) use effects::percent;
 pub use effects::{Effect, EffectKind, Inputs};
+pub use environment::{EnvironmentShading, EnvironmentStats};
 pub use extrapolation::Extrapolation;
 pub use focus::FocusShares;
 pub use focus_distance::{Focused, focus_distance};
@@ -81,6 +83,8 @@ pub struct Scene {
     pub background: Option<Arc<Background>>,
     /// What the surfaces of the layers reflect, where the stack says so.
     pub reflections: Option<Arc<Reflections>>,
+    /// The environment that surfaces of the layers reflect, where the user gives it.
+    pub environment: Option<Arc<EnvironmentShading>>,
 }
 
 /// Largest CoC radius kept for a picture of this size, in picture pixels. A larger disc extends over several frame widths, so that its
@@ -108,6 +112,7 @@ impl Scene {
             outside_px: [0; 2],
             background,
             reflections: None,
+            environment: None,
         }
     }
 

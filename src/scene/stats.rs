@@ -11,7 +11,7 @@ use super::layer::divisor;
 use super::light::{LIGHT_STEPS, LightStep, light_step, luminance, share_of_gain};
 use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
-use super::{Background, Layer, OPAQUE_ALPHA, ReflectionStats, Scene};
+use super::{Background, EnvironmentStats, Layer, OPAQUE_ALPHA, ReflectionStats, Scene};
 use crate::lens::Field;
 use crate::stack::ColorRange;
 use pulp::{Arch, NullaryFnOnce};
@@ -55,6 +55,9 @@ pub struct SceneStats {
     /// What the surfaces reflect, where the stack says so and they do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reflections: Option<ReflectionStats>,
+    /// What reflects the environment, where the user gives it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environment: Option<EnvironmentStats>,
     /// How far fragments spread, and where.
     pub(crate) spread: Spread,
     /// Position of the picture in the lens's field.
@@ -122,6 +125,7 @@ impl Scene {
             color_range: self.color_range,
             light: tally.light,
             limited_fragments: self.limited_fragments,
+            environment: self.environment.as_ref().map(|shading| shading.stats()),
             reflections: self.reflections.as_ref().map(|reflections| reflections.stats),
             spread,
             field: self.field,

@@ -75,6 +75,28 @@ pub enum StackKind {
     BeautyDepth,
 }
 
+/// Which of the world's axes are where in the picture of an environment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum EnvironmentAxes {
+    /// +y up, +z at the centre, +x at a quarter of the width: OpenEXR, Mitsuba.
+    Opengl,
+    /// +z up, +x at the centre, +y at a quarter of the width: Blender.
+    Blender,
+}
+
+/// How rough surfaces spread the light of an environment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Lobe {
+    /// Microfacets, whose α is the square of the roughness.
+    Ggx,
+    /// A power of the cosine, with the exponent `2 / α² − 2`.
+    Phong,
+}
+
 /// Declares the words of an enum for presets, headers and command lines. `open` is a word that leaves the setting unset.
 macro_rules! words {
     ($type:ident $(, open: $open:literal $open_meaning:literal)?; $($variant:ident $name:literal $meaning:literal),+) => {
@@ -127,6 +149,16 @@ words! { AlphaMode, open: "auto" "As the file's format has it";
     Premultiplied "premultiplied" "Colour is multiplied by alpha",
     Straight "straight" "Colour is not multiplied by alpha",
     Opaque "opaque" "Alpha is left out: every pixel is opaque"
+}
+
+words! { EnvironmentAxes, open: "auto" "As the program that wrote the stack has them";
+    Opengl "opengl" "y up, z at the centre (OpenEXR, Mitsuba)",
+    Blender "blender" "z up, x at the centre"
+}
+
+words! { Lobe;
+    Ggx "ggx" "Microfacets",
+    Phong "phong" "A power of the cosine"
 }
 
 words! { StackKind, open: "auto" "From the edges around each pixel";

@@ -129,7 +129,7 @@ macro_rules! settings {
         }
         $(#[doc = $picture_about:literal])+
         picture { $( $picture_table:literal {
-            $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty = $picture_default:expr, $picture_row:expr; )+
+            $( $(#[doc = $picture_doc:literal])+ $picture:ident: $picture_type:ty $(= $picture_default:expr)?, $picture_row:expr; )+
         } )+ }
     ) => {
         /// One layer of settings; an unset value is `None`.
@@ -170,7 +170,7 @@ macro_rules! settings {
         group! {
             $(#[doc = $picture_about])+
             PictureSettings {
-                $( $( $(#[doc = $picture_doc])+ $picture: $picture_type = $picture_default; )+ )+
+                $( $( $(#[doc = $picture_doc])+ $picture: $picture_type $(= $picture_default)?; )+ )+
             }
         }
 
@@ -186,7 +186,7 @@ macro_rules! settings {
             }, )+ )+
             $( row(stringify!($reading), $reading_table, concat!($($reading_doc, "\n"),+), $reading_row), )+
             $( $( Setting {
-                default: default_of!($picture_type = $picture_default),
+                default: default_of!($picture_type $(= $picture_default)?),
                 ..row(stringify!($picture), $picture_table, concat!($($picture_doc, "\n"),+), $picture_row)
             }, )+ )+
         ];

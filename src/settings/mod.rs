@@ -19,7 +19,7 @@ mod switches;
 mod table;
 mod units;
 
-pub use choices::{AlphaMode, Border, DepthConvention, SensorDistance, StackKind};
+pub use choices::{AlphaMode, Border, DepthConvention, EnvironmentAxes, Lobe, SensorDistance, StackKind};
 pub use effort::{Effort, Quality};
 pub use focus::{Focus, FocusKey};
 pub(crate) use keys::Keyed;
@@ -56,6 +56,17 @@ pub struct Mask {
     pub values: Vec<f32>,
 }
 
+/// The light of an environment, read from a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surroundings {
+    /// Width in texels.
+    pub width: usize,
+    /// Height in texels.
+    pub height: usize,
+    /// Red, green and blue row by row, in linear units.
+    pub texels: Arc<[[f32; 3]]>,
+}
+
 /// All values, each with its origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -75,6 +86,9 @@ pub struct Settings {
     /// The content of the aperture image, once it is read.
     #[serde(skip)]
     pub mask: Option<Arc<Mask>>,
+    /// The content of the environment's picture, once it is read.
+    #[serde(skip)]
+    pub surroundings: Option<Surroundings>,
 }
 
 /// The candidate that `word` most likely stands for; `None` if none is similar.
@@ -102,6 +116,7 @@ impl Settings {
             parameters,
             switches: pick(layers, |values| &values.switches).map(|s| s.value).unwrap_or_default(),
             mask: None,
+            surroundings: None,
         }
     }
 }

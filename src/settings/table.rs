@@ -6,7 +6,7 @@
 //!
 //! A new setting needs one row, and its use. A value is checked against its setting in [`Setting::check`] and nowhere else.
 
-use super::choices::{AlphaMode, Border, DepthConvention, SensorDistance, StackKind};
+use super::choices::{AlphaMode, Border, DepthConvention, EnvironmentAxes, Lobe, SensorDistance, StackKind};
 use super::declare::{back, default_of, group, pick, resolved, resolved_type, settings};
 use super::effort::Effort;
 use super::focus::Focus;
@@ -191,6 +191,23 @@ settings! {
             /// Blur at the frame's edge mixes in what lies beyond it. Overscan is exact: pixels of the data window outside the
             /// frame are used, and this setting applies beyond them.
             border: Border = Border::Clamp, Setting::new(Kind::Word(Border::WORDS), "border").flag("border", "BORDER");
+        }
+        "environment" {
+            /// Picture of what surfaces reflect from all around
+            ///
+            /// Longitude across, latitude down. `accumulate` and `layer-rays` shade what surfaces reflect of it anew for each point of the lens,
+            /// where the stack has normals, reflectance and reflected distance.
+            environment: PathBuf, Setting::new(Kind::File, "environment")
+                .preset_key("image").otherwise("none").flag("environment", "FILE");
+            /// The world's axes in the environment's picture
+            environment_axes: EnvironmentAxes, Setting::new(Kind::Word(EnvironmentAxes::WORDS), "environment axes")
+                .preset_key("axes").otherwise("as the program that wrote the stack has them").flag("environment-axes", "AXES");
+            /// Rotation of the environment, anticlockwise from above
+            environment_rotation_deg: f32 = 0.0, number("environment rotation", Range::Any)
+                .preset_key("rotation_deg").unit("°").flag("environment-rotation", "DEG");
+            /// How rough surfaces spread the environment's light
+            environment_lobe: Lobe = Lobe::Ggx, Setting::new(Kind::Word(Lobe::WORDS), "environment lobe")
+                .preset_key("lobe").flag("environment-lobe", "LOBE");
         }
         "highlight-extrapolation" {
             /// Luminance above which highlights gain light

@@ -28,6 +28,7 @@ mod depth_values;
 mod elements;
 mod depth_names;
 mod depth_picture;
+mod environment;
 mod evidence;
 mod filtered_depth;
 mod frame_number;
@@ -73,6 +74,7 @@ pub use completeness::is_complete;
 #[cfg(feature = "cli")]
 pub(crate) use cryptomatte::listed;
 pub use cryptomatte::{Cryptomatte, ObjectMatte, Objects};
+pub use environment::read_environment;
 pub use footprint::{Footprint, footprint};
 pub(crate) use frame_number::{Numbered, frame_number, frame_numbers};
 pub use framed::{CheckedPicture, FramedImage};
@@ -272,6 +274,11 @@ impl Stack {
     /// Whether Blender wrote the file, which says nothing of its camera.
     pub(crate) fn is_by_blender(&self) -> bool {
         writer::Writer::Blender.wrote(&self.carried.attributes)
+    }
+
+    /// From the axes of the camera (x right, y up, z to the viewer) to those of the world, by rows, if the header says how the camera stands.
+    pub fn world_from_camera(&self) -> Option<[[f32; 3]; 3]> {
+        position::world_from_camera(&self.carried.attributes)
     }
 
     /// What the fragments represent, in words: the kind that applies everywhere, or the shares of the picture.

@@ -154,7 +154,7 @@ fn read_beauty(source: &Source, options: &ReadOptions) -> Result<(Beauty, Vec<Fi
 }
 
 /// The main picture of a file, of its hero view or of the one that `options` request, or the rows of it, and what else is known of it.
-fn read_main_layer(source: &Source, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
+pub(super) fn read_main_layer(source: &Source, options: &ReadOptions) -> Result<(Layer, Layers), Error> {
     let mut opened = Opened::open(source)?;
     let mut layers = if opened.is_exr()? {
         let file = ExrFile::open(opened)?;

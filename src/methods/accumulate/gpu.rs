@@ -15,7 +15,8 @@ use crate::image::{Image, Plane};
 use crate::lens::{Rays, View as LensView};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, LensRay, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings, RayEnds, has_translucent,
+    Batch, Batches, LENS_RAY_WGSL, LensRay, RAY_SUMS, RAY_SUMS_CONSTANT, REFLECTED_LIGHT_CONSTANTS,
+    REFLECTED_LIGHT_WGSL, RayBindings, RayEnds, Reflecting, ReflectingBuffers, has_translucent,
     picture_of_batches,
 };
 use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX, ROUGHNESS, SAME_HIT_PX};
@@ -30,6 +31,8 @@ static SHADER: Shader = Shader {
     name: "accumulate",
     constants: &[
         RAY_SUMS_CONSTANT,
+        REFLECTED_LIGHT_CONSTANTS[0],
+        REFLECTED_LIGHT_CONSTANTS[1],
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("JOIN_PX", Constant::Float(JOIN_PX)),
         ("MAX_JOIN_PX", Constant::Float(MAX_JOIN_PX)),
@@ -41,8 +44,13 @@ static SHADER: Shader = Shader {
         ("TILE_BITS", Constant::Uint(TILE.ilog2())),
         ("SLABS", Constant::Uint(SLABS)),
     ],
-    parts: &[RAY_SUMS, include_str!("../../../shaders/methods/accumulate.wgsl")],
-    structs: &[Batch::LAYOUT, Frame::LAYOUT, View::LAYOUT],
+    parts: &[
+        RAY_SUMS,
+        LENS_RAY_WGSL,
+        REFLECTED_LIGHT_WGSL,
+        include_str!("../../../shaders/methods/accumulate.wgsl"),
+    ],
+    structs: &[Batch::LAYOUT, Frame::LAYOUT, View::LAYOUT, Reflecting::LAYOUT],
 };
 
 mirrored! {
@@ -289,7 +297,10 @@ impl GpuBackend for Accumulate {
         let volume = Volume::new(scene, plan);
         let translucent = has_translucent(&volume.layers)?;
         let lens = Lens::new(gpu, &volume, &plan.optics.rays_in_turns(plan.lens_samples()))?;
-        let follow = gpu.kernel_with(&SHADER, "follow", &[("TRANSLUCENT", f64::from(translucent))])?;
+        let reflecting = ReflectingBuffers::new(gpu, volume.reflected.as_ref())?;
+        let constants =
+            [("TRANSLUCENT", f64::from(translucent)), ("REFLECTS", f64::from(reflecting.reflects))];
+        let follow = gpu.kernel_with(&SHADER, "follow", &constants)?;
         let (width, height) = scene.picture_size();
         picture_of_batches(
             (width, height),
@@ -299,7 +310,7 @@ impl GpuBackend for Accumulate {
                 let rows = Rows::new(gpu, (&volume, &lens), width, band)?;
                 let batches = Batches::new(gpu, &SHADER, (width, band), volume.ends())?;
                 let groups = tiles(width, band.rows.len(), TILE as usize);
-                trace((&follow, groups), (&rows, &lens), &batches, progress)?;
+                trace((&follow, groups), (&rows, &lens, &reflecting), &batches, progress)?;
                 Ok(batches)
             },
         )
@@ -313,7 +324,7 @@ impl GpuBackend for Accumulate {
 /// Traces all rays through `rows` by `groups` workgroups of the kernel `follow`.
 fn trace(
     (follow, groups): (&Kernel, [u32; 3]),
-    (rows, lens): (&Rows, &Lens),
+    (rows, lens, reflecting): (&Rows, &Lens, &ReflectingBuffers),
     batches: &Batches<'_>,
     progress: &dyn Fn(f32),
 ) -> Result<(), Error> {
@@ -323,7 +334,8 @@ fn trace(
     let done = std::cell::Cell::new(0);
     for (views, channels) in &lens.sets {
         let ask = |work: &mut Work<'_>, rays: RayBindings<'_>| {
-            let bindings: Vec<_> = rays.into_iter().chain(stack).chain(traversal).collect();
+            let reflecting = reflecting.bindings();
+            let bindings: Vec<_> = rays.into_iter().chain(stack).chain(traversal).chain(reflecting).collect();
             work.pass(follow, &bindings, groups)
         };
         batches.follow((views.clone(), lens.rounds), ask, |views| {

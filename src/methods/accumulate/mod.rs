@@ -49,6 +49,7 @@ impl Method for Accumulate {
             summary: "every lens ray traced through the stack, without approximation",
             effects: &[
                 EffectKind::Reflections,
+                EffectKind::Environment,
                 EffectKind::BladeCurvature,
                 EffectKind::Squeeze,
                 EffectKind::ApertureImage,

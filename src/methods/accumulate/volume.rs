@@ -5,6 +5,7 @@ use super::tiles::{Passage, REACH_PX, TILE, Tiles};
 use crate::lens::{Field, Optics, Rays, View};
 use crate::methods::contract::{LostRays, Plan};
 use crate::methods::shared::{LensRay, Met, RayJitter, RaySum, ReflectedLight};
+use crate::scene::environment::{EnvironmentShading, Sight};
 use crate::scene::{Background, Layer, Scene};
 use glam::{IVec2, Vec2};
 use std::borrow::Borrow;
@@ -27,6 +28,8 @@ pub(crate) struct Volume<L> {
     pub(super) field: Field,
     /// What the surfaces reflect, if it moves.
     pub(super) reflected: Option<ReflectedLight>,
+    /// The environment that they reflect, if it is shaded for each ray.
+    pub(super) environment: Option<Arc<EnvironmentShading>>,
 }
 
 /// The index of the alpha channel.
@@ -50,11 +53,14 @@ struct Fragment {
     coc_px: f32,
     /// Share of what it reflects that moves with the lens.
     moved: f32,
+    /// Whether its colour is shaded for the ray.
+    shaded: bool,
 }
 
 impl Hits for RaySum {
     fn hit(&mut self, fragment: &Fragment, transmittance: f32) {
         self.add(fragment.color, transmittance);
+        self.shaded |= fragment.shaded;
     }
 }
 
@@ -145,6 +151,7 @@ impl<L: Borrow<Layer>> Volume<L> {
             optics: plan.optics.clone(),
             field: scene.field,
             reflected: ReflectedLight::of(scene, plan),
+            environment: plan.environment(scene),
         }
     }
 
@@ -305,6 +312,10 @@ impl<L: Borrow<Layer>> Volume<L> {
     fn seen_by(&self, ray: &LensRay, number: usize, (x, y): (usize, usize)) -> Fragment {
         let layer = self.layers[number].borrow();
         let (mut color, alpha) = (layer.color_at(x, y), layer.alpha.get(x, y));
+        if let Some(change) = self.change_of_environment(ray, number, (x, y)) {
+            color.iter_mut().zip(change).for_each(|(color, change)| *color += alpha * change);
+            return Fragment { color, alpha, coc_px: layer.coc_px.get(x, y), moved: 1.0, shaded: true };
+        }
         let met = Met { layer: number, at: (x, y) };
         let moved = self.reflected.as_ref().and_then(|reflected| reflected.moved(met, ray));
         if let Some(moved) = &moved {
@@ -316,7 +327,16 @@ impl<L: Borrow<Layer>> Volume<L> {
             alpha,
             coc_px: layer.coc_px.get(x, y),
             moved: moved.map_or(0.0, |moved| moved.share),
+            shaded: false,
         }
+    }
+
+    /// By how much `ray` sees another part of the environment in the fragment at `at` of layer `number` than the centre of the lens.
+    fn change_of_environment(&self, ray: &LensRay, number: usize, at: (usize, usize)) -> Option<[f32; 3]> {
+        let environment = self.environment.as_deref()?;
+        let position = |coc_px: f32| ray.start + coc_px * ray.step;
+        let place = position(self.layers[number].borrow().coc_px.get(at.0, at.1));
+        environment.change(number, at, &Sight { place, vanishing: position(environment.coc_infinity_px()) })
     }
 
     /// Adds the fragments of one sample that overlap the ray's interval there, nearest first.
@@ -388,6 +408,7 @@ mod tests {
                 optics: Optics::from_aperture(Aperture::DISC),
                 field: Field::from_picture_size(3, 3),
                 reflected: None,
+                environment: None,
             };
             let view = View { lens: Vec2::new(0.9, 0.1), jitter: Vec2::ZERO, shift: Vec2::ZERO };
             let pixel = volume.pixel(1, 1, &Rays::alike(vec![view]));

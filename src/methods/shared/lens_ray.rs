@@ -16,10 +16,11 @@ pub(in crate::methods) struct LensRay {
 }
 
 impl LensRay {
+    /// Below this step a ray crosses no sample boundary within any CoC that occurs.
+    pub(in crate::methods) const STEEP: f32 = 1e-7;
+
     pub(in crate::methods) fn new(start: Vec2, step: Vec2) -> Self {
-        // Below this step a ray crosses no sample boundary within any CoC that occurs.
-        const STEEP: f32 = 1e-7;
-        let moves = step.abs().cmpgt(Vec2::splat(STEEP));
+        let moves = step.abs().cmpgt(Vec2::splat(Self::STEEP));
         Self {
             start,
             step,

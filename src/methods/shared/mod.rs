@@ -20,6 +20,8 @@ mod ray_stack;
 mod ray_sum;
 mod rays;
 mod reflected_light;
+#[cfg(feature = "gpu")]
+mod reflected_light_gpu;
 mod rows;
 mod sub_image_work;
 mod sub_images;
@@ -60,6 +62,10 @@ pub(super) use ray_sum::MIN_HIT;
 pub(super) use ray_sum::RaySum;
 pub(super) use rays::{RaySampler, Tracer};
 pub(super) use reflected_light::{Met, ReflectedLight};
+#[cfg(feature = "gpu")]
+pub(super) use reflected_light_gpu::{
+    LENS_RAY_WGSL, REFLECTED_LIGHT_CONSTANTS, REFLECTED_LIGHT_WGSL, Reflecting, ReflectingBuffers,
+};
 pub(super) use rows::planes_from_rows;
 pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;

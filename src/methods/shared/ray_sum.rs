@@ -15,6 +15,8 @@ pub(in crate::methods) struct RaySum {
     pub(in crate::methods) lost: f64,
     /// Rays left out of the mean, because they leave the frame.
     pub(in crate::methods) discarded: f64,
+    /// Whether colours were shaded anew: a difference of models may leave less than nothing.
+    pub(in crate::methods) shaded: bool,
 }
 
 impl RaySum {
@@ -43,7 +45,8 @@ impl RaySum {
             return [0.0; 4];
         }
         // Rays that hit nothing but light without alpha have a colour.
-        let [r, g, b] = self.color.map(|sum| (sum / weight) as f32);
+        let least = if self.shaded { 0.0 } else { f32::NEG_INFINITY };
+        let [r, g, b] = self.color.map(|sum| ((sum / weight) as f32).max(least));
         [r, g, b, if covered > MIN_HIT * rays { (covered / weight) as f32 } else { 0.0 }]
     }
 }

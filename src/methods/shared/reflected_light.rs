@@ -53,6 +53,31 @@ impl ReflectedLight {
         Some(Self { reflections, supersample: scene.supersample as f32 })
     }
 
+    /// For each layer of the scene what its surfaces reflect.
+    #[cfg(feature = "gpu")]
+    pub(super) fn layers(&self) -> &[Option<ReflectingLayer>] {
+        &self.reflections.layers
+    }
+
+    /// Columns and rows of samples.
+    #[cfg(feature = "gpu")]
+    pub(super) fn size(&self) -> [usize; 2] {
+        let planes = self.reflections.layers.iter().flatten().map(|layer| &layer.coc_px);
+        planes.map(|plane| [plane.width(), plane.height()]).next().unwrap_or([1; 2])
+    }
+
+    /// Samples per pixel along each axis.
+    #[cfg(feature = "gpu")]
+    pub(super) fn supersample(&self) -> f32 {
+        self.supersample
+    }
+
+    /// The largest CoC radius of what `surface` shows as a flat mirror.
+    #[cfg(feature = "gpu")]
+    pub(super) fn farthest_px(&self, surface: u32) -> f32 {
+        self.reflections.farthest_px[surface as usize]
+    }
+
     /// The same, with other light: that of each layer as `of` makes it.
     #[must_use]
     pub(in crate::methods) fn with_light(&self, of: impl Fn(&ReflectingLayer) -> [Plane; 3]) -> Self {

@@ -17,7 +17,7 @@ use glam::Vec2;
 use std::sync::Arc;
 
 /// Difference in CoC radius, in picture pixels, up to which a sample's fragment is that of its pixel.
-const SAME_PX: f32 = 0.5;
+pub(super) const SAME_PX: f32 = 0.5;
 
 /// The surfaces of the painted layers whose reflection moves.
 #[derive(Debug, Clone)]
@@ -128,6 +128,12 @@ impl Moving {
 }
 
 impl Mirrors {
+    /// What the surfaces reflect.
+    #[cfg(feature = "gpu")]
+    pub(super) fn reflected(&self) -> &ReflectedLight {
+        &self.reflected
+    }
+
     /// How much of the rays to each pixel of layer `layer` sees light that moves.
     #[inline(always)]
     pub(super) fn weights(&self, layer: usize) -> Option<&Plane> {

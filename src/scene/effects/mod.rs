@@ -22,6 +22,7 @@ pub(crate) fn decide(inputs: &Inputs<'_>) -> Vec<Effect> {
         scene::translucency(inputs.stats),
         scene::transparent_background(inputs.stats),
         scene::reflections(inputs.stats),
+        scene::environment(inputs.stats),
         lens::blade_curvature(inputs),
         lens::squeeze(inputs),
         lens::aperture_image(inputs),

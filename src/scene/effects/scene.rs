@@ -1,7 +1,7 @@
 //! Decisions about the picture as a whole: blur, merging of samples, translucency, transparent background.
 
 use super::inputs::{Inputs, percent};
-use super::words::{Effect, EffectKind};
+use super::words::{Effect, EffectKind, NO_EFFECT};
 use crate::scene::stats::SceneStats;
 use std::f32::consts::PI;
 
@@ -13,7 +13,10 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let shift = inputs.longest_shift_px();
     // A mirror in focus everywhere still shows what is not.
     let moved = stats.reflections.filter(|reflections| reflections.moving_fragments > 0);
-    let largest = inputs.max_blur_px().max(moved.map_or(0.0, |moved| moved.largest_movement_px));
+    let shaded = stats.environment.filter(|_| inputs.passes.contains(&EffectKind::Environment));
+    let movement = moved.map_or(0.0, |moved| moved.largest_movement_px);
+    let movement = movement.max(shaded.map_or(0.0, |shaded| shaded.largest_movement_px));
+    let largest = inputs.max_blur_px().max(movement);
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason = format!("the largest CoC radius is {largest:.4} px: no blur is visible");
@@ -119,6 +122,21 @@ pub(super) fn reflections(stats: &SceneStats) -> Effect {
         "without it, {moving:.1} % of the fragments would be focused at their surface instead of at what they reflect"
     );
     decided(true, reason, change)
+}
+
+pub(super) fn environment(stats: &SceneStats) -> Effect {
+    let kind = EffectKind::Environment;
+    let Some(found) = &stats.environment else {
+        let reason = "no fragment reflects an environment: `environment` has its picture";
+        return Effect::new(kind, false, reason, NO_EFFECT);
+    };
+    let share = percent(found.fragments, stats.fragments);
+    let movement = found.largest_movement_px;
+    let reason = format!(
+        "{share:.1} % of the fragments reflect the environment, and the lens moves their view by up to {movement:.1} px"
+    );
+    let change = "without it, they would show every point of the lens what its centre sees";
+    Effect::new(kind, movement > BLUR_FROM_PX, reason, change)
 }
 
 #[cfg(test)]

@@ -28,6 +28,8 @@ pub enum EffectKind {
     TransparentBackground,
     /// Reflections that the lens moves: mirrors are focused at what they show.
     Reflections,
+    /// Reflections of an environment, shaded anew for each point of the lens.
+    Environment,
     /// Smoothing over the gaps between lens samples.
     Prefilter,
     /// Anti-aliasing of point-sampled, in-focus pixels.
@@ -55,7 +57,7 @@ const TRANSPARENT_BACKGROUND: &str = "transparent-background";
 
 impl EffectKind {
     /// Every effect, in the order of plans.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Blur,
         Self::Merge,
         Self::HighlightExtrapolation,
@@ -64,6 +66,7 @@ impl EffectKind {
         Self::Translucency,
         Self::TransparentBackground,
         Self::Reflections,
+        Self::Environment,
         Self::Prefilter,
         Self::Resolve,
         Self::BladeCurvature,
@@ -87,6 +90,7 @@ impl EffectKind {
             Self::Translucency => "translucency",
             Self::TransparentBackground => "open-background",
             Self::Reflections => "reflections",
+            Self::Environment => "environment",
             Self::Prefilter => "prefilter",
             Self::Resolve => "resolve",
             Self::BladeCurvature => "blade-curvature",
@@ -133,6 +137,7 @@ impl EffectKind {
             | Self::Highlights
             | Self::Fill
             | Self::Reflections
+            | Self::Environment
             | Self::Prefilter
             | Self::Resolve
             | Self::BladeCurvature

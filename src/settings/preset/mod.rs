@@ -102,6 +102,7 @@ impl Preset {
         let beside =
             |image: PathBuf| path.parent().map_or_else(|| image.clone(), |folder| folder.join(&image));
         preset.values.aperture_image = preset.values.aperture_image.take().map(beside);
+        preset.values.environment = preset.values.environment.take().map(beside);
         preset.values.beauty = preset.values.beauty.take().map(beside);
         preset.values.holdout = preset.values.holdout.take().map(beside);
         Ok(preset)

@@ -28,44 +28,54 @@ pub(super) fn level(diameter: f32) -> f32 {
     diameter.max(1.0).log2()
 }
 
-/// Mipmaps of all layers, without level 0, which is the stack.
+/// Mipmaps of all layers, without level 0, which is the stack: of `N` values, the fourth of which is the coverage of colours.
 #[derive(Debug)]
-pub(super) struct Cones {
+pub(super) struct Cones<const N: usize> {
     /// Cone diameter in samples per pixel of CoC radius.
     pub(super) per_coc_px: f32,
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<Level<N>>,
 }
 
-/// One layer in a texel: its index, and red, green, blue (premultiplied) and coverage.
-pub(super) type Texel = (u32, [f32; 4]);
+/// One layer in a texel: its index, and its values: red, green, blue (premultiplied) and coverage, or what [`super::gloss`] mixes.
+pub(super) type Texel<const N: usize> = (u32, [f32; N]);
 
 /// One level of all mipmaps.
 #[derive(Debug)]
-pub(super) struct Level {
+pub(super) struct Level<const N: usize> {
     pub(super) width: usize,
     pub(super) height: usize,
     /// Start of each texel's list, and the end of the last one.
     pub(super) starts: Vec<usize>,
     /// The lists, each ordered by layer.
-    pub(super) texels: Vec<Texel>,
+    pub(super) texels: Vec<Texel<N>>,
 }
 
-impl Cones {
-    /// Builds the mipmaps for cones of `per_coc_px` samples of diameter per pixel of CoC radius.
-    pub(super) fn new(fragments: &Fragments, spacing: Spacing, per_coc_px: f32) -> Self {
+/// The values of fragment `k` of a sample, as `value(sample, k)`.
+pub(super) trait Value<const N: usize>: Fn(usize, usize) -> [f32; N] + Sync {}
+
+impl<const N: usize, F: Fn(usize, usize) -> [f32; N] + Sync> Value<N> for F {}
+
+impl<const N: usize> Cones<N> {
+    /// Builds the mipmaps of each fragment's `value` for cones of `per_coc_px` samples of diameter per pixel of CoC radius.
+    pub(super) fn new(
+        fragments: &Fragments,
+        spacing: Spacing,
+        per_coc_px: f32,
+        value: impl Value<N>,
+    ) -> Self {
         let max_level = |layer: usize| {
             let [near, far] = spacing.interval(layer);
             level(per_coc_px * near.abs().max(far.abs())).ceil() as usize
         };
         let top_level = max_level(0).max(max_level(spacing.count - 1));
-        let mut levels: Vec<Level> = Vec::new();
+        let mut levels: Vec<Level<N>> = Vec::new();
         for number in 1..=top_level {
             let next = match levels.last() {
                 None => Level::coarser(fragments.size(), |x, y, add| {
                     let sample = y * fragments.size().0 + x;
-                    add_sample(fragments, spacing, sample, &mut |layer, value| {
+                    for_each_layer(fragments, spacing, sample, &mut |layer, fragment| {
                         if max_level(layer) >= number {
-                            add((layer as u32, value));
+                            add((layer as u32, value(sample, fragment)));
                         }
                     });
                 }),
@@ -82,6 +92,35 @@ impl Cones {
         Self { per_coc_px, levels }
     }
 
+    /// Mean of each value of `layer` within the cone of a ray that has `hit` at `position`. `None` where the cone is no wider than a sample.
+    #[inline]
+    pub(super) fn mean(
+        &self,
+        hit: &Hit,
+        position: Vec2,
+        layer: usize,
+        value: impl Value<N>,
+    ) -> Option<[f32; N]> {
+        let level = level(self.per_coc_px * hit.at.abs()).min(self.levels.len() as f32);
+        if level <= 0.0 {
+            return None;
+        }
+        let finer = level.ceil() as usize - 1;
+        let value = |number: usize| match number {
+            0 => value(hit.sample, hit.fragment),
+            _ => self.levels[number - 1].bilinear(position / (1 << number) as f32, layer as u32),
+        };
+        let (fine, coarse, share) = (value(finer), value(finer + 1), level - finer as f32);
+        Some(std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k])))
+    }
+}
+
+impl Cones<4> {
+    /// The mipmaps of colour and coverage.
+    pub(super) fn of_colors(fragments: &Fragments, spacing: Spacing, per_coc_px: f32) -> Self {
+        Self::new(fragments, spacing, per_coc_px, |sample, k| fragments.color(sample, k))
+    }
+
     /// Colour and coverage of `layer` within the cone of a ray that has `hit` at `position`. `None` where the cone is
     /// no wider than a sample.
     #[inline]
@@ -92,44 +131,34 @@ impl Cones {
         position: Vec2,
         layer: usize,
     ) -> Option<[f32; 4]> {
-        let level = level(self.per_coc_px * hit.at.abs()).min(self.levels.len() as f32);
-        if level <= 0.0 {
-            return None;
-        }
-        let finer = level.ceil() as usize - 1;
-        let value = |number: usize| match number {
-            0 => fragments.color(hit.sample, hit.fragment),
-            _ => self.levels[number - 1].bilinear(position / (1 << number) as f32, layer as u32),
-        };
-        let (fine, coarse, share) = (value(finer), value(finer + 1), level - finer as f32);
-        let mixed: [f32; 4] = std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k]));
+        let mixed = self.mean(hit, position, layer, |sample, k| fragments.color(sample, k))?;
         // Removes the rounding error of a cone that is fully covered.
         let divisor = if mixed[3] >= OPAQUE_ALPHA { mixed[3] } else { 1.0 };
         Some(mixed.map(|value| value / divisor))
     }
 }
 
-/// Calls `add` with each layer that has a fragment at `sample`, and the nearest such fragment.
-fn add_sample(fragments: &Fragments, spacing: Spacing, sample: usize, add: &mut dyn FnMut(usize, [f32; 4])) {
+/// Calls `add` with each layer that has a fragment at `sample`, and the number of the nearest such fragment.
+fn for_each_layer(fragments: &Fragments, spacing: Spacing, sample: usize, add: &mut dyn FnMut(usize, usize)) {
     let mut next = 0;
     for (k, &coc) in fragments.coc_px(sample).iter().enumerate().take_while(|(_, coc)| coc.is_finite()) {
         let first = next;
         for layer in spacing.containing(coc).filter(|&layer| layer >= first) {
-            add(layer, fragments.color(sample, k));
+            add(layer, k);
             next = layer + 1;
         }
     }
 }
 
-impl Level {
+impl<const N: usize> Level<N> {
     /// The next coarser level of one of `size`; `list(x, y, add)` adds the content of one texel of the finer level.
     fn coarser(
         (width, height): (usize, usize),
-        list: impl Fn(usize, usize, &mut dyn FnMut(Texel)) + Sync,
+        list: impl Fn(usize, usize, &mut dyn FnMut(Texel<N>)) + Sync,
     ) -> Self {
         let half = (width.div_ceil(2), height.div_ceil(2));
         let row = |y: usize| {
-            let (mut texels, mut lengths): (Vec<Texel>, _) = (Vec::new(), Vec::with_capacity(half.0));
+            let (mut texels, mut lengths): (Vec<Texel<N>>, _) = (Vec::new(), Vec::with_capacity(half.0));
             for x in 0..half.0 {
                 let first = texels.len();
                 let (x1, y1) = ((2 * x + 2).min(width), (2 * y + 2).min(height));
@@ -138,7 +167,7 @@ impl Level {
                     list(x, y, &mut |(layer, value)| {
                         let index = first + texels[first..].partition_point(|texel| texel.0 < layer);
                         if texels.get(index).is_none_or(|texel| texel.0 != layer) {
-                            texels.insert(index, (layer, [0.0; 4]));
+                            texels.insert(index, (layer, [0.0; N]));
                         }
                         texels[index].1.iter_mut().zip(value).for_each(|(sum, value)| *sum += weight * value);
                     });
@@ -162,20 +191,20 @@ impl Level {
 
     /// The list of one texel.
     #[inline(always)]
-    fn at(&self, x: usize, y: usize) -> &[Texel] {
+    fn at(&self, x: usize, y: usize) -> &[Texel<N>] {
         let index = y * self.width + x;
         &self.texels[self.starts[index]..self.starts[index + 1]]
     }
 
     /// Bilinear sample of `layer` at `position`, in texels.
     #[inline]
-    fn bilinear(&self, position: Vec2, layer: u32) -> [f32; 4] {
+    fn bilinear(&self, position: Vec2, layer: u32) -> [f32; N] {
         let last = Vec2::new((self.width - 1) as f32, (self.height - 1) as f32);
         let position = (position - 0.5).clamp(Vec2::ZERO, last);
         let (x, y) = (position.x as usize, position.y as usize);
         let (right, below) = ((x + 1).min(self.width - 1), (y + 1).min(self.height - 1));
         let share = position.fract();
-        let mut sum = [0.0; 4];
+        let mut sum = [0.0; N];
         for (x, y, weight) in [
             (x, y, (1.0 - share.x) * (1.0 - share.y)),
             (right, y, share.x * (1.0 - share.y)),
@@ -219,7 +248,7 @@ mod tests {
         let list = |x: usize, _| if near(x) { vec![32.0, 40.0] } else { vec![40.0] };
         let fragments = Fragments::from_lists((64, 64), list);
         let spacing = Spacing::new([32.0, 40.0], 3.0, 0.1);
-        let cones = Cones::new(&fragments, spacing, 0.137);
+        let cones = Cones::of_colors(&fragments, spacing, 0.137);
         let read = |x: f32| {
             let hit = Hit { at: 32.0, sample: 0, fragment: 0, coc_px: 32.0 };
             cones.lookup(&fragments, &hit, Vec2::new(x, 32.0), 0).unwrap()

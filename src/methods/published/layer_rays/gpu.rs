@@ -137,7 +137,7 @@ impl LayerTracer {
     }
 
     /// The levels of the mipmaps.
-    fn levels(&self) -> &[Level] {
+    fn levels(&self) -> &[Level<4>] {
         self.cones.as_ref().map_or(&[], |cones| &cones.levels)
     }
 
@@ -192,7 +192,7 @@ impl LayerTracer {
     }
 }
 
-impl Level {
+impl Level<4> {
     /// The rows of level `number` that rays over `samples` read.
     fn rows_of(&self, number: usize, samples: &Range<usize>) -> Range<usize> {
         let first = (samples.start >> number).saturating_sub(PARTIAL_ROWS - 1);
@@ -207,7 +207,7 @@ impl Level {
     }
 }
 
-fn words(&(layer, [red, green, blue, alpha]): &ConeTexel) -> Vec<u32> {
+fn words(&(layer, [red, green, blue, alpha]): &ConeTexel<4>) -> Vec<u32> {
     Texel { layer, red, green, blue, alpha }.words()
 }
 

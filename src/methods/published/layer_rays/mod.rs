@@ -22,7 +22,8 @@
 //!   With `discard` off, hits on repeated samples count, as in the reference.
 //! * *λ* is given for 32 samples only, see [`cones::sample_distance`].
 //!
-//! Left out: view-dependent shading (section 5). It needs normals and materials, and the stack has colour only.
+//! * *View-dependent shading* (section 5) is that of [`gloss`], where the user gives an environment: in difference form, and with microfacets
+//!   unless Phong's lobe is asked for.
 //!
 //! Cost: pixels × rays × (layers within reach, and 3 to 6 look-ups in each layer that is not empty around the ray).
 //! Memory: the stack; at most 64 N-buffers of at most 65536 blocks; mipmaps of the fragments that cones reach,
@@ -34,6 +35,7 @@
 mod cones;
 mod cost;
 mod cull;
+mod gloss;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod layers;
@@ -51,6 +53,7 @@ use crate::settings::ParameterTable;
 use cones::Cones;
 use cull::Cull;
 use glam::Vec2;
+use gloss::Glossy;
 use layers::{Ray, Segment, Spacing};
 use parameters::LayerRaysParameters;
 use samples::LensSamples;
@@ -74,7 +77,7 @@ impl Method for LayerRays {
             source: "Lee, Eisemann & Seidel 2009",
             role: Role::Paper,
             summary: "lens rays against depth layers, by false position, thickened to cones",
-            effects: &[EffectKind::BladeCurvature],
+            effects: &[EffectKind::Environment, EffectKind::BladeCurvature],
             lens_samples: Some("rays"),
             steps: &["8", "32", "128"],
             deviations: &[
@@ -144,7 +147,9 @@ struct LayerTracer {
     fragments: Fragments,
     spacing: Spacing,
     cull: Cull,
-    cones: Option<Cones>,
+    cones: Option<Cones<4>>,
+    /// What surfaces reflect of an environment, if that is shaded for each ray.
+    gloss: Option<Glossy>,
     supersample: f32,
     /// Extent of the ray origins in each pixel.
     jitter: RayJitter,
@@ -163,13 +168,18 @@ impl Tracer for LayerTracer {
         let parameters = plan.parameters.get::<LayerRaysParameters>();
         let supersample = scene.supersample as f32;
         let (background, jitter) = (plan.background(&scene), RayJitter::new(&scene, plan));
+        let environment = plan.environment(&scene);
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
         Self {
             samples: LensSamples::new(rays, plan.optics.aperture, parameters.jitter),
             cull: Cull::new(&fragments, spacing, supersample),
-            cones: parameters.cones.then(|| Cones::new(&fragments, spacing, distance * supersample)),
+            cones: parameters.cones.then(|| Cones::of_colors(&fragments, spacing, distance * supersample)),
+            gloss: environment.map(|environment| {
+                let per_coc_px = parameters.cones.then_some(distance * supersample);
+                Glossy::new(environment, &fragments, spacing, per_coc_px)
+            }),
             fragments,
             spacing,
             supersample,
@@ -231,7 +241,11 @@ impl LayerTracer {
                 let cone = self.cones.as_ref();
                 let cone = cone.and_then(|cones| cones.lookup(&self.fragments, &hit, ray.at(hit.at), layer));
                 let [r, g, b, alpha] = cone.unwrap_or_else(|| self.fragments.color(hit.sample, hit.fragment));
-                sum.add([r, g, b], transmittance);
+                let changed =
+                    self.gloss.as_ref().and_then(|gloss| gloss.change(&self.fragments, &hit, &ray, layer));
+                sum.shaded |= changed.is_some();
+                let [red, green, blue] = changed.unwrap_or_default();
+                sum.add([r + red, g + green, b + blue], transmittance);
                 transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
                 if transmittance <= 0.0 {
                     return;

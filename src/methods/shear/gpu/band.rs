@@ -250,7 +250,11 @@ impl<'a> BandBuffers<'a> {
             let sums = self.sums.as_ref().unwrap_or(&no_sums);
             let output = [(15, Resource::from(sums)), (16, (&self.picture).into())];
             let bins = [(17, Resource::from(&self.bin_table))];
-            work.pass(&paint, &[&views[..], &scene, &order, &output, &bins].concat(), [columns, rows, 1])
+            let mirrors = [(23, Resource::from(&self.frame.mirror_weights))];
+            let reflecting =
+                self.frame.reflecting.bindings().map(|(at, buffer)| (at, Resource::from(buffer)));
+            let bound = [&views[..], &scene, &order, &output, &bins, &mirrors, &reflecting].concat();
+            work.pass(&paint, &bound, [columns, rows, 1])
         })?;
         Ok(views)
     }
@@ -300,6 +304,7 @@ impl<'a> BandBuffers<'a> {
             ("MANY_LAYERS", f64::from(self.params.layers > LAYERS_PER_TEXEL as u32)),
             ("BARREL", f64::from(self.params.cats_eye > 0.0)),
             ("BACKGROUND", f64::from(self.frame.picture.background.is_some())),
+            ("REFLECTS", f64::from(self.frame.reflecting.reflects)),
             ("NEAR", f64::from(self.frame.near_radius_per_coc.is_some())),
             ("FIRST_BATCH", f64::from(is_first)),
             ("LAST_BATCH", f64::from(is_last)),

@@ -2,11 +2,12 @@
 
 use super::kernels::{LIST_ENTRIES, NEAR_SUMS, PLANES, Params, SUMS, TEXEL_BYTES};
 use crate::error::Error;
-use crate::gpu::Gpu;
+use crate::gpu::{Buffer, Gpu};
 use crate::methods::contract::{LostRays, Plan};
-use crate::methods::shared::has_translucent;
+use crate::methods::shared::{ReflectingBuffers, has_translucent};
 use crate::methods::shear::bins::{Bins, LEVELS, MAX_BINS};
 use crate::methods::shear::keys::{Extent, Key, Keys};
+use crate::methods::shear::mirrors::Mirrors;
 use crate::methods::shear::row_views::RowViews;
 use crate::methods::shear::sampler::{self, PLANES_WITH_NEAR, barrel_softness, bins, near_radius_per_coc};
 use crate::methods::shear::{near, prefilter, resolve};
@@ -40,6 +41,10 @@ pub(super) struct Frame<'a> {
     pub(super) near_radius_per_coc: Option<f32>,
     /// The shader's parameters for one band that is the whole picture.
     pub(super) params: Params,
+    /// What its mirrors show.
+    pub(super) reflecting: ReflectingBuffers,
+    /// For each fragment how much of a ray sees light that moves, and its CoC radius; one entry without mirrors.
+    pub(super) mirror_weights: Buffer,
 }
 
 impl<'a> Frame<'a> {
@@ -50,7 +55,7 @@ impl<'a> Frame<'a> {
     pub(super) fn new(
         gpu: &'a Gpu,
         scene: &Scene,
-        layers: &'a [Layer],
+        (layers, mirrors): (&'a [Layer], Option<Mirrors>),
         plan: &'a Plan,
     ) -> Result<Self, Error> {
         let views = plan.lens_samples();
@@ -60,6 +65,12 @@ impl<'a> Frame<'a> {
         let strength = plan.strength(EffectKind::Prefilter).unwrap_or(0.0);
         let radius_per_coc =
             plan.does(EffectKind::Prefilter).then(|| prefilter::radius_per_coc(views, strength));
+        let mirrors = mirrors.map(|mirrors| match radius_per_coc {
+            Some(_) => mirrors.smoothed(views, strength),
+            None => mirrors,
+        });
+        let reflecting = ReflectingBuffers::new(gpu, mirrors.as_ref().map(Mirrors::reflected))?;
+        let mirror_weights = gpu.upload("weights of mirrors", &mirror_weights(layers, mirrors.as_ref()))?;
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
         let keys = Keys::new(layers, &bins, Extent::HalfWay, 0..picture.size.1);
         let params = params(&picture, layers.len(), &bins, views);
@@ -76,6 +87,8 @@ impl<'a> Frame<'a> {
             radius_per_coc,
             near_radius_per_coc,
             params,
+            reflecting,
+            mirror_weights,
         })
     }
 
@@ -145,6 +158,21 @@ impl<'a> Frame<'a> {
     pub(super) fn has_pixels(&self) -> bool {
         self.picture.background.is_some() || self.picture.antialiasing.plane().is_some()
     }
+}
+
+/// For each fragment of `layers` how much of a ray sees light that moves, and its CoC radius.
+fn mirror_weights(layers: &[Layer], mirrors: Option<&Mirrors>) -> Vec<[f32; 2]> {
+    let Some(mirrors) = mirrors else { return vec![[0.0; 2]] };
+    let of_layer = |(number, layer): (usize, &Layer)| -> Vec<[f32; 2]> {
+        let coc_px = layer.coc_px.values().iter();
+        match mirrors.weights(number) {
+            Some(weights) => {
+                weights.values().iter().copied().zip(coc_px.copied()).map(<[f32; 2]>::from).collect()
+            }
+            None => vec![[0.0; 2]; coc_px.len()],
+        }
+    };
+    layers.iter().enumerate().flat_map(of_layer).collect()
 }
 
 /// The shader's parameters for one band that is the whole picture.

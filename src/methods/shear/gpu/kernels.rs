@@ -1,9 +1,13 @@
 //! The shader of `shear`, and the constants and structures that it shares with the program.
 
 use crate::gpu::{Constant, Mirrored, Shader, mirrored};
+use crate::methods::shared::{
+    LENS_RAY_WGSL, LensRay, REFLECTED_LIGHT_CONSTANTS, REFLECTED_LIGHT_WGSL, Reflecting,
+};
 use crate::methods::shear::bins::LEVELS;
 use crate::methods::shear::bins::MAX_BINS;
 use crate::methods::shear::keys::{BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, NO_KEY, OPAQUE};
+use crate::methods::shear::mirrors::SAME_PX;
 use crate::methods::shear::near::{FROM_PX, FULL_FROM_PX};
 use crate::methods::shear::paint::MIN_TRANSMITTANCE;
 use crate::methods::shear::sums::MIN_HIT_VIEWS;
@@ -30,12 +34,18 @@ pub(super) static SHADER: Shader = Shader {
         ("TILE", Constant::Uint(TILE as u32)),
         ("BLOCK", Constant::Uint(BLOCK as u32)),
         ("SQUARE", Constant::Uint(SQUARE as u32)),
+        ("MIRROR_SAME_PX", Constant::Float(SAME_PX)),
+        ("STEEP", Constant::Float(LensRay::STEEP)),
+        REFLECTED_LIGHT_CONSTANTS[0],
+        REFLECTED_LIGHT_CONSTANTS[1],
     ],
     parts: &[
+        LENS_RAY_WGSL,
+        REFLECTED_LIGHT_WGSL,
         include_str!("../../../../shaders/methods/shear.wgsl"),
         include_str!("../../../../shaders/methods/shear_lists.wgsl"),
     ],
-    structs: &[Params::LAYOUT, View::LAYOUT],
+    structs: &[Params::LAYOUT, View::LAYOUT, Reflecting::LAYOUT],
 };
 
 /// Side of the shader's tiles, in pixels: twice that of its workgroups. Each turn has an eighth of a tile's rows, so that smaller tiles would

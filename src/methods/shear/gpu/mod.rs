@@ -14,6 +14,7 @@ mod frame;
 mod kernels;
 
 use super::highlights::{self, Highlight};
+use super::mirrors::Mirrors;
 use super::prepare::{self, Painted};
 use super::sampler;
 use crate::error::Error;
@@ -32,8 +33,8 @@ pub(super) struct ShearGpu;
 
 impl GpuBackend for ShearGpu {
     fn blur(&self, gpu: &Gpu, scene: &Scene, plan: &Plan, progress: &Progress<'_>) -> Result<Image, Error> {
-        let (layers, highlights) = layers(scene, plan);
-        let frame = Frame::new(gpu, scene, &layers, plan)?;
+        let (layers, highlights, mirrors) = painted(scene, plan);
+        let frame = Frame::new(gpu, scene, (&layers, mirrors), plan)?;
         let (painted, discs) = rayon::join(|| paint(&frame, progress), || draw_discs(&frame, &highlights));
         let (mut image, focused_share) = painted?;
         if let Some(discs) = discs {
@@ -50,14 +51,14 @@ impl GpuBackend for ShearGpu {
     }
 }
 
-/// [`prepare::layers`] of a scene that is not modified.
-fn layers<'a>(scene: &'a Scene, plan: &Plan) -> (Cow<'a, [Layer]>, Vec<Highlight>) {
-    let changes = plan.does(EffectKind::Highlights) || plan.does(EffectKind::Fill) || scene.supersample > 1;
-    if !changes {
-        return (Cow::Borrowed(&scene.layers), Vec::new());
+/// [`prepare::painted`] of a scene that is not modified.
+fn painted<'a>(scene: &'a Scene, plan: &Plan) -> (Cow<'a, [Layer]>, Vec<Highlight>, Option<Mirrors>) {
+    let changing = [EffectKind::Highlights, EffectKind::Fill, EffectKind::Reflections];
+    if !changing.into_iter().any(|kind| plan.does(kind)) && scene.supersample == 1 {
+        return (Cow::Borrowed(&scene.layers), Vec::new(), None);
     }
-    let Painted { layers, highlights, .. } = prepare::painted(scene.clone(), plan);
-    (Cow::Owned(layers), highlights)
+    let Painted { layers, highlights, mirrors } = prepare::painted(scene.clone(), plan);
+    (Cow::Owned(layers), highlights, mirrors)
 }
 
 /// Adds the colours of `light` to `image`.
