@@ -34,14 +34,35 @@ fn reflections_are_found_by_every_name_and_in_any_case() {
     for (case, channels) in [
         ("by peel", peel("Peel0", 4.0)),
         ("by view layer", peel("ViewLayer", 4.0)),
-        ("of Mitsuba's peel", PEEL.replace("P.Combined.", "peel0.").replace("P.Depth.Z", "peel0.depth").replace("P.", "peel0.")),
+        (
+            "of Mitsuba's peel",
+            PEEL.replace("P.Combined.", "peel0.").replace("P.Depth.Z", "peel0.depth").replace("P.", "peel0."),
+        ),
         ("at the root", root(PEEL)),
         ("distance Z", peel("Peel0", 4.0).replace("Distance.V", "Distance.Z")),
         ("distance Y", peel("Peel0", 4.0).replace("Distance.V", "Distance.Y")),
         ("distance alone", peel("Peel0", 4.0).replace("Distance.V", "Distance")),
-        ("normal as a colour", peel("Peel0", 4.0).replace("Normal.X", "Normal.R").replace("Normal.Y", "Normal.G").replace("Normal.Z", "Normal.B")),
-        ("small letters", peel("Peel0", 4.0).replace("Diffuse", "diffuse").replace("Normal", "normal").replace("ReflectedDistance.V", "reflecteddistance.v")),
-        ("capitals", peel("Peel0", 4.0).replace("Diffuse", "DIFFUSE").replace("Normal", "NORMAL").replace("ReflectedDistance", "REFLECTEDDISTANCE")),
+        (
+            "normal as a colour",
+            peel("Peel0", 4.0)
+                .replace("Normal.X", "Normal.R")
+                .replace("Normal.Y", "Normal.G")
+                .replace("Normal.Z", "Normal.B"),
+        ),
+        (
+            "small letters",
+            peel("Peel0", 4.0)
+                .replace("Diffuse", "diffuse")
+                .replace("Normal", "normal")
+                .replace("ReflectedDistance.V", "reflecteddistance.v"),
+        ),
+        (
+            "capitals",
+            peel("Peel0", 4.0)
+                .replace("Diffuse", "DIFFUSE")
+                .replace("Normal", "NORMAL")
+                .replace("ReflectedDistance", "REFLECTEDDISTANCE"),
+        ),
         ("small peel", peel("peel0", 4.0).replace("Combined.", "")),
     ] {
         let stack = stack_of(vec![Part::flat((2, 1), &channels)]);
@@ -56,7 +77,9 @@ fn reflections_are_found_by_every_name_and_in_any_case() {
 fn reflections_are_copied_to_the_output() {
     let stack = stack_of(vec![Part::flat((2, 1), &peel("Peel0", 4.0))]);
     let names = carried_names(&stack);
-    for name in ["Diffuse.R", "Diffuse.G", "Diffuse.B", "Normal.X", "Normal.Y", "Normal.Z", "ReflectedDistance.V"] {
+    for name in
+        ["Diffuse.R", "Diffuse.G", "Diffuse.B", "Normal.X", "Normal.Y", "Normal.Z", "ReflectedDistance.V"]
+    {
         assert!(names.contains(&format!("Peel0.{name}").as_str()), "{name}: {names:?}");
     }
     assert_eq!(names.len(), 7);
@@ -66,7 +89,11 @@ fn reflections_are_copied_to_the_output() {
 fn reflections_of_blender_are_products_of_its_passes() {
     let passes = "Peel0.GlossDir.R=0.5 Peel0.GlossDir.G=0.25 Peel0.GlossDir.B=0 Peel0.GlossInd.R=0.5 Peel0.GlossInd.G=0.25 Peel0.GlossInd.B=1 \
                   Peel0.GlossCol.R=0.5 Peel0.GlossCol.G=0.5 Peel0.GlossCol.B=0.125 Peel0.ReflectedDistance.V=3";
-    let without_diffuse: Vec<String> = peel("Peel0", 4.0).split(' ').filter(|channel| !channel.contains("Diffuse") && !channel.contains("Reflected")).map(str::to_owned).collect();
+    let without_diffuse: Vec<String> = peel("Peel0", 4.0)
+        .split(' ')
+        .filter(|channel| !channel.contains("Diffuse") && !channel.contains("Reflected"))
+        .map(str::to_owned)
+        .collect();
     let stack = stack_of(vec![Part::flat((2, 1), &format!("{} {passes}", without_diffuse.join(" ")))]);
     assert_eq!(first(shading_of(&stack, 0)), FIRST);
 }
@@ -75,11 +102,14 @@ fn reflections_of_blender_are_products_of_its_passes() {
 fn peels_of_one_file_of_a_file_each_and_of_parts_have_their_own_reflections() {
     let far = |text: String| text.replace("Distance.V=3", "Distance.V=8");
     let (near, behind) = (peel("Peel0", 4.0), far(peel("Peel1", 6.0)));
-    let root = |text: &str| text.replace("Peel0.", "").replace("Peel1.", "").replace("Combined.", "").replace("Depth.Z", "Z");
+    let root = |text: &str| {
+        text.replace("Peel0.", "").replace("Peel1.", "").replace("Combined.", "").replace("Depth.Z", "Z")
+    };
     let one = stack_of(vec![Part::flat((2, 1), &format!("{near} {behind}"))]);
     let files = [root(&near), root(&behind)].map(|channels| exr_bytes(vec![Part::flat((2, 1), &channels)]));
     let names = ["shot.peel0.exr", "shot.peel1.exr"];
-    let sources: Vec<Source> = names.into_iter().zip(files).map(|(name, bytes)| Source::memory(name, bytes)).collect();
+    let sources: Vec<Source> =
+        names.into_iter().zip(files).map(|(name, bytes)| Source::memory(name, bytes)).collect();
     let files = read(&sources, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}"));
     let parts = stack_of(vec![
         Part::flat((2, 1), &root(&near)).named("Peel0"),
@@ -101,7 +131,11 @@ fn a_peel_without_channels_of_its_own_reflects_nothing() {
     assert!(stack.shading.is_empty());
     // Each of these alone is no reflection.
     for missing in ["Diffuse.G", "Normal.Y"] {
-        let rest: Vec<String> = peel("Peel0", 4.0).split(' ').filter(|channel| !channel.contains(missing)).map(str::to_owned).collect();
+        let rest: Vec<String> = peel("Peel0", 4.0)
+            .split(' ')
+            .filter(|channel| !channel.contains(missing))
+            .map(str::to_owned)
+            .collect();
         assert!(stack_of(vec![Part::flat((2, 1), &rest.join(" "))]).shading.is_empty(), "without {missing}");
     }
 }
@@ -110,7 +144,8 @@ fn a_peel_without_channels_of_its_own_reflects_nothing() {
 fn straight_light_is_multiplied_by_alpha() {
     let channels = peel("Peel0", 4.0).replace("Combined.A=1", "Combined.A=0.5");
     let options = ReadOptions { alpha: Some(AlphaMode::Straight), ..ReadOptions::default() };
-    let stack = read(&[source(exr_bytes(vec![Part::flat((2, 1), &channels)]))], &options).unwrap_or_else(|error| panic!("{error}"));
+    let stack = read(&[source(exr_bytes(vec![Part::flat((2, 1), &channels)]))], &options)
+        .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(first(shading_of(&stack, 0)).0, [0.25, 0.125, 0.0625]);
     assert_eq!(stack.peels[0].color[0].get(0, 0), 0.375);
 }
@@ -143,7 +178,11 @@ fn fragments_that_are_sorted_reflect_nothing_that_moves_and_a_note_says_how_many
     let part = Part::flat((2, 1), &format!("{} {}", peel("Peel0", 4.0), peel("Peel1", 6.0)))
         .with("Peel1.Depth.Z", FlatSamples::F32(vec![6.0, 2.0]));
     let stack = stack_of(vec![part]);
-    let note = stack.findings.iter().find(|finding| finding.about == "reflections").unwrap_or_else(|| panic!("{:?}", stack.findings));
+    let note = stack
+        .findings
+        .iter()
+        .find(|finding| finding.about == "reflections")
+        .unwrap_or_else(|| panic!("{:?}", stack.findings));
     assert!(!note.warning && note.text.starts_with("1 pixels reflect nothing"), "{}", note.text);
     for peel in [0, 1] {
         assert_eq!(shading_of(&stack, peel).light[0].values(), [0.5, 0.0], "peel {peel}");
@@ -154,7 +193,8 @@ fn fragments_that_are_sorted_reflect_nothing_that_moves_and_a_note_says_how_many
 #[test]
 fn light_that_is_no_number_is_none() {
     for value in [f32::NAN, f32::INFINITY] {
-        let part = Part::flat((2, 1), &peel("Peel0", 4.0)).with("Peel0.Diffuse.R", FlatSamples::F32(vec![value, 0.25]));
+        let part = Part::flat((2, 1), &peel("Peel0", 4.0))
+            .with("Peel0.Diffuse.R", FlatSamples::F32(vec![value, 0.25]));
         let stack = stack_of(vec![part]);
         assert_eq!(shading_of(&stack, 0).light[0].values(), [0.0, 0.5], "{value}");
     }
