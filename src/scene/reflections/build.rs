@@ -134,12 +134,17 @@ impl Grid {
         let mut light = shading.light.clone();
         for plane in &mut light {
             let values = plane.values_mut().par_iter_mut().zip(peel.alpha.values());
-            values
-                .for_each(|(light, &alpha)| *light = if alpha > LEAST_ALPHA { *light / alpha } else { 0.0 });
+            values.for_each(|(light, &alpha)| {
+                // Without a finite light there is nothing to move.
+                let is_light = alpha > LEAST_ALPHA && light.is_finite();
+                *light = if is_light { *light / alpha } else { 0.0 };
+            });
         }
         let distances = shading.reflected_distance.values().iter();
+        // The reciprocal of the smallest numbers is infinite.
+        let is_distance = |distance: f32| distance > 0.0 && distance.recip().is_finite();
         let inverse_distance =
-            distances.map(|&distance| if distance > 0.0 { distance.recip() } else { f32::NAN });
+            distances.map(|&distance| if is_distance(distance) { distance.recip() } else { f32::NAN });
         Fragments {
             points,
             inverse_distance: inverse_distance.collect(),
