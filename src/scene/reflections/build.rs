@@ -396,7 +396,7 @@ impl Grid {
                 let own = light(layer, x, y);
                 let differs = |lens: &Vec2| {
                     let by = layer.moved_by((x, y), *lens) * supersample;
-                    let step = [by.x.round() as isize, by.y.round() as isize];
+                    let step = [by.x, by.y].map(samples_away);
                     let Some((x, y)) = self.beside(*index, step).map(|index| self.at(index)) else {
                         return false;
                     };
@@ -412,6 +412,11 @@ impl Grid {
         };
         reflections.layers.iter().enumerate().map(of_layer).sum()
     }
+}
+
+/// By how many samples the place is away that is seen at the distance `by`: from a quarter of a sample on that of a neighbour is mixed in.
+fn samples_away(by: f32) -> isize {
+    (by.abs() + 0.75).floor().copysign(by) as isize
 }
 
 /// What a sample has.
