@@ -284,7 +284,7 @@ impl Grid {
                 Some((across, down)) => self.view.movement(point, inverse_distance, [across, down]),
                 None => Some(Mat2::from_diagonal(Vec2::splat(as_mirror))),
             };
-            let largest_px = self.largest_px(mirrored_px);
+            let largest_px = self.largest_px([coc_px, mirrored_px]);
             let (movement, is_limited) = limited(movement, largest_px);
             let off_px = largest_stretch(movement - Mat2::from_diagonal(Vec2::splat(as_mirror)));
             let moves = smooth(largest_stretch(movement) / MOVES_FROM_PX - 1.0);
@@ -302,9 +302,11 @@ impl Grid {
         Moved { samples: (0..self.width * self.height).into_par_iter().map(of).collect() }
     }
 
-    /// The largest movement that is kept: the largest blur, in picture pixels.
-    fn largest_px(&self, mirrored_px: f32) -> f32 {
-        (2.0 * self.lens.coc_infinity_px.max(mirrored_px.abs())).min(self.limit_px)
+    /// The largest movement that is kept, in picture pixels: twice the largest blur, of a surface of this CoC radius that shows as a flat
+    /// mirror what has the other one. It moves that by the difference of the two.
+    fn largest_px(&self, [coc_px, mirrored_px]: [f32; 2]) -> f32 {
+        let largest_px = self.lens.coc_infinity_px.max(coc_px.abs()).max(mirrored_px.abs());
+        (2.0 * largest_px).min(2.0 * self.limit_px)
     }
 
     /// Makes one mirror of the parts of a plane: changes the numbers of surfaces, of which there are `count`.
