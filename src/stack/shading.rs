@@ -6,7 +6,7 @@
 //! | `Normal.X Y Z` | shading normal in the camera's axes: right, up, towards the viewer | `Normal.R G B` |
 //! | `ReflectedDistance.V` | along the mirrored ray from the surface, in scene units; 1e9 and more: the environment, or nothing | `.Z`, `.Y` or none for `.V`; without the channel, the environment everywhere |
 //! | `Reflection.R G B` | the specular light that came from a surface; the rest is the environment's | |
-//! | `Specular.R G B` | reflectance at normal incidence | |
+//! | `Specular.R G B` | reflectance at normal incidence; with it, mirrors that face darkness are known as such | |
 //! | `Roughness.V` | root of the GGX α | as above |
 //!
 //! Case is ignored. `Diffuse` and `Normal` are what a reflection needs. All of these channels are copied to the output too.
@@ -168,14 +168,19 @@ impl Shading {
         }
     }
 
-    /// Whether the surface at column `x` of row `y` reflects light specularly.
+    /// Whether the surface at column `x` of row `y` reflects light specularly, or would if it faced any: seen from elsewhere on the lens, a
+    /// mirror that faces darkness shows the lamp beside it.
     pub(crate) fn reflects(&self, x: usize, y: usize) -> bool {
-        self.light.iter().any(|plane| plane.get(x, y).abs() > LEAST_LIGHT)
+        let is_more =
+            |planes: &[Plane; 3], least: f32| planes.iter().any(|plane| plane.get(x, y).abs() > least);
+        is_more(&self.light, LEAST_LIGHT)
+            || self.specular.as_ref().is_some_and(|specular| is_more(specular, 0.0))
     }
 
     /// Removes what the surface at column `x` of row `y` reflects: its light stays with the colour.
     pub(super) fn clear(&mut self, x: usize, y: usize) {
-        self.light.iter_mut().chain(&mut self.normal).for_each(|plane| plane.set(x, y, 0.0));
+        let planes = self.light.iter_mut().chain(&mut self.normal).chain(self.specular.iter_mut().flatten());
+        planes.for_each(|plane| plane.set(x, y, 0.0));
     }
 
     /// Surfaces of the size of `data` that reflect nothing, with the channels that any of `all` has.
