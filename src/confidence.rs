@@ -53,6 +53,7 @@ pub(crate) fn confidence(scene: Scene, plan: &Plan, progress: &Progress<'_>) -> 
 /// `plan` without the passes that depend on colour, with lost rays visible, for a scene that is filled already.
 fn without_color_passes(plan: &Plan) -> Plan {
     let left_out = [
+        EffectKind::Reflections,
         EffectKind::Environment,
         EffectKind::Reflections,
         EffectKind::Highlights,

@@ -15,6 +15,8 @@ mod windows;
 mod values;
 #[path = "reading/names.rs"]
 mod names;
+#[path = "reading/reflections.rs"]
+mod reflections;
 
 use exr::image::FlatSamples;
 use exr::meta::attribute::{AttributeValue, Compression, Text, TimeCode};

@@ -105,6 +105,7 @@ pub(super) fn shown(stack: &mut Stack, settings: &Settings, lens: &ThinLens) -> 
     };
     let mut peels = stack.peels.iter().zip(shown).map(white).collect();
     std::mem::swap(&mut stack.peels, &mut peels);
+    // What the stack reflects is not its alpha's.
     let shading = std::mem::take(&mut stack.shading);
     let scene = Scene::from_stack(stack, lens, &depth_scale(stack, settings)?);
     (stack.peels, stack.shading) = (peels, shading);

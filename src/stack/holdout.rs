@@ -6,7 +6,7 @@
 
 use super::kind::{self, Announced};
 use super::options::{Carry, ReadOptions};
-use super::{Peel, Source, Stack, Window, guard, merge_files, windows};
+use super::{Peel, Source, Stack, Window, guard, merge_files, shading, windows};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
@@ -84,17 +84,13 @@ fn merged(stack: Stack, holdout: Stack, name: &str, options: &ReadOptions) -> Re
 
     let announced = Announced { kind: options.kind.or(stack.camera.kind), supersample: stack.supersample };
     let (kind, antialiasing, of_kind) = kind::conclude(&peels, convention, announced)?;
-    let reflects = !stack.shading.is_empty();
-    let mut stack = Stack { peels, shown, kind, antialiasing, shading: Vec::new(), ..stack };
+    let reflect = shading::followed(stack.shading, (&stack.peels, stack.frame.data), (&peels, data));
+    let mut stack = Stack { peels, shown, kind, antialiasing, shading: reflect, ..stack };
     stack.findings.retain(|finding| finding.about != of_kind.about);
     stack.findings.push(of_kind);
     stack.findings.extend(holdout.findings.into_iter().filter(|finding| finding.warning).map(|finding| {
         Finding { about: "holdout", text: format!("{name}: {}: {}", finding.about, finding.text), ..finding }
     }));
-    if reflects {
-        let text = "reflections do not move with the lens where a holdout is merged";
-        stack.findings.push(Finding::warning("reflections", text));
-    }
     stack.findings.push(Finding::note(
         "holdout",
         format!("{taken} fragments of {name} hide what is behind them and are not seen; alpha is that of what is seen"),

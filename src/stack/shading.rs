@@ -6,12 +6,12 @@
 //! | `Normal.X Y Z` | shading normal in the camera's axes: right, up, towards the viewer | `Normal.R G B` |
 //! | `ReflectedDistance.V` | along the mirrored ray from the surface, in scene units; 1e9 and more: the environment, or nothing | `.Z`, `.Y` or none for `.V`; without the channel, the environment everywhere |
 //! | `Reflection.R G B` | the specular light that came from a surface; the rest is the environment's | |
-//! | `Specular.R G B` | reflectance at normal incidence | |
+//! | `Specular.R G B` | reflectance at normal incidence; with it, mirrors that face darkness are known as such | |
 //! | `Roughness.V` | root of the GGX α | as above |
 //!
 //! Case is ignored. `Diffuse` and `Normal` are what a reflection needs. All of these channels are copied to the output too.
 
-use super::{Window, alpha, windows};
+use super::{Peel, Window, alpha, windows};
 use crate::finding::Finding;
 use crate::image::Plane;
 
@@ -175,15 +175,80 @@ impl Shading {
         self.light.iter().chain(&self.normal).chain(single).chain(colors)
     }
 
-    /// Whether the surface at column `x` of row `y` reflects light specularly.
+    /// Whether the surface at column `x` of row `y` reflects light specularly, or would if it faced any: seen from elsewhere on the lens, a
+    /// mirror that faces darkness shows the lamp beside it.
     pub(crate) fn reflects(&self, x: usize, y: usize) -> bool {
-        self.light.iter().any(|plane| plane.get(x, y).abs() > LEAST_LIGHT)
+        let is_more =
+            |planes: &[Plane; 3], least: f32| planes.iter().any(|plane| plane.get(x, y).abs() > least);
+        is_more(&self.light, LEAST_LIGHT)
+            || self.specular.as_ref().is_some_and(|specular| is_more(specular, 0.0))
     }
 
     /// Removes what the surface at column `x` of row `y` reflects: its light stays with the colour.
     pub(super) fn clear(&mut self, x: usize, y: usize) {
-        self.light.iter_mut().chain(&mut self.normal).for_each(|plane| plane.set(x, y, 0.0));
+        let planes = self.light.iter_mut().chain(&mut self.normal).chain(self.specular.iter_mut().flatten());
+        planes.for_each(|plane| plane.set(x, y, 0.0));
     }
+
+    /// Surfaces of the size of `data` that reflect nothing, with the channels that any of `all` has.
+    fn nothing<'a>(data: Window, all: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let zeros = || Plane::zeros(data.width, data.height);
+        let three = || [zeros(), zeros(), zeros()];
+        let any = |has: fn(&Self) -> bool| all.clone().any(has);
+        Self {
+            specular: any(|one| one.specular.is_some()).then(three),
+            roughness: any(|one| one.roughness.is_some()).then(zeros),
+            reflection: any(|one| one.reflection.is_some()).then(three),
+            ..Self::new(three(), three(), zeros())
+        }
+    }
+
+    /// Takes over what the surface at column `x` of row `y` of `other` reflects.
+    fn take(&mut self, other: &Self, x: usize, y: usize) {
+        let three = |to: &mut [Plane; 3], from: &[Plane; 3]| {
+            to.iter_mut().zip(from).for_each(|(to, from)| to.set(x, y, from.get(x, y)));
+        };
+        three(&mut self.light, &other.light);
+        three(&mut self.normal, &other.normal);
+        self.reflected_distance.set(x, y, other.reflected_distance.get(x, y));
+        for (to, from) in [(&mut self.specular, &other.specular), (&mut self.reflection, &other.reflection)] {
+            to.as_mut().zip(from.as_ref()).into_iter().for_each(|(to, from)| three(to, from));
+        }
+        let roughness = self.roughness.as_mut().zip(other.roughness.as_ref());
+        roughness.into_iter().for_each(|(to, from)| to.set(x, y, from.get(x, y)));
+    }
+}
+
+/// What the surfaces of `after` reflect, peels with the data window `to`: each fragment as the same one of `before`, with the data window
+/// `from`, where it may have been in another peel.
+pub(super) fn followed(
+    shading: Vec<Option<Shading>>,
+    (before, from): (&[Peel], Window),
+    (after, to): (&[Peel], Window),
+) -> Vec<Option<Shading>> {
+    let placed: Vec<Option<Shading>> =
+        shading.into_iter().map(|shading| shading.map(|shading| shading.placed(from, to))).collect();
+    let mut found: Vec<Option<Shading>> = vec![None; if placed.is_empty() { 0 } else { after.len() }];
+    let [right, down] = [from.x.abs_diff(to.x), from.y.abs_diff(to.y)].map(|offset| offset as usize);
+    let values = |peel: &Peel, x: usize, y: usize| {
+        let color = peel.color.each_ref().map(|plane| plane.get(x, y));
+        (color, peel.alpha.get(x, y), peel.depth.get(x, y))
+    };
+    for (shading, peel) in placed.iter().zip(before) {
+        let Some(shading) = shading else { continue };
+        for (x, y) in (0..from.height).flat_map(|y| (0..from.width).map(move |x| (x, y))) {
+            let at = (x + right, y + down);
+            let fragment = values(peel, x, y);
+            if fragment.1 > 0.0
+                && shading.reflects(at.0, at.1)
+                && let Some(number) = after.iter().position(|peel| values(peel, at.0, at.1) == fragment)
+            {
+                let nothing = || Shading::nothing(to, placed.iter().flatten());
+                found[number].get_or_insert_with(nothing).take(shading, at.0, at.1);
+            }
+        }
+    }
+    found
 }
 
 /// Removes what surfaces reflect from the pixels whose fragments were `reordered`: these are no longer in the peel that says so.

@@ -111,8 +111,8 @@ impl Moving {
         Some(Self { reflected, supersample: scene.supersample, light: merged(light), share: merged(share) })
     }
 
-    /// Takes the light that moves out of the painted `layers`.
-    pub(super) fn taken_from(self, layers: &mut [Layer]) -> Mirrors {
+    /// Takes the light that moves out of the painted `layers`; `None` if there is none.
+    pub(super) fn taken_from(self, layers: &mut [Layer]) -> Option<Mirrors> {
         for (layer, light) in layers.iter_mut().zip(&self.light) {
             for (color, light) in layer.color.iter_mut().zip(&light.color) {
                 let values = color.values_mut().iter_mut().zip(light.values());
@@ -121,9 +121,11 @@ impl Moving {
         }
         let red = |Layer { color: [red, _, _], .. }: Layer| red;
         let weights = self.share.into_iter().map(red);
-        let weights =
-            weights.map(|plane| Some(plane).filter(|plane| plane.values().iter().any(|&share| share > 0.0)));
-        Mirrors { reflected: self.reflected, weights: weights.collect(), supersample: self.supersample }
+        let weights: Vec<Option<Plane>> = weights
+            .map(|plane| Some(plane).filter(|plane| plane.values().iter().any(|&share| share > 0.0)))
+            .collect();
+        let moves = weights.iter().any(Option::is_some);
+        moves.then(|| Mirrors { reflected: self.reflected, weights, supersample: self.supersample })
     }
 }
 

@@ -27,6 +27,6 @@ pub(super) fn painted(mut scene: Scene, plan: &Plan) -> Painted {
     let moving = Moving::of(&scene, plan);
     let scene = if plan.does(EffectKind::Fill) { scene.filled() } else { scene.merged() };
     let mut layers = scene.layers;
-    let mirrors = moving.map(|moving| moving.taken_from(&mut layers));
+    let mirrors = moving.and_then(|moving| moving.taken_from(&mut layers));
     Painted { layers, highlights, mirrors }
 }

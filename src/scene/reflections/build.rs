@@ -147,12 +147,16 @@ impl Grid {
         for plane in &mut light {
             let values = plane.values_mut().par_iter_mut().zip(peel.alpha.values());
             values.for_each(|(light, &alpha)| {
-                *light = if alpha > LEAST_ALPHA && light.is_finite() { *light / alpha } else { 0.0 }
+                // Without a finite light there is nothing to move.
+                let is_light = alpha > LEAST_ALPHA && light.is_finite();
+                *light = if is_light { *light / alpha } else { 0.0 };
             });
         }
         let distances = shading.reflected_distance.values().iter();
+        // The reciprocal of the smallest numbers is infinite.
+        let is_distance = |distance: f32| distance > 0.0 && distance.recip().is_finite();
         let inverse_distance =
-            distances.map(|&distance| if distance > 0.0 { distance.recip() } else { f32::NAN });
+            distances.map(|&distance| if is_distance(distance) { distance.recip() } else { f32::NAN });
         Fragments {
             points,
             inverse_distance: inverse_distance.collect(),
@@ -292,7 +296,7 @@ impl Grid {
                 Some((across, down)) => self.view.movement(point, inverse_distance, [across, down]),
                 None => Some(Mat2::from_diagonal(Vec2::splat(as_mirror))),
             };
-            let largest_px = self.largest_px(mirrored_px);
+            let largest_px = self.largest_px([coc_px, mirrored_px]);
             let (movement, is_limited) = limited(movement, largest_px);
             let off_px = largest_stretch(movement - Mat2::from_diagonal(Vec2::splat(as_mirror)));
             let moves = smooth(largest_stretch(movement) / MOVES_FROM_PX - 1.0);
@@ -310,9 +314,11 @@ impl Grid {
         Moved { samples: (0..self.width * self.height).into_par_iter().map(of).collect() }
     }
 
-    /// The largest movement that is kept: the largest blur, in picture pixels.
-    fn largest_px(&self, mirrored_px: f32) -> f32 {
-        (2.0 * self.lens.coc_infinity_px.max(mirrored_px.abs())).min(self.limit_px)
+    /// The largest movement that is kept, in picture pixels: twice the largest blur, of a surface of this CoC radius that shows as a flat
+    /// mirror what has the other one. It moves that by the difference of the two.
+    fn largest_px(&self, [coc_px, mirrored_px]: [f32; 2]) -> f32 {
+        let largest_px = self.lens.coc_infinity_px.max(coc_px.abs()).max(mirrored_px.abs());
+        (2.0 * largest_px).min(2.0 * self.limit_px)
     }
 
     /// Makes one mirror of the parts of a plane: changes the numbers of surfaces, of which there are `count`.
@@ -404,7 +410,7 @@ impl Grid {
                 let own = light(layer, x, y);
                 let differs = |lens: &Vec2| {
                     let by = layer.moved_by((x, y), *lens) * supersample;
-                    let step = [by.x.round() as isize, by.y.round() as isize];
+                    let step = [by.x, by.y].map(samples_away);
                     let Some((x, y)) = self.beside(*index, step).map(|index| self.at(index)) else {
                         return false;
                     };
@@ -420,6 +426,11 @@ impl Grid {
         };
         reflections.layers.iter().enumerate().map(of_layer).sum()
     }
+}
+
+/// By how many samples the place is away that is seen at the distance `by`: from a quarter of a sample on that of a neighbour is mixed in.
+fn samples_away(by: f32) -> isize {
+    (by.abs() + 0.75).floor().copysign(by) as isize
 }
 
 /// What a sample has.
