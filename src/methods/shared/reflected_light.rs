@@ -20,6 +20,9 @@ use std::sync::Arc;
 /// Steps towards the place that is seen in a curved surface.
 pub(in crate::methods) const STEPS: usize = 4;
 
+/// Distance in picture pixels between the places of the last two steps up to which they have settled; from twice that on they have not.
+pub(in crate::methods) const SETTLED_PX: f32 = 1.0;
+
 /// What the surfaces of a scene reflect, for rays: all that is known of a sample lies together.
 #[derive(Debug, Clone)]
 pub(in crate::methods) struct ReflectedLight {
@@ -216,7 +219,9 @@ impl ReflectedLight {
             add(own.flat, self.behind_mirror((own, met.layer), ray));
         }
         if own.curved > 0.0 {
-            add(own.curved, self.on_curve((own, met.layer), ray));
+            let (place, found) = self.on_curve((own, met.layer), ray);
+            add(own.curved * found, place);
+            add(own.curved * (1.0 - found), own);
         }
         let share = own.share();
         Some(MovedLight { own: own.light.map(|value| share * value), seen, share })
@@ -230,21 +235,26 @@ impl ReflectedLight {
         (cell.x.clamp(0, last(width)) as usize, cell.y.clamp(0, last(height)) as usize)
     }
 
-    /// The fragment whose reflection `ray` sees in the curved surface of `met`, which lies in layer `own`.
-    fn on_curve<'a>(&'a self, (met, own): (&'a Reflecting, usize), ray: &LensRay) -> &'a Reflecting {
+    /// The fragment whose reflection `ray` sees in the curved surface of `met`, which lies in layer `own`, and how surely, 0 … 1: where the
+    /// steps do not settle, the surface turns too much for the matrix of a place to say what is seen at another.
+    fn on_curve<'a>(&'a self, (met, own): (&'a Reflecting, usize), ray: &LensRay) -> (&'a Reflecting, f32) {
         let lens = ray.step / self.supersample;
         let from = ray.start + met.coc_px * ray.step;
-        let mut place = met;
+        let (mut place, mut moved_px) = (met, Vec2::ZERO);
+        let mut last_step_px = 0.0;
         for _ in 0..STEPS {
-            let at = self.clamped(floor(from + place.moved_by(lens) * self.supersample));
+            let next_px = place.moved_by(lens);
+            let at = self.clamped(floor(from + next_px * self.supersample));
+            last_step_px = next_px.distance(moved_px);
+            moved_px = next_px;
             match self.fragment(at, met.surface, own) {
                 // From here on every step ends at the same place.
-                Some((_, found)) if std::ptr::eq(found, place) => break,
+                Some((_, found)) if std::ptr::eq(found, place) => return (place, 1.0),
                 Some((_, found)) => place = found,
-                None => break,
+                None => return (place, 1.0),
             }
         }
-        place
+        (place, (2.0 - last_step_px / SETTLED_PX).clamp(0.0, 1.0))
     }
 
     /// The fragment that `ray` meets behind the flat mirror of `met`, which lies in layer `own`.
