@@ -18,7 +18,8 @@ struct Reflecting {
 // flat mirror, and the bits of the surface's number.
 @group(0) @binding(22) var<storage, read> reflecting_fragments: array<vec4f>;
 
-// Whether any reflection moves. The program defines REFLECTION_STEPS and REFLECTION_JOIN_PX.
+// Whether any reflection moves. The program defines REFLECTION_STEPS, REFLECTION_JOIN_PX and
+// REFLECTION_SETTLED_PX.
 override REFLECTS = true;
 
 // A fragment that reflects: its layer, and what `reflecting_at` has.
@@ -69,23 +70,34 @@ fn fragment_of(at: vec2i, surface: u32, own: u32) -> Met {
     return Met(own, 0u);
 }
 
-// The fragment whose reflection `ray` sees in the curved surface that it has met.
-fn seen_on_curve(met: Met, ray: LensRay) -> u32 {
+// A fragment whose reflection a ray sees, and how surely, 0 to 1.
+struct Seen {
+    fragment: u32,
+    sure: f32,
+}
+
+// What `ray` sees in the curved surface that it has met: where the steps do not settle, hardly that.
+fn seen_on_curve(met: Met, ray: LensRay) -> Seen {
     let surface = surface_of(met.fragment);
     let lens = ray.step / reflecting.supersample;
     let begin = ray.start + of_fragment(met.fragment, 0u).w * ray.step;
     var place = met.fragment;
+    var moved_px = vec2f(0.0);
+    var last_step_px = 0.0;
     for (var step = 0u; step < REFLECTION_STEPS; step++) {
         let movement = of_fragment(place, 1u);
         let by = vec2f(movement.x * lens.x + movement.y * lens.y, movement.z * lens.x + movement.w * lens.y);
+        last_step_px = distance(by, moved_px);
+        moved_px = by;
         let at = in_frame(vec2i(floor(begin + by * reflecting.supersample)));
         let found = fragment_of(at, surface, met.layer);
-        if found.fragment == 0u {
-            break;
+        // From the same place on every step ends there.
+        if found.fragment == 0u || found.fragment == place {
+            return Seen(place, 1.0);
         }
         place = found.fragment;
     }
-    return place;
+    return Seen(place, clamp(2.0 - last_step_px / REFLECTION_SETTLED_PX, 0.0, 1.0));
 }
 
 // The fragment that `ray` meets behind the flat mirror that it has met.
@@ -138,7 +150,9 @@ fn moved_light(layer: u32, at: vec2i, ray: LensRay) -> MovedLight {
         seen += shares.x * of_fragment(seen_behind_mirror(met, ray), 0u).rgb;
     }
     if shares.y > 0.0 {
-        seen += shares.y * of_fragment(seen_on_curve(met, ray), 0u).rgb;
+        let found = seen_on_curve(met, ray);
+        seen += shares.y * found.sure * of_fragment(found.fragment, 0u).rgb;
+        seen += shares.y * (1.0 - found.sure) * of_fragment(fragment, 0u).rgb;
     }
     return MovedLight(share * of_fragment(fragment, 0u).rgb, seen, share);
 }

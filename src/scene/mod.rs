@@ -120,7 +120,7 @@ impl Scene {
     pub fn from_stack(stack: &mut Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
         let supersample = stack.supersample;
         let limit = coc_limit_px(stack.width() / supersample, stack.height() / supersample);
-        let (reflections, findings) = reflections::reflections(stack, lens, scale);
+        let (reflections, findings) = reflections::reflections(stack, (lens, limit), scale);
         stack.findings.extend(findings);
         let mut limited_fragments = 0;
         let mut layers = Vec::with_capacity(stack.peels.len());

@@ -33,6 +33,7 @@ static SHADER: Shader = Shader {
         RAY_SUMS_CONSTANT,
         REFLECTED_LIGHT_CONSTANTS[0],
         REFLECTED_LIGHT_CONSTANTS[1],
+        REFLECTED_LIGHT_CONSTANTS[2],
         ("OPAQUE_ALPHA", Constant::Float(OPAQUE_ALPHA)),
         ("JOIN_PX", Constant::Float(JOIN_PX)),
         ("MAX_JOIN_PX", Constant::Float(MAX_JOIN_PX)),

@@ -2,7 +2,7 @@
 //!
 //! Memory: 64 bytes a fragment that reflects, and 4 a sample of each layer.
 
-use super::reflected_light::{ReflectedLight, Reflecting as Sample, STEPS};
+use super::reflected_light::{ReflectedLight, Reflecting as Sample, SETTLED_PX, STEPS};
 use crate::error::Error;
 use crate::gpu::{Buffer, Constant, Gpu, mirrored};
 use crate::scene::surface::JOIN_PX;
@@ -15,8 +15,11 @@ pub(in crate::methods) const REFLECTED_LIGHT_WGSL: &str =
     include_str!("../../../shaders/shared/reflected_light.wgsl");
 
 /// Constants that [`REFLECTED_LIGHT_WGSL`] needs.
-pub(in crate::methods) const REFLECTED_LIGHT_CONSTANTS: [(&str, Constant); 2] =
-    [("REFLECTION_STEPS", Constant::Uint(STEPS as u32)), ("REFLECTION_JOIN_PX", Constant::Float(JOIN_PX))];
+pub(in crate::methods) const REFLECTED_LIGHT_CONSTANTS: [(&str, Constant); 3] = [
+    ("REFLECTION_STEPS", Constant::Uint(STEPS as u32)),
+    ("REFLECTION_JOIN_PX", Constant::Float(JOIN_PX)),
+    ("REFLECTION_SETTLED_PX", Constant::Float(SETTLED_PX)),
+];
 
 /// Smaller than any CoC radius: replaces negative infinity, which WGSL does not guarantee.
 const NEVER_PX: f32 = -3e38;

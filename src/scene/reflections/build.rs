@@ -6,7 +6,7 @@ use super::view::{Point, Slope, View, largest_stretch};
 use crate::finding::Finding;
 use crate::image::Plane;
 use crate::lens::ThinLens;
-use crate::scene::{coc_limit_px, surface};
+use crate::scene::surface;
 use crate::stack::depth::DepthScale;
 use crate::stack::{Peel, Shading, Stack};
 use glam::{Mat2, Vec2, Vec3};
@@ -29,11 +29,11 @@ const LEAST_ALPHA: f32 = 1e-3;
 /// Share of the normals that face away, from which they are not those of the camera's axes.
 const FACING_AWAY: f64 = 0.2;
 
-/// What the surfaces of `stack` reflect to `lens`, with what is to be said of it; depth is `scale`d. Takes the stack's shading. `None` where
+/// What the surfaces of `stack` reflect to `lens`, of which CoC radii up to `limit_px` are kept, with what is to be said of it; depth is `scale`d. Takes the stack's shading. `None` where
 /// nothing says what surfaces reflect, or they do not, or the lens is a point.
 pub(in crate::scene) fn reflections(
     stack: &mut Stack,
-    lens: &ThinLens,
+    (lens, limit_px): (&ThinLens, f32),
     scale: &DepthScale,
 ) -> (Option<Arc<Reflections>>, Vec<Finding>) {
     let shading = std::mem::take(&mut stack.shading);
@@ -43,7 +43,7 @@ pub(in crate::scene) fn reflections(
     if let Some(refused) = unfit(stack, &shading) {
         return (None, vec![refused]);
     }
-    let grid = Grid::of(stack, lens, scale);
+    let grid = Grid::of(stack, (lens, limit_px), scale);
     let layers = stack.peels.iter().zip(&shading);
     let fragments: Vec<Option<Fragments>> =
         layers.map(|(peel, shading)| Some(grid.fragments(peel, shading.as_ref()?, scale))).collect();
@@ -102,9 +102,8 @@ fn facing_away(fragments: &[Option<Fragments>]) -> Option<Finding> {
 }
 
 impl Grid {
-    fn of(stack: &Stack, lens: &ThinLens, scale: &DepthScale) -> Self {
+    fn of(stack: &Stack, (lens, limit_px): (&ThinLens, f32), scale: &DepthScale) -> Self {
         let (width, height) = (stack.width(), stack.height());
-        let limit_px = coc_limit_px(width / stack.supersample, height / stack.supersample);
         let view = View::new(stack.frame, stack.supersample, *lens, scale);
         Self { width, height, view, lens: *lens, limit_px }
     }

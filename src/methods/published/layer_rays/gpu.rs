@@ -53,6 +53,7 @@ static SHADER: Shader = Shader {
         ("STEEP", Constant::Float(LensRay::STEEP)),
         REFLECTED_LIGHT_CONSTANTS[0],
         REFLECTED_LIGHT_CONSTANTS[1],
+        REFLECTED_LIGHT_CONSTANTS[2],
     ],
     parts: &[
         RAY_SUMS,

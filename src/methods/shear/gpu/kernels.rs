@@ -38,6 +38,7 @@ pub(super) static SHADER: Shader = Shader {
         ("STEEP", Constant::Float(LensRay::STEEP)),
         REFLECTED_LIGHT_CONSTANTS[0],
         REFLECTED_LIGHT_CONSTANTS[1],
+        REFLECTED_LIGHT_CONSTANTS[2],
     ],
     parts: &[
         LENS_RAY_WGSL,
