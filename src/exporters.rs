@@ -70,6 +70,7 @@ pub const EXPORTERS: [Exporter; 4] = [
             "blender/present.py",
             "blender/program.py",
             "blender/properties.py",
+            "blender/reflectance.py",
             "blender/registration.py",
             "blender/relens.py",
             "blender/result_image.py",

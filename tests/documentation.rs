@@ -17,6 +17,7 @@ mod deep_fixtures;
 mod fixtures;
 
 use deep_fixtures::{DeepPart, deep_bytes, grey};
+use exr::meta::attribute::AttributeValue;
 use fixtures::{Part, exr_bytes};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -111,6 +112,9 @@ fn make_files(folder: &Path) {
         let part = Part::flat((32, 18), &format!("R=0.5 G=0.5 B=0.5 A=0.5 Z={depth}"));
         fs::write(folder.join(format!("{name}.exr")), exr_bytes(vec![part])).unwrap();
     }
+    let sky = Part::flat((32, 16), "R=0.2 G=0.4 B=1");
+    fs::write(folder.join("sky.exr"), exr_bytes(vec![sky])).unwrap();
+    fs::write(folder.join("chrome.exr"), exr_bytes(vec![chrome()])).unwrap();
     for (name, depth) in [("trees", 2.0), ("balls", 3.0)] {
         let part = DeepPart::surfaces(32, 18, move |_, _| vec![grey(depth, 0.25, 0.5)]);
         fs::write(folder.join(format!("{name}.exr")), deep_bytes(&[part])).unwrap();
@@ -123,6 +127,17 @@ fn make_files(folder: &Path) {
         fs::create_dir_all(&target).unwrap();
         entries(scene).iter().for_each(|file| copy(file, &target.join(file.file_name().unwrap())));
     }
+}
+
+/// A peel that reflects the sky.
+fn chrome() -> Part {
+    let ahead = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
+    let colors = "Combined.R=0.2 Combined.G=0.4 Combined.B=1 Combined.A=1 Depth.Z=3 Diffuse.R=0 Diffuse.G=0 Diffuse.B=0";
+    let gloss =
+        "Normal.X=0 Normal.Y=0 Normal.Z=1 Specular.R=1 Specular.G=1 Specular.B=1 ReflectedDistance.V=1e10";
+    let channels: Vec<String> =
+        colors.split(' ').chain(gloss.split(' ')).map(|channel| format!("Peel0.{channel}")).collect();
+    Part::flat((32, 18), &channels.join(" ")).attribute("worldToCamera", AttributeValue::Matrix4x4(ahead))
 }
 
 fn copy(from: &Path, to: &Path) {

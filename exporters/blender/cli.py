@@ -50,7 +50,9 @@ def parser(needs_scene: bool) -> argparse.ArgumentParser:
     own.add_argument("--background", action=argparse.BooleanOptionalAction, help="the world as the last peel")
     own.add_argument("--cryptomatte", action=argparse.BooleanOptionalAction, default=True, help="default: on")
     own.add_argument(
-        "--shading", action="store_true", help="channels for reflections: Diffuse, Normal, ReflectedDistance"
+        "--shading",
+        action="store_true",
+        help="channels for reflections: Diffuse, Reflection, Normal, ReflectedDistance, Specular, Roughness",
     )
     own.add_argument("--scene", metavar="NAME", help="default: the file's")
     own.add_argument("--camera", metavar="NAME", help="default: the scene's")

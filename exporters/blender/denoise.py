@@ -42,9 +42,9 @@ class Denoiser:
         }
         self._build(_tree(self.scene, journal))
 
-    def denoise(self, color: np.ndarray, passes: Passes, name: str) -> np.ndarray:
-        """The denoised `color`, `[height][width][3]`, premultiplied, of a render with guides and emission in it."""
-        emitted = passes.emission()
+    def denoise(self, color: np.ndarray, passes: Passes, name: str, has_emission: bool = True) -> np.ndarray:
+        """The denoised `color`, `[height][width][3]`, premultiplied, of a render with guides."""
+        emitted = passes.emission() if has_emission else 0.0
         self._fill(COLOR, color - emitted)
         self._fill(ALBEDO, passes.vector("Denoising Albedo", "RGB"))
         self._fill(NORMAL, passes.vector("Denoising Normal", "XYZ"))

@@ -136,6 +136,7 @@ def _render(file: _Open, settings: Settings, start: Rendered, camera: Any) -> Re
         peeler.denoiser = Denoiser(size, scene, file.folder, journal, file.talk.progress)
     if settings.shading:
         peeler.shading = shading.Shading(scene, renderer.layer, wrapped.surfaces, camera, journal)
+        peeler.shading.say_unread(say)
     peels = peeler.render(settings.peels, wishes.samples, settings.cryptomatte)
     if wishes.has_background:
         peels.layers.append(peeler.background(peels, wishes.samples))

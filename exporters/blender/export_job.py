@@ -57,6 +57,7 @@ class Choices:
     denoise: bool | None = None
     background: bool | None = None
     cryptomatte: bool = True
+    shading: bool = False
     scene: str | None = None
     camera: str | None = None
     view_layer: str | None = None
@@ -64,7 +65,7 @@ class Choices:
     def options(self) -> list[str]:
         """The flags of `cli.py`."""
         out = [f"--output={self.output}", f"--frames={frame_list(self.frames)}", "--verbose"]
-        out += ["--overwrite"] if self.overwrite else []
+        out += [f"--{name}" for name in ("overwrite", "shading") if getattr(self, name)]
         for name in ("peels", "kind", "supersample", "samples", "overscan", "scene", "camera", "view_layer"):
             value = getattr(self, name)
             out += [] if value is None else [f"--{name.replace('_', '-')}={value}"]

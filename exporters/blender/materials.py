@@ -28,8 +28,8 @@ class Wrapped:
 
     # Names of materials with coloured transparent shaders.
     tinted: list[str] = field(default_factory=list)
-    # Node trees, and the input that the surface is linked to.
-    surfaces: list[tuple[Any, Any]] = field(default_factory=list)
+    # Names of materials, their node trees, and the input that the surface is linked to.
+    surfaces: list[tuple[str, Any, Any]] = field(default_factory=list)
 
 
 def used() -> Iterator[Any]:
@@ -104,7 +104,8 @@ def wrap_all(group: Any, journal: Journal, say: Say) -> Wrapped:
                 # In Blender 4.2, that changes another property as well.
                 journal.remember(material, "shadow_method")
                 journal.set(material, "use_transparent_shadow", False)
-            out.surfaces += [(tree, target) for target in _wrap(tree, output, group, journal)]
+            inputs = _wrap(tree, output, group, journal)
+            out.surfaces += [(material.name, tree, target) for target in inputs]
             if _straighten(tree, journal, straightened):
                 out.tinted.append(material.name)
         except (AttributeError, RuntimeError) as error:

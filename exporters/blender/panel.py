@@ -134,7 +134,7 @@ class ShownSettings:
         row = layout.row()
         row.enabled = own.kind != POINT
         row.prop(own, "supersample")
-        for name in ("samples", "overscan", "denoise", "background", "cryptomatte"):
+        for name in ("samples", "overscan", "denoise", "background", "cryptomatte", "shading"):
             layout.prop(own, name)
         layout.prop_search(own, "view_layer", context.scene, "view_layers")
 

@@ -52,7 +52,7 @@ class PeelNodes:
         )
         groups = bpy.data.node_groups
         self.group = journal.made(groups, groups.new("thinlens peel", "ShaderNodeTree"))
-        self._build(_Maths(self.group), pixels_per_slope)
+        self._build(Maths(self.group), pixels_per_slope)
 
     def select(self, show: Show, depth: np.ndarray | float) -> None:
         """Shows the surfaces behind or at `depth`: planar distances `[height][width]`, row 0 on top, or one for all."""
@@ -63,7 +63,7 @@ class PeelNodes:
         self.image.update()
         self._show.outputs[0].default_value = show.value
 
-    def _build(self, maths: _Maths, pixels_per_slope: float) -> None:
+    def _build(self, maths: Maths, pixels_per_slope: float) -> None:
         self.group.interface.new_socket("Show", in_out="OUTPUT", socket_type="NodeSocketFloat")
         self._show = maths.node("ShaderNodeValue")
         distance = maths.node("ShaderNodeCameraData").outputs["View Z Depth"]
@@ -72,7 +72,7 @@ class PeelNodes:
         shown = maths.op("MAXIMUM", visible, maths.op("SUBTRACT", 1.0, is_camera))
         maths.link(shown, maths.node("NodeGroupOutput").inputs[0])
 
-    def _selected(self, maths: _Maths, distance: Any, pixels_per_slope: float) -> Any:
+    def _selected(self, maths: Maths, distance: Any, pixels_per_slope: float) -> Any:
         """1 for surfaces behind or at the distance of the image, as selected."""
         window = maths.node("ShaderNodeTexCoord").outputs["Window"]
         texture = maths.node("ShaderNodeTexImage")
@@ -93,14 +93,14 @@ class PeelNodes:
             "ADD", maths.op("MULTIPLY", behind, maths.op("SUBTRACT", 1.0, share)), maths.op("MULTIPLY", at, share)
         )
 
-    def _offset_px(self, maths: _Maths, window: Any) -> Any:
+    def _offset_px(self, maths: Maths, window: Any) -> Any:
         """How far the ray is off the centre of its pixel, in pixels."""
         pixel = maths.vector("MULTIPLY", window, (*self.size, 0.0))
         centred = maths.vector("SUBTRACT", maths.vector("FRACTION", pixel), (0.5, 0.5, 0.0))
         return maths.vector("LENGTH", centred)
 
 
-class _Maths:
+class Maths:
     """Adds nodes to a tree."""
 
     def __init__(self, tree: Any) -> None:
@@ -135,14 +135,14 @@ class _Maths:
         return node.outputs["Value" if operation in ("LENGTH", "DOT_PRODUCT") else "Vector"]
 
 
-def _cosine(maths: _Maths) -> Any:
+def _cosine(maths: Maths) -> Any:
     """Cosine of the angle between ray and surface normal, at least `SMALLEST_COSINE`."""
     geometry = maths.node("ShaderNodeNewGeometry")
     dot = maths.vector("DOT_PRODUCT", geometry.outputs["True Normal"], geometry.outputs["Incoming"])
     return maths.op("MAXIMUM", maths.op("ABSOLUTE", dot), SMALLEST_COSINE)
 
 
-def _outside(maths: _Maths) -> Any:
+def _outside(maths: Maths) -> Any:
     """0 for the inner faces of closed meshes, 1 for all others."""
     sides = []
     for kind in ("OBJECT", "GEOMETRY"):

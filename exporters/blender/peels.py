@@ -86,22 +86,30 @@ class Peeler:
         self.volumes.show(True)
         name = f"peel {peel}"
         guides, shading = self.denoiser is not None, self.shading is not None
-        passes = self.renderer.render(Job(name, samples, light=True, guides=guides, shading=shading))
+        job = Job(name, samples, light=True, guides=guides, shading=shading)
+        passes = self.renderer.render(job)
         alpha = np.clip(passes.channel("Combined.A"), 0.0, 1.0)
         color = self._denoised(passes.vector("Combined", "RGB"), passes, name)
-        more = self._shaded(passes, name) if self.shading else ({}, {})
+        more = self._shaded(passes, job) if self.shading else ({}, {})
         return _layer(color, np.where(depth < lenses.BACKGROUND, alpha, 0.0), depth, *more)
 
-    def _shaded(self, passes: Passes, name: str) -> tuple[dict, dict]:
-        """The channels for reflections of the peel that is shown."""
+    def _shaded(self, passes: Passes, job: Job) -> tuple[dict, dict]:
+        """The channels for reflections of the peel that is shown, rendered as `job`."""
+        name = job.name
         diffuse = self._denoised(shadings.diffuse(passes), passes, name)
+        near = self.shading.from_surfaces(self.renderer, job, passes)
+        reflection = self._denoised(near.glossy(), near, f"reflections of {name}", has_emission=False)
         self.volumes.show(False)
         inverse = self.shading.inverse_distances(self.renderer, name)
-        return shadings.channels(diffuse, self.shading.normals(passes), inverse)
+        normals = self.shading.normals(passes)
+        reflectance, roughness = self.shading.materials(self.renderer, name)
+        return shadings.Measured(diffuse, reflection, normals, inverse, reflectance, roughness).channels()
 
-    def _denoised(self, color: np.ndarray, passes: Passes, name: str) -> np.ndarray:
+    def _denoised(self, color: np.ndarray, passes: Passes, name: str, has_emission: bool = True) -> np.ndarray:
         """`color`, denoised where the peels are."""
-        return self.denoiser.denoise(color, passes, f"denoising of {name}") if self.denoiser else color
+        if self.denoiser is None:
+            return color
+        return self.denoiser.denoise(color, passes, f"denoising of {name}", has_emission)
 
     def _keep_cryptomatte(self, passes: Passes, out: Peels) -> None:
         out.cryptomatte = {name: plane for name, plane in passes.channels.items() if "Crypto" in name}

@@ -103,6 +103,7 @@ def choices(scene: Any, camera: Any) -> Choices:
         denoise=is_on(own.denoise),
         background=is_on(own.background),
         cryptomatte=own.cryptomatte,
+        shading=own.shading,
         scene=scene.name,
         camera=camera.name,
         view_layer=own.view_layer or None,

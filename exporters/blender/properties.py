@@ -91,6 +91,9 @@ class ThinlensCamera(bpy.types.PropertyGroup):
     denoise: bpy.props.EnumProperty(name="Denoise", description="Denoise each peel", items=_THREE_WAYS)
     background: bpy.props.EnumProperty(name="World", description="The world as the last peel", items=_THREE_WAYS)
     cryptomatte: bpy.props.BoolProperty(name="Cryptomatte", description="Write object mattes", default=True)
+    shading: bpy.props.BoolProperty(
+        name="Reflections", description="Write the channels by which the lens moves reflections", default=False
+    )
     view_layer: bpy.props.StringProperty(name="View Layer", description="Empty: the first that is rendered")
     apply_after: bpy.props.BoolProperty(
         name="Apply Lens After",

@@ -29,6 +29,9 @@ TO_WORLD = Matrix.LocRotScale(Vector((1.0, -2.0, 0.5)), Euler((0.7, 0.4, -1.1)),
 MIRROR = Matrix.Translation((0.0, 0.0, -4.0)) @ Matrix.Rotation(math.radians(45.0), 4, "Y")
 WALL = Matrix.Translation((3.0, 0.0, -4.0)) @ Matrix.Rotation(math.radians(-90.0), 4, "Y")
 
+COLORS, MORE = ("Combined", "Diffuse", "Reflection", "Specular"), ("Depth.Z", "ReflectedDistance.V", "Roughness.V")
+CHANNELS = (*(f"{group}.{end}" for group in COLORS for end in "RGB"), *(f"Normal.{end}" for end in "XYZ"), *MORE)
+
 
 def scene_of() -> Any:
     """A scene with a camera, a lamp and a world."""
@@ -71,21 +74,20 @@ def card(place: Matrix, made: Any) -> Any:
     return ob
 
 
+# What exports told the user.
+said: list[str] = []
+
+
 def layers_of(scene: Any, **settings: Any) -> list[dict[str, np.ndarray]]:
     """The layers of the scene's stack: channels without the peel's name, groups of several as one array."""
     plain = {"samples": 16, "overscan": 0, "threads": 2, "cryptomatte": False, "denoise": False, "shading": True}
-    silent = export.Talk(lambda text: None, lambda text: None)
+    silent = export.Talk(said.append, lambda text: None)
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "stack.exr")
         export.export(scene, Settings(**{**plain, **settings}), path, silent)
         (part,) = exr.read(path)
     groups: dict[int, dict[str, list[np.ndarray]]] = {}
-    for name in ("Combined.R", "Combined.G", "Combined.B", "Diffuse.R", "Diffuse.G", "Diffuse.B", "Depth.Z") + (
-        "Normal.X",
-        "Normal.Y",
-        "Normal.Z",
-        "ReflectedDistance.V",
-    ):
+    for name in CHANNELS:
         for peel in range(8):
             if (full := f"Peel{peel}.{name}") in part.channels:
                 group = groups.setdefault(peel, {}).setdefault(name.partition(".")[0], [])
@@ -108,6 +110,9 @@ def distances_to(plane: Matrix, starts: np.ndarray, ways: np.ndarray) -> np.ndar
 
 
 class Shading(unittest.TestCase):
+    def setUp(self):
+        said.clear()
+
     def test_a_diffuse_surface_has_only_diffuse_light(self):
         scene = scene_of()
         card(MIRROR, surface("BsdfDiffuse", Color=(0.2, 0.4, 0.6, 1.0)))
@@ -173,6 +178,113 @@ class Shading(unittest.TestCase):
             is_mirror = np.abs(hit) < 1e-3
             self.assertGreater(is_mirror.mean(), 0.5)
             np.testing.assert_allclose(found[0]["ReflectedDistance"][is_mirror, 0], expected[is_mirror], rtol=1e-3)
+
+    def test_the_light_of_surfaces_is_reflection_and_that_of_the_world_and_suns_is_not(self):
+        scene = scene_of()
+        mirror = card(MIRROR, surface("BsdfGlossy", Roughness=0.0, Color=(1.0, 1.0, 1.0, 1.0)))
+        sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+        sun.rotation_euler = (0.5, 1.5, 0.0)
+        # The sun's light by two reflections is left out.
+        scene.cycles.caustics_reflective = False
+        scene.collection.objects.link(sun)
+        bpy.data.objects["lamp"].hide_render = True
+        shiny = surface("BsdfPrincipled", Roughness=0.2, Metallic=0.5)
+        for made in (None, shiny):
+            mirror.data.materials[0] = made or mirror.data.materials[0]
+            for denoise in (False, True):
+                layer = layers_of(scene, denoise=denoise)[0]
+                self.assertGreater((layer["Combined"] - layer["Diffuse"]).min(), 0.05)
+                np.testing.assert_allclose(layer["Reflection"], 0.0, atol=1e-4)
+        if bpy.app.version < (5, 0):
+            scene.world.use_nodes, scene.world.color = False, WORLD
+            layer = layers_of(scene)[0]
+            self.assertGreater((layer["Combined"] - layer["Diffuse"]).min(), 0.05)
+            np.testing.assert_allclose(layer["Reflection"], 0.0, atol=1e-4)
+            self.assertFalse(scene.world.use_nodes)
+        # A matt wall in the light of the world and the sun: that is reflection.
+        mirror.data.materials[0] = surface("BsdfGlossy", Roughness=0.0, Color=(1.0, 1.0, 1.0, 1.0))
+        wall = card(WALL, surface("BsdfDiffuse"))
+        layer = layers_of(scene, kind="point")[0]
+        ways = rays()
+        # Where the wall is in front of the mirror, it is the first peel.
+        is_mirror = (
+            np.abs(layer["Depth"][..., 0] + (ways * distances_to(MIRROR, np.zeros(3), ways)[..., None])[..., 2]) < 1e-3
+        )
+        is_lit = is_mirror & (layer["ReflectedDistance"][..., 0] < 1e9)
+        self.assertGreater(layer["Reflection"][is_lit].min(), 0.005)
+        np.testing.assert_allclose(layer["Reflection"][is_lit], layer["Combined"][is_lit], rtol=1e-3)
+        wall.data.materials[0] = surface("Emission", Color=(3.0, 2.0, 1.0, 1.0))
+        layer = layers_of(scene, kind="point")[0]
+        self.assertGreater(is_lit.mean(), 0.4)
+        lit = layer["Reflection"][is_lit]
+        np.testing.assert_allclose(lit, np.broadcast_to((3.0, 2.0, 1.0), lit.shape), rtol=2e-3)
+
+    def test_reflectance_and_roughness_are_read_from_the_shaders(self):
+        scene = scene_of()
+        ob = card(MIRROR, surface("BsdfDiffuse"))
+        rgb = (0.2, 0.4, 0.6)
+        tint = (*rgb, 1.0)
+        for made, reflectance, roughness in (
+            (surface("BsdfDiffuse"), 0.0, 1.0),
+            (surface("BsdfGlossy", Color=tint, Roughness=0.3), rgb, 0.3),
+            (surface("BsdfGlass", IOR=1.5, Roughness=0.1), 0.04, 0.1),
+            (surface("BsdfPrincipled", Base_Color=tint, Metallic=1.0, Roughness=0.25), rgb, 0.25),
+            (surface("BsdfPrincipled", Base_Color=tint, Roughness=0.5, IOR=1.5), 0.04, 0.5),
+            (surface("BsdfPrincipled", IOR=2.0, Specular_IOR_Level=0.25, Roughness=0.5), 1.0 / 18.0, 0.5),
+            (self.mixed("Fac"), (0.05, 0.1, 0.15), 0.3),
+            (self.mixed("Fresnel"), (0.008, 0.016, 0.024), 0.3),
+            (self.textured(), (0.5, 0.25, 0.75), 0.4),
+        ):
+            ob.data.materials[0] = made
+            nodes = len(made.node_tree.nodes)
+            layer = layers_of(scene, samples=1)[0]
+            found = layer["Specular"]
+            np.testing.assert_allclose(found, np.broadcast_to(reflectance, found.shape), atol=1e-3, err_msg=made.name)
+            np.testing.assert_allclose(layer["Roughness"], roughness, atol=1e-3, err_msg=made.name)
+            self.assertEqual(len(made.node_tree.nodes), nodes)
+        self.assertFalse([line for line in said if "cannot be read" in line])
+
+    def test_a_warning_names_materials_whose_reflectance_cannot_be_read(self):
+        scene = scene_of()
+        made, (node,) = material("velvet", "ShaderNodeBsdfToon")
+        card(MIRROR, made)
+        layer = layers_of(scene, samples=1)[0]
+        np.testing.assert_array_equal(layer["Specular"], 0.0)
+        np.testing.assert_array_equal(layer["Roughness"], 1.0)
+        self.assertEqual(
+            len([line for line in said if line.startswith("warning: shaders of velvet cannot be read")]), 1
+        )
+
+    @staticmethod
+    def mixed(share: str) -> Any:
+        """A glossy shader of colour 0.2, 0.4, 0.6 over a diffuse one, by a quarter or by the angle."""
+        made, (mix, matt, shiny) = material(
+            "mixed", "ShaderNodeMixShader", "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
+        )
+        tree = made.node_tree
+        shiny.inputs["Color"].default_value, shiny.inputs["Roughness"].default_value = (0.2, 0.4, 0.6, 1.0), 0.3
+        mix.inputs[0].default_value = 0.25
+        if share == "Fresnel":
+            fresnel = tree.nodes.new("ShaderNodeFresnel")
+            fresnel.inputs["IOR"].default_value = 1.5
+            tree.links.new(fresnel.outputs[0], mix.inputs[0])
+        tree.links.new(matt.outputs[0], mix.inputs[1])
+        tree.links.new(shiny.outputs[0], mix.inputs[2])
+        return made
+
+    @staticmethod
+    def textured() -> Any:
+        """Metal whose colour and roughness come from other nodes."""
+        made, (metal, color, value, route) = material(
+            "textured", "ShaderNodeBsdfPrincipled", "ShaderNodeRGB", "ShaderNodeValue", "NodeReroute"
+        )
+        tree = made.node_tree
+        color.outputs[0].default_value, value.outputs[0].default_value = (0.5, 0.25, 0.75, 1.0), 0.4
+        metal.inputs["Metallic"].default_value = 1.0
+        tree.links.new(color.outputs[0], route.inputs[0])
+        tree.links.new(route.outputs[0], metal.inputs["Base Color"])
+        tree.links.new(value.outputs[0], metal.inputs["Roughness"])
+        return made
 
     def test_a_surface_behind_another_has_its_own(self):
         scene = scene_of()

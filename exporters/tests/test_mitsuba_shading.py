@@ -53,7 +53,7 @@ class Shading(unittest.TestCase):
         for lights in ([scenes.sky(1.0)], [bulb], [lamp, scenes.sky(0.2)]):
             for integrator in ({"max_depth": 2}, {"max_depth": 4}, {"integrator": "direct"}):
                 found = self.channels([tilted(matt, 20.0), *lights], **integrator)
-                np.testing.assert_allclose(found["Diffuse"], found["Combined"], rtol=0.1)
+                np.testing.assert_array_equal(found["Diffuse"], found["Combined"])
 
     def test_mirrors_and_metals_have_none(self):
         for bsdf in ({"type": "conductor", "material": "Ag"}, principled(metallic=1.0), {"type": "dielectric"}):
@@ -71,6 +71,65 @@ class Shading(unittest.TestCase):
     def test_a_lamp_shines_by_itself(self):
         found = self.channels([scenes.lamp(4.0, (3.0, 2.0, 1.0))])
         np.testing.assert_allclose(found["Diffuse"], (3.0, 2.0, 1.0), rtol=1e-6)
+
+    def wall(self, color=(3.0, 2.0, 1.0)):
+        """A lamp that a mirror at 45° shows the camera, 3 to its right; the camera does not see it."""
+        return scenes.lamp(0.0, color) | {
+            "to_world": mi.ScalarTransform4f().translate([3, 0, -4]).rotate([0, 1, 0], -90).scale([2.0, 50.0, 1.0])
+        }
+
+    def test_the_light_of_surfaces_is_reflection_and_that_of_the_environment_is_not(self):
+        mirrors = (
+            {"type": "conductor", "material": "none"},
+            {"type": "roughconductor", "material": "none", "alpha": 0.02},
+            principled(metallic=1.0, roughness=0.1),
+        )
+        for bsdf in mirrors:
+            for integrator in (
+                {"max_depth": 2},
+                {"max_depth": 5},
+                {},
+                {"integrator": "direct"},
+                {"hide_emitters": True},
+            ):
+                found = self.channels([tilted(bsdf, 45.0), self.wall()], **integrator)
+                np.testing.assert_allclose(found["Reflection"], found["Combined"], rtol=0.05)
+                self.assertGreater(found["Reflection"].min(), 0.1)
+            found = self.channels([tilted(bsdf, 45.0), scenes.sky(1.0)], paths=64)
+            np.testing.assert_array_equal(found["Reflection"], 0.0)
+            # The lamp hides the sky where it is.
+            found = self.channels([tilted(bsdf, 45.0), self.wall(), scenes.sky(0.5)])
+            alone = self.channels([tilted(bsdf, 45.0), self.wall()])
+            np.testing.assert_allclose(found["Reflection"], alone["Reflection"], rtol=0.05)
+
+    def test_the_parts_of_the_light_of_a_glossy_surface_add_up_to_it(self):
+        bulb = {"type": "point", "position": [2.0, 1.0, -2.0], "intensity": 8.0}
+        sun = {"type": "directional", "direction": [-1.0, 0.0, 0.0], "irradiance": 2.0}
+        matt = scenes.card(0.0, {"type": "twosided", "bsdf": {"type": "diffuse"}}) | {
+            "to_world": mi.ScalarTransform4f().translate([6, 0, -4]).rotate([0, 1, 0], -90).scale(50.0)
+        }
+        for bsdf in (
+            {"type": "roughplastic", "alpha": 0.2},
+            {"type": "plastic"},
+            principled(specular=0.9),
+            principled(metallic=0.5, clearcoat=1.0, sheen=0.5),
+            {"type": "mask", "opacity": 0.5, "bsdf": {"type": "roughplastic", "alpha": 0.2}},
+        ):
+            # Mitsuba's `path` darkens what is within `mask`.
+            integrator = {"integrator": "volpath" if bsdf["type"] == "mask" else "path", "max_depth": 4}
+            near = self.channels([tilted(bsdf, 45.0), self.wall(), matt, bulb], paths=4096, **integrator)
+            np.testing.assert_allclose(near["Diffuse"] + near["Reflection"], near["Combined"], rtol=0.05)
+            self.assertGreater(near["Reflection"].min(), 0.0)
+            far = self.channels([tilted(bsdf, 45.0), scenes.sky(1.0)], paths=256, max_depth=4)
+            np.testing.assert_array_equal(far["Reflection"], 0.0)
+            far = self.channels([tilted(bsdf, 45.0), sun], paths=256, max_depth=4)
+            np.testing.assert_array_equal(far["Reflection"], 0.0)
+
+    def test_what_is_not_told_from_diffuse_light_is_no_reflection(self):
+        for bsdf in ({"type": "diffuse"}, {"type": "principledthin"}):
+            found = self.channels([tilted(bsdf, 45.0), self.wall()], paths=16)
+            np.testing.assert_array_equal(found["Reflection"], 0.0)
+            np.testing.assert_array_equal(found["Diffuse"], found["Combined"])
 
     def test_normals_are_in_the_axes_of_the_camera_and_face_it(self):
         for angle in (0.0, 25.0, 205.0):

@@ -48,6 +48,7 @@ class CommandLine(unittest.TestCase):
             denoise=False,
             background=True,
             cryptomatte=False,
+            shading=True,
             scene="--odd scene",
             camera="my camera",
             view_layer="front",
@@ -56,7 +57,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(frames.parse(options.frames), [1, 2, 3, 7])
         for name in ("output", "peels", "kind", "supersample", "samples", "overscan", "denoise", "background"):
             self.assertEqual(getattr(options, name), getattr(choices, name), name)
-        for name in ("cryptomatte", "scene", "camera", "view_layer", "overwrite"):
+        for name in ("cryptomatte", "shading", "scene", "camera", "view_layer", "overwrite"):
             self.assertEqual(getattr(options, name), getattr(choices, name), name)
 
     def test_what_is_left_open_is_left_to_the_command_line(self) -> None:

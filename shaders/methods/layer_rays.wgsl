@@ -257,6 +257,8 @@ fn next_layer(ray: Ray, slabs: vec2u, first: u32) -> u32 {
 
 // Traces `ray` through the layers of `slabs`, front to back. `has_cones` is a constant at each call.
 fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> RayTrace {
+    let inverse = select(vec2f(0.0), 1.0 / ray.step, abs(ray.step) > vec2f(STEEP));
+    let lens = lens_ray(ray.start, ray.step, inverse);
     let frame_bounds = select(vec2f(-ABSENT, ABSENT), frame_interval(ray), frame.discard_outside != 0u);
     var trace = RayTrace(vec3f(0.0), 1.0, true);
     // Fragments up to this CoC radius were hit before.
@@ -282,7 +284,8 @@ fn follow_ray(ray: Ray, slabs: vec2u, has_cones: bool) -> RayTrace {
                     color = cone(ray, hit, layer, level);
                 }
             }
-            trace.color += trace.transmittance * color.rgb;
+            let moved = moved_at(in_frame(vec2i(floor(ray_at(ray, hit.at)))), hit.coc_px, lens);
+            trace.color += trace.transmittance * (color.rgb + color.a * (moved.seen - moved.own));
             trace.transmittance *= let_through(color.a);
             passed_coc_px = hit.coc_px;
         }

@@ -142,3 +142,21 @@ fn moved_light(layer: u32, at: vec2i, ray: LensRay) -> MovedLight {
     }
     return MovedLight(share * of_fragment(fragment, 0u).rgb, seen, share);
 }
+
+// `moved_light` in the fragment of CoC radius `coc` at the sample `at`, whatever its layer.
+fn moved_at(at: vec2i, coc: f32, ray: LensRay) -> MovedLight {
+    if !REFLECTS {
+        return NOTHING_MOVES;
+    }
+    for (var layer = 0u; layer < reflecting.layers; layer++) {
+        let fragment = reflecting_in(layer, at);
+        if fragment == 0u {
+            continue;
+        }
+        let moves = dot(of_fragment(fragment, 2u).zw, vec2f(1.0)) > 0.0;
+        if moves && of_fragment(fragment, 0u).w == coc {
+            return moved_light(layer, at, ray);
+        }
+    }
+    return NOTHING_MOVES;
+}

@@ -256,7 +256,18 @@ fn write_ranges(text: &mut String, stats: &SceneStats, lens: &ThinLens) -> fmt::
         .map(|depth| depth.map_or("background".to_owned(), |depth| format!("{depth:.3}")));
     let [near, far] = stats.coc_range_px;
     line(text, "depth", format_args!("{nearest} … {farthest}"))?;
-    line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))
+    line(text, "CoC radius", format_args!("{near:.2} … {far:.2} px"))?;
+    let Some(reflections) = &stats.reflections else { return Ok(()) };
+    let share = |count: usize| 100.0 * count as f64 / stats.fragments as f64;
+    let [reflecting, moving] = [reflections.reflecting_fragments, reflections.moving_fragments].map(share);
+    let largest = reflections.largest_movement_px;
+    line(
+        text,
+        "reflections",
+        format_args!(
+            "{reflecting:.1} % of the fragments; the lens moves what {moving:.1} % show, by up to {largest:.2} px"
+        ),
+    )
 }
 
 /// The statistics of each peel, one line each.

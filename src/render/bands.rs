@@ -141,6 +141,10 @@ fn check(job: &Job, footprint: &Footprint) -> Result<(), Error> {
             Error::limits("a frame with a holdout is not rendered in bands").help("leave `holdout` out")
         );
     }
+    if job::user_layers(job).any(|(_, values)| values.environment.is_some()) {
+        return Err(Error::limits("an environment is not shaded in a frame that is rendered in bands")
+            .help("leave `environment` out"));
+    }
     if job.confidence {
         return Err(Error::limits("there is no confidence mask of a frame that is rendered in bands")
             .help("leave `confidence` out"));

@@ -3,8 +3,8 @@
 //! Cost: one read of alpha and depth.
 
 use crate::lens::ThinLens;
-use crate::stack::Stack;
-use crate::stack::depth::DepthScale;
+use crate::stack::depth::{BACKGROUND, DepthScale};
+use crate::stack::{Shading, Stack};
 use rayon::prelude::*;
 
 /// The largest half float, which stands for background where depth was converted.
@@ -17,7 +17,8 @@ const LANES: usize = 16;
 /// The depths of a stack's fragments, and the blur that a lens makes of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DepthInUse {
-    /// Planar depth of the nearest and of the farthest surface in depth units; the first is above the second where there is none.
+    /// Planar depth of the nearest and of the farthest surface, or of what it reflects, in depth units; the first is above the second where
+    /// there is none.
     pub(crate) range: [f32; 2],
     /// Smallest and largest CoC radius of surfaces and background, without sign, in picture pixels. The smallest is 0 where focus lies
     /// between surfaces.
@@ -50,11 +51,13 @@ impl DepthInUse {
         let wide = [lens.depth_planar(-limit_px), lens.depth_planar(limit_px)]
             .map(|depth| depth.unwrap_or(f32::INFINITY));
         let is_wide_at_infinity = lens.coc_infinity_px > limit_px;
-        let of_row = |peel: usize, y: usize| {
-            let peel = &stack.peels[peel];
+        let of_row = |number: usize, y: usize| {
+            let peel = &stack.peels[number];
             let mut depths = peel.depth.row(y).to_vec();
             scale.planar_row(&mut depths, y0 + y as f32, x0);
-            Seen::of(peel.alpha.row(y), &depths, wide)
+            let farthest = reflected(&stack.shading, number, (y, &depths));
+            let seen = Seen::of(peel.alpha.row(y), &depths, wide);
+            Seen { range: [seen.range[0], seen.range[1].max(farthest)], ..seen }
         };
         let of_peel = |peel: usize| {
             let rows = (0..stack.height()).into_par_iter();
@@ -78,6 +81,17 @@ impl DepthInUse {
             width_px: self.width_px,
         }
     }
+}
+
+/// Depth of the farthest surface that row `y` of peel `number` reflects, whose surfaces have these planar depths: at most that, as it lies
+/// along the ray.
+fn reflected(shading: &[Option<Shading>], number: usize, (y, depths): (usize, &[f32])) -> f32 {
+    let Some(shading) = shading.get(number).and_then(Option::as_ref) else { return f32::NEG_INFINITY };
+    let of = |(x, depth): (usize, &f32)| {
+        let behind = depth + shading.reflected_distance.get(x, y);
+        (behind < BACKGROUND && shading.reflects(x, y)).then_some(behind)
+    };
+    depths.iter().enumerate().filter_map(of).fold(f32::NEG_INFINITY, f32::max)
 }
 
 impl Seen {

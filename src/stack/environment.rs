@@ -33,11 +33,12 @@ fn is_cube(attributes: &[(Text, AttributeValue)]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use exr::image::Image as Written;
     use exr::prelude::*;
 
     fn written(map: EnvironmentMap) -> Source {
         let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 0.5f32));
-        let mut image = exr::image::Image::from_channels((8, 4), channels);
+        let mut image = Written::from_channels((8, 4), channels);
         image.layer_data.attributes.environment_map = Some(map);
         let mut bytes = Vec::new();
         image.write().to_buffered(std::io::Cursor::new(&mut bytes)).unwrap();

@@ -18,8 +18,9 @@ use exr::meta::attribute::SampleType;
 /// Bytes of one peel's sample: red, green, blue, alpha and depth.
 const PEEL_BYTES: u64 = 20;
 
-/// Planes that are made of what a peel reflects, for each of its samples.
-const MOVED_PLANES: usize = 13;
+/// Planes that are made of what a peel reflects, for each of its samples: while the movement is found, and while the light that moves is
+/// taken out of the layers.
+const MOVED_PLANES: usize = 36;
 
 /// Bytes for each sample of the data window that a render takes beside the decoded stack: what methods were measured to take, at most 84,
 /// and the margin that an estimate needs.

@@ -254,6 +254,7 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
     findings.extend(of_kept);
     findings.extend(file.findings.iter().cloned());
     findings.extend(peels.iter().filter_map(|peel| peel.shading.as_ref()?.doubt(&peel.prefix)));
+    findings.extend(not_in_bands(&file, &peels, options));
     let mut requested: Vec<(usize, Use)> = peels.iter().chain(&beauty).flat_map(requested_channels).collect();
     requested.extend(kept.iter().map(|&index| (index, Use::Carry)));
 
@@ -304,6 +305,16 @@ fn read_assigned(file: ExrFile, assigned: Assigned, options: &ReadOptions) -> Re
         is_numbered: false,
         replaced,
     })
+}
+
+/// The warning that reflections of a frame that is read in rows do not move, if the file says what they are.
+fn not_in_bands(file: &ExrFile, peels: &[PeelChannels], options: &ReadOptions) -> Option<Finding> {
+    let names = file.names();
+    let says = options.rows.is_some()
+        && peels.iter().any(|peel| ShadingChannels::of(&names, &peel.prefix).is_some());
+    let text =
+        "reflections do not move with the lens in a frame that is rendered in bands: allow more memory";
+    says.then(|| Finding::warning("reflections", text))
 }
 
 /// All that is decoded of one peel, in order.

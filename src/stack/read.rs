@@ -332,12 +332,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
     let names: Vec<String> = layers.iter().map(|layer| layer.prefix.clone()).collect();
     let named = layers.iter().find(|layer| layer.depth.is_some());
     let depth_channel = named.map_or_else(String::new, |layer| layer.depth_channel.clone());
-    let peels = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, frame.data));
-    type Peels = (Vec<Peel>, Vec<Option<Shading>>);
-    let (mut peels, mut shading) = peels.collect::<Result<Peels, Error>>().map_err(in_file)?;
-    if shading.iter().all(Option::is_none) {
-        shading.clear();
-    }
+    let (mut peels, mut shading) = placed_peels(layers, frame.data).map_err(in_file)?;
 
     let evidence = Evidence {
         chosen: options.convention,
@@ -365,8 +360,7 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         }
     }
     let (finding, reordered) = order::sort(&mut peels, convention);
-    findings.extend(finding);
-    findings.extend(shading::unordered(&mut shading, &reordered));
+    findings.extend(finding.into_iter().chain(shading::unordered(&mut shading, &reordered)));
     let (mut kind, mut antialiasing, finding) =
         kind::conclude(&peels, convention, announced).map_err(in_file)?;
     findings.push(finding);
@@ -408,6 +402,16 @@ pub(super) fn finish(layers: Layers, options: &ReadOptions) -> Result<Stack, Err
         mattes,
         findings,
     })
+}
+
+/// The peels of `layers` in the data window `window`, and what their surfaces reflect: nothing, if that is not said of any.
+fn placed_peels(layers: Vec<Layer>, window: Window) -> Result<(Vec<Peel>, Vec<Option<Shading>>), Error> {
+    let placed = layers.into_iter().enumerate().map(|(i, layer)| join::placed(i, layer, window));
+    let (peels, mut shading): (Vec<_>, Vec<_>) = placed.collect::<Result<_, Error>>()?;
+    if shading.iter().all(Option::is_none) {
+        shading.clear();
+    }
+    Ok((peels, shading))
 }
 
 /// Gives fragments of `peels` the depth that a filter took from them, with what was found of it.

@@ -65,7 +65,7 @@ impl ShadingChannels {
                 full.get(..start.len()).is_some_and(|head| head == start)
                     && full[start.len()..].eq_ignore_ascii_case(name)
             };
-            names.iter().position(|full| is_it(full))
+            names.iter().position(is_it)
         };
         let three = |group: &str, parts: [&str; 3]| {
             let [first, second, third] = parts.map(|part| index(&format!("{group}.{part}")));
@@ -166,6 +166,13 @@ impl Shading {
             roughness: self.roughness.map(placed),
             reflection: self.reflection.map(|planes| planes.map(placed)),
         }
+    }
+
+    /// All its planes.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = &Plane> {
+        let single = [Some(&self.reflected_distance), self.roughness.as_ref()].into_iter().flatten();
+        let colors = [&self.specular, &self.reflection].into_iter().flatten().flatten();
+        self.light.iter().chain(&self.normal).chain(single).chain(colors)
     }
 
     /// Whether the surface at column `x` of row `y` reflects light specularly, or would if it faced any: seen from elsewhere on the lens, a

@@ -1,6 +1,8 @@
 """Further channels of each peel, for reflections that the lens moves: how a surface reflects, and what.
 
 - `Diffuse.R` `.G` `.B`: the colour without what the surface reflects specularly; premultiplied. Merged as colour.
+- `Reflection.R` `.G` `.B`: the part of the specular light that came from surfaces and near lamps; premultiplied. The
+  rest, Combined − Diffuse − Reflection, came from the environment. Merged as colour.
 - `Normal.X` `.Y` `.Z`: the shading normal in the camera's axes: right, up, towards the viewer. Mean, of length 1.
 - `ReflectedDistance.V`: along the mirrored ray, in scene units; 1e10 if it meets nothing. Harmonic mean.
 - `Specular.R` `.G` `.B`: the reflectance at normal incidence. Mean.
@@ -17,6 +19,7 @@ from .lens import NOTHING_HIT
 from .merge import Layer
 
 DIFFUSE = tuple(f"Diffuse.{name}" for name in "RGB")
+REFLECTION = tuple(f"Reflection.{name}" for name in "RGB")
 NORMAL = tuple(f"Normal.{name}" for name in "XYZ")
 SPECULAR = tuple(f"Specular.{name}" for name in "RGB")
 ROUGHNESS = "Roughness.V"

@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--shading",
         action="store_true",
-        help="channels for reflections: Diffuse, Normal, ReflectedDistance, Specular, Roughness",
+        help="channels for reflections: Diffuse, Reflection, Normal, ReflectedDistance, Specular, Roughness",
     )
     group.add_argument("--float", action="store_true", help="colours as 32-bit floats instead of halves")
     group = parser.add_argument_group("lens")

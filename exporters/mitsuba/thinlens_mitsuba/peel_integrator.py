@@ -14,7 +14,7 @@ import numpy as np
 from thinlens_stack.errors import ExportError
 from thinlens_stack.lens import NOTHING_HIT
 from thinlens_stack.merge import Layer, interleave, merge, stacked
-from thinlens_stack.shading import DIFFUSE, finish
+from thinlens_stack.shading import DIFFUSE, REFLECTION, finish
 from thinlens_stack.stack import Frame, channels
 
 from . import shading
@@ -205,15 +205,23 @@ class Peeler:
         return np.stack([values.reshape(-1, count).mean(axis=1) for values in found], axis=1)
 
     def _add_shading(self, walked: Walked, layers: list[Layer], paths: int, seed: tuple[int, ...]) -> None:
-        """Adds the channels of `shading`. Of the environment, all light is its own."""
+        """Adds the channels of `shading`. Of the environment and of surfaces that are only diffuse, all light is."""
         for layer in layers:
             layer.sums.update({name: layer.color[:, k].copy() for k, name in enumerate(DIFFUSE)})
+            layer.sums.update({name: np.zeros(len(walked.x), np.float32) for name in REFLECTION})
             layer.means.update({name: np.zeros(len(walked.x), np.float32) for name in shading.MEANS})
             layer.means[shading.ROUGHNESS] += 1.0
-        diffuse = shading.DiffuseLight(self.scene, self.inner)
+        parts = (shading.DiffuseLight(self.scene, self.inner), shading.ReflectedLight(self.scene, self.inner))
 
-        def light(ray: mi.RayDifferential3f, start: mi.Float, sampler: mi.Sampler) -> tuple[mi.Float, ...]:
-            return tuple(diffuse.light(surface_at(self.scene, ray, start), ray, sampler))
+        def diffuse(ray: mi.RayDifferential3f, start: mi.Float, sampler: mi.Sampler) -> tuple[mi.Float, ...]:
+            return tuple(parts[0].light(surface_at(self.scene, ray, start), ray, sampler))
+
+        def reflected(ray: mi.RayDifferential3f, start: mi.Float, sampler: mi.Sampler) -> tuple[mi.Float, ...]:
+            return tuple(parts[1].light(surface_at(self.scene, ray, start), ray, sampler))
+
+        def is_specular(x: mi.Float, y: mi.Float, start: mi.Float) -> tuple[mi.Bool]:
+            ray = self.camera.ray(x, y)
+            return (shading.is_specular(surface_at(self.scene, ray, start), ray),)
 
         def properties(x: mi.Float, y: mi.Float, start: mi.Float) -> tuple[mi.Float, ...]:
             ray = self.camera.ray(x, y)
@@ -224,9 +232,12 @@ class Peeler:
             if len(at) == 0:
                 return
             columns = (walked.x[at], walked.y[at], walked.before[peel, at])
-            found = self._mean(light, columns, paths, (*seed, peel, 2))
-            for k, name in enumerate(DIFFUSE):
-                layer.sums[name][at] = found[:, k]
+            shines = np.flatnonzero(evaluate(is_specular, columns)[0])
+            shining = [column[shines] for column in columns]
+            for follow, names, number in ((diffuse, DIFFUSE, 2), (reflected, REFLECTION, 3)):
+                found = self._mean(follow, shining, paths, (*seed, peel, number))
+                for k, name in enumerate(names):
+                    layer.sums[name][at[shines]] = found[:, k]
             for name, values in zip(shading.MEANS, evaluate(properties, columns), strict=True):
                 layer.means[name][at] = values
 

@@ -2,11 +2,9 @@
 //!
 //! Memory: 64 bytes a fragment that reflects, and 4 a sample of each layer.
 
-use super::reflected_light::{ReflectedLight, STEPS};
+use super::reflected_light::{ReflectedLight, Reflecting as Sample, STEPS};
 use crate::error::Error;
 use crate::gpu::{Buffer, Constant, Gpu, mirrored};
-use crate::image::Plane;
-use crate::scene::ReflectingLayer;
 use crate::scene::surface::JOIN_PX;
 
 /// Text of the shader's functions on lens rays.
@@ -66,9 +64,9 @@ impl ReflectingBuffers {
             at.reserve(columns * rows * reflected.layers().len());
             for layer in reflected.layers() {
                 for index in 0..columns * rows {
-                    let fragment = layer.as_ref().and_then(|layer| reflected.fragment_words(layer, index));
-                    fragments.extend(fragment.into_iter().flatten());
-                    at.push(if fragment.is_some() { (fragments.len() / 4) as u32 } else { 0 });
+                    let sample = layer.map(|samples| &samples[index]).filter(|sample| sample.surface > 0);
+                    fragments.extend(sample.into_iter().flat_map(|sample| reflected.words(sample)));
+                    at.push(if sample.is_some() { (fragments.len() / 4) as u32 } else { 0 });
                 }
             }
         }
@@ -90,21 +88,16 @@ impl ReflectingBuffers {
 }
 
 impl ReflectedLight {
-    /// The fragment at sample `index` of `layer` in the layout of the shader; `None` where nothing reflects.
-    fn fragment_words(&self, layer: &ReflectingLayer, index: usize) -> Option<[[f32; 4]; 4]> {
-        let surface = layer.surface[index];
-        if surface == 0 {
-            return None;
-        }
-        let value = |plane: &Plane| plane.values()[index];
-        let [red, green, blue] = layer.light.each_ref().map(value);
-        let [near, far] = layer.mirrored_px.each_ref().map(value).map(|px| px.clamp(NEVER_PX, -NEVER_PX));
-        let farthest = self.farthest_px(surface).max(NEVER_PX);
-        Some([
-            [red, green, blue, value(&layer.coc_px)],
-            layer.movement.each_ref().map(value),
-            [near, far, value(&layer.flat), value(&layer.curved)],
-            [farthest, f32::from_bits(surface), 0.0, 0.0],
-        ])
+    /// A fragment in the layout of the shader.
+    fn words(&self, sample: &Sample) -> [[f32; 4]; 4] {
+        let [red, green, blue] = sample.light;
+        let [near, far] = sample.mirrored_px.map(|px| px.clamp(NEVER_PX, -NEVER_PX));
+        let farthest = self.farthest_px(sample.surface).max(NEVER_PX);
+        [
+            [red, green, blue, sample.coc_px],
+            sample.movement,
+            [near, far, sample.flat, sample.curved],
+            [farthest, f32::from_bits(sample.surface), 0.0, 0.0],
+        ]
     }
 }

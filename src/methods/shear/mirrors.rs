@@ -145,22 +145,8 @@ impl Mirrors {
     /// The same, with reflections smoothed for `views` lens samples by `strength` times the gap between them.
     #[must_use]
     pub(super) fn smoothed(&self, views: usize, strength: f32) -> Self {
-        let smooth = |layer: &ReflectingLayer| {
-            let samples = self.supersample as f32;
-            let (width, height) = (layer.coc_px.width(), layer.coc_px.height());
-            let mut smoothed = Layer {
-                color: layer.light.clone(),
-                alpha: Plane::from_fn(
-                    width,
-                    height,
-                    |x, y| if layer.surface_at(x, y) > 0 { 1.0 } else { 0.0 },
-                ),
-                coc_px: Plane::from_fn(width, height, |x, y| samples * layer.blur_px(x, y)),
-            };
-            prefilter::smooth(std::slice::from_mut(&mut smoothed), views, strength);
-            smoothed.color
-        };
-        Self { reflected: self.reflected.with_light(smooth), ..self.clone() }
+        let smooth = |layer: &mut Layer| prefilter::smooth(std::slice::from_mut(layer), views, strength);
+        Self { reflected: self.reflected.smoothed(smooth), ..self.clone() }
     }
 
     /// The light that the ray `noted` sees in its surface, not multiplied by its weight: the ray of a view through `lens` that starts `off`

@@ -40,6 +40,9 @@ pub(in crate::scene) fn reflections(
     if shading.iter().all(Option::is_none) || lens.coc_infinity_px <= 0.0 {
         return (None, Vec::new());
     }
+    if let Some(refused) = unfit(stack, &shading) {
+        return (None, vec![refused]);
+    }
     let grid = Grid::of(stack, lens, scale);
     let layers = stack.peels.iter().zip(&shading);
     let fragments: Vec<Option<Fragments>> =
@@ -74,6 +77,15 @@ struct Fragments {
     reflecting: usize,
     without_normal: usize,
     facing_away: usize,
+}
+
+/// The refusal of shading that is not that of the stack's peels, if it is not.
+fn unfit(stack: &Stack, shading: &[Option<Shading>]) -> Option<Finding> {
+    let size = (stack.width(), stack.height());
+    let fits = |shading: &Shading| shading.planes().all(|plane| (plane.width(), plane.height()) == size);
+    let is_fit = shading.len() == stack.peels.len() && shading.iter().flatten().all(fits);
+    let text = "what surfaces reflect is not of the size and number of the peels: reflections do not move with the lens";
+    (!is_fit).then(|| Finding::warning("reflections", text))
 }
 
 /// The refusal of normals that are not in the camera's axes, if they are not.

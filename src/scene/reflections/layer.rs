@@ -73,14 +73,6 @@ impl ReflectingLayer {
         Vec2::new(xx * lens.x + xy * lens.y, yx * lens.x + yy * lens.y)
     }
 
-    /// Radius of the blur of what the surface shows there, in picture pixels: it lands where `c u + M u` moves it; the root of the mean of the
-    /// squares of that along two axes.
-    pub(crate) fn blur_px(&self, x: usize, y: usize) -> f32 {
-        let [xx, xy, yx, yy] = self.movement.each_ref().map(|plane| plane.get(x, y));
-        let coc_px = self.coc_px.get(x, y);
-        (0.5 * ((coc_px + xx).powi(2) + xy * xy + yx * yx + (coc_px + yy).powi(2))).sqrt()
-    }
-
     /// Share of the light there that moves.
     pub(crate) fn share(&self, x: usize, y: usize) -> f32 {
         self.flat.get(x, y) + self.curved.get(x, y)

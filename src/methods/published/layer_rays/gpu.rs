@@ -14,8 +14,10 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, Kernel, Mirrored, Shader, Work, mi
 use crate::image::Image;
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{
-    Batch, Batches, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS, RAY_SUMS_CONSTANT, RayBindings,
-    RayEnds, RayStack, RayViews, Stack, StackRows, Tracer, View, bits, nbuffer_words, picture_of_batches,
+    Batch, Batches, LENS_RAY_WGSL, LensRay, NBUFFER_WORDS, RAY_STACK, RAY_STACK_CONSTANTS, RAY_SUMS,
+    RAY_SUMS_CONSTANT, REFLECTED_LIGHT_CONSTANTS, REFLECTED_LIGHT_WGSL, RayBindings, RayEnds, RayStack,
+    RayViews, Reflecting, ReflectingBuffers, Stack, StackRows, Tracer, View, bits, nbuffer_words,
+    picture_of_batches,
 };
 use crate::scene::Scene;
 use std::ops::Range;
@@ -48,9 +50,18 @@ static SHADER: Shader = Shader {
         ("SLAB_WORDS", Constant::Uint(SLAB_WORDS as u32)),
         ("LAYER_WORDS", Constant::Uint(LAYER_WORDS as u32)),
         ("LEVEL_WORDS", Constant::Uint(LEVEL_WORDS as u32)),
+        ("STEEP", Constant::Float(LensRay::STEEP)),
+        REFLECTED_LIGHT_CONSTANTS[0],
+        REFLECTED_LIGHT_CONSTANTS[1],
     ],
-    parts: &[RAY_SUMS, RAY_STACK, include_str!("../../../../shaders/methods/layer_rays.wgsl")],
-    structs: &[Batch::LAYOUT, Stack::LAYOUT, View::LAYOUT, Frame::LAYOUT, Texel::LAYOUT],
+    parts: &[
+        RAY_SUMS,
+        RAY_STACK,
+        LENS_RAY_WGSL,
+        REFLECTED_LIGHT_WGSL,
+        include_str!("../../../../shaders/methods/layer_rays.wgsl"),
+    ],
+    structs: &[Batch::LAYOUT, Stack::LAYOUT, View::LAYOUT, Frame::LAYOUT, Texel::LAYOUT, Reflecting::LAYOUT],
 };
 
 mirrored! {
@@ -218,21 +229,25 @@ struct Tables<'g> {
     frame: Buffer,
     views: RayViews,
     culling: Buffer,
+    reflecting: ReflectingBuffers,
     follow: Kernel,
     central: Kernel,
 }
 
 impl<'g> Tables<'g> {
     fn new(gpu: &'g Gpu, tracer: &'g LayerTracer) -> Result<Self, Error> {
+        let reflecting = ReflectingBuffers::new(gpu, tracer.reflected.as_ref())?;
+        let constants = [("REFLECTS", f64::from(reflecting.reflects))];
+        let follow = if tracer.levels().is_empty() { "follow" } else { "follow_cones" };
         Ok(Self {
             gpu,
             tracer,
             frame: gpu.uniform(&tracer.frame())?,
             views: tracer.views(gpu)?,
             culling: gpu.upload("N-buffers", &tracer.culling())?,
-            follow: gpu
-                .kernel(&SHADER, if tracer.levels().is_empty() { "follow" } else { "follow_cones" })?,
-            central: gpu.kernel(&SHADER, "central")?,
+            follow: gpu.kernel_with(&SHADER, follow, &constants)?,
+            central: gpu.kernel_with(&SHADER, "central", &constants)?,
+            reflecting,
         })
     }
 
@@ -280,10 +295,12 @@ impl Rows {
         })
     }
 
-    fn bindings<'a>(&'a self, tables: &'a Tables<'_>) -> [(u32, &'a Buffer); 8] {
+    fn bindings<'a>(&'a self, tables: &'a Tables<'_>) -> [(u32, &'a Buffer); 11] {
         let [stack, coc_px, red_green, blue_alpha] = self.stack.bindings();
         let [starts, texels] = [(10, &self.starts), (11, &self.texels)];
-        [stack, coc_px, red_green, blue_alpha, (8, &tables.culling), (9, &tables.frame), starts, texels]
+        let [reflecting, at, fragments] = tables.reflecting.bindings();
+        let (culling, frame) = ((8, &tables.culling), (9, &tables.frame));
+        [stack, coc_px, red_green, blue_alpha, culling, frame, starts, texels, reflecting, at, fragments]
     }
 }
 

@@ -22,6 +22,7 @@
 //!   With `discard` off, hits on repeated samples count, as in the reference.
 //! * *λ* is given for 32 samples only, see [`cones::sample_distance`].
 //!
+//! * *Reflections* that a stack describes are moved by the lens, as the reference does it ([`crate::scene::Reflections`]).
 //! * *View-dependent shading* (section 5) is that of [`gloss`], where the user gives an environment: in difference form, and with microfacets
 //!   unless Phong's lobe is asked for.
 //!
@@ -47,14 +48,14 @@ use crate::image::Image;
 use crate::methods::contract::{LensSampling, LostRays, Method, MethodInfo, Plan, Progress, Role, Sampler};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
-use crate::methods::shared::{Fragments, RayJitter, RaySampler, RaySum, Tracer};
+use crate::methods::shared::{Fragments, LensRay, RayJitter, RaySampler, RaySum, ReflectedLight, Tracer};
 use crate::scene::{Background, EffectKind, OPAQUE_ALPHA, Scene, Workload};
 use crate::settings::ParameterTable;
 use cones::Cones;
 use cull::Cull;
 use glam::Vec2;
 use gloss::Glossy;
-use layers::{Ray, Segment, Spacing};
+use layers::{Hit, Ray, Segment, Spacing};
 use parameters::LayerRaysParameters;
 use samples::LensSamples;
 use std::sync::Arc;
@@ -77,7 +78,7 @@ impl Method for LayerRays {
             source: "Lee, Eisemann & Seidel 2009",
             role: Role::Paper,
             summary: "lens rays against depth layers, by false position, thickened to cones",
-            effects: &[EffectKind::Environment, EffectKind::BladeCurvature],
+            effects: &[EffectKind::Reflections, EffectKind::Environment, EffectKind::BladeCurvature],
             lens_samples: Some("rays"),
             steps: &["8", "32", "128"],
             deviations: &[
@@ -150,6 +151,8 @@ struct LayerTracer {
     cones: Option<Cones<4>>,
     /// What surfaces reflect of an environment, if that is shaded for each ray.
     gloss: Option<Glossy>,
+    /// What surfaces reflect, if the lens moves it.
+    reflected: Option<ReflectedLight>,
     supersample: f32,
     /// Extent of the ray origins in each pixel.
     jitter: RayJitter,
@@ -169,6 +172,7 @@ impl Tracer for LayerTracer {
         let supersample = scene.supersample as f32;
         let (background, jitter) = (plan.background(&scene), RayJitter::new(&scene, plan));
         let environment = plan.environment(&scene);
+        let reflected = ReflectedLight::of(&scene, plan);
         let fragments = Fragments::new(scene);
         let spacing = Spacing::new(plan.coc_range_px, parameters.delta_px, parameters.overlap);
         let distance = cones::sample_distance(rays, plan.optics.aperture.area());
@@ -180,6 +184,7 @@ impl Tracer for LayerTracer {
                 let per_coc_px = parameters.cones.then_some(distance * supersample);
                 Glossy::new(environment, &fragments, spacing, per_coc_px)
             }),
+            reflected,
             fragments,
             spacing,
             supersample,
@@ -213,6 +218,15 @@ impl Tracer for LayerTracer {
 }
 
 impl LayerTracer {
+    /// By how much what `ray` sees reflected at `hit` differs from the fragment's own colour, of this `alpha`.
+    fn moved(&self, hit: &Hit, ray: &Ray, alpha: f32) -> Option<[f32; 3]> {
+        let (width, _) = self.fragments.size();
+        let at = (hit.sample % width, hit.sample / width);
+        let moved =
+            self.reflected.as_ref()?.moved_at((at, hit.coc_px), &LensRay::new(ray.start, ray.step))?;
+        Some(std::array::from_fn(|k| alpha * (moved.seen[k] - moved.own[k])))
+    }
+
     /// Follows `ray` through `layers`, front to back, and adds the fragments that it hits.
     fn follow(&self, ray: Ray, layers: &[usize], sum: &mut RaySum) {
         let (width, height) = self.fragments.size();
@@ -244,7 +258,8 @@ impl LayerTracer {
                 let changed =
                     self.gloss.as_ref().and_then(|gloss| gloss.change(&self.fragments, &hit, &ray, layer));
                 sum.shaded |= changed.is_some();
-                let [red, green, blue] = changed.unwrap_or_default();
+                let [red, green, blue] =
+                    changed.or_else(|| self.moved(&hit, &ray, alpha)).unwrap_or_default();
                 sum.add([r + red, g + green, b + blue], transmittance);
                 transmittance *= if alpha >= OPAQUE_ALPHA { 0.0 } else { 1.0 - alpha };
                 if transmittance <= 0.0 {
