@@ -196,6 +196,13 @@ fn a_flat_mirror_moves_what_it_shows_by_the_difference_of_two_circles_of_confusi
                 let behind = -met.z * (1.0 + distance / met.length());
                 let expected = camera.coc_px(behind) - camera.coc_px(-met.z);
                 let off = largest(movement(&layer, x, y) - DMat2::from_diagonal(DVec2::splat(expected)));
+                // What it shows reaches half-way to its neighbours.
+                let [near, far] = layer.mirrored_px.each_ref().map(|plane| f64::from(plane.get(x, y)));
+                let behind_px = camera.coc_px(behind);
+                assert!(
+                    near - 1e-3 < behind_px && behind_px < far + 1e-3 && far - near < 0.5,
+                    "{name}, tilt {tilt:?} at {x}, {y}: {near} to {far} for {behind_px}"
+                );
                 let is_inside = x > 0 && y > 0 && x + 1 < width && y + 1 < height;
                 let worst = &mut worst[usize::from(!is_inside)];
                 *worst = worst.max(off);
@@ -293,6 +300,32 @@ fn a_convex_mirror_is_seen_as_rays_through_the_lens_see_it() {
                 moved > 48.0 && moved > fixed + 8.0,
                 "{method}, {blades} blades: {moved} dB, not moved {fixed}"
             );
+        }
+    }
+}
+
+#[test]
+fn a_convex_mirror_shows_lamps_near_it_before_a_far_scene_as_rays_see_them() {
+    let lamp = |at: DVec3, radius: f64| {
+        (Shape::Disc { at, normal: DVec3::Z, radius }, Look::Painted(|_| [0.9, 0.9, 0.2]))
+    };
+    let things = vec![
+        (Shape::Sphere { centre: DVec3::new(0.0, 0.0, -2.8), radius: 0.8 }, Look::Mirror),
+        lamp(DVec3::new(0.9, 0.2, -1.4), 0.12),
+        lamp(DVec3::new(-0.8, 0.5, -1.2), 0.2),
+        lamp(DVec3::new(0.1, -0.9, -1.0), 0.15),
+    ];
+    let world = World { things, environment: |along| waves(along, 2.5).map(|value| 0.3 * value) };
+    for focus in [2.0, 2.3] {
+        let camera = Camera { focus, f_number: 0.12, ..Camera::new(96, 72) };
+        let truth = world.truth(&camera, 256);
+        let stack = world.stack(&camera, 2);
+        for method in METHODS {
+            let image = camera.render(stack.clone(), method, 256).image;
+            let inside = |image: &Image| image.clone().part([28, 18], (40, 36));
+            let found = displayed_psnr_db(&inside(&image), &inside(&truth), 0);
+            println!("{method}, focus {focus}: {found:.2} dB");
+            assert!(found > 33.0, "{method}, focus {focus}: {found} dB");
         }
     }
 }
