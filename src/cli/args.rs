@@ -135,6 +135,8 @@ pub(super) struct EffectArgs {
     /// rays end in the background, which is behind pixels that let light through all peels. Forced, nothing changes where no pixel
     /// does; without it, such rays are left out of the mean.
     ///
+    /// reflections: without it, mirrors are blurred with their surface instead of focused at what they show.
+    ///
     /// environment: without it, surfaces show every lens ray the part of the environment that the centre of the lens sees.
     ///
     /// prefilter, resolve: forced, they run with their strength from the preset or --set, or with the default strength if that is 0.
