@@ -59,8 +59,14 @@ fn mix(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
 
 /// `A` and `B` of a mirror: Schlick's term.
 fn mirror(cosine: f32) -> [f32; 2] {
-    let bias = (1.0 - cosine).powi(5);
+    let bias = fifth_power(1.0 - cosine);
     [1.0 - bias, bias]
+}
+
+/// `value` to the fifth power, by products in one order: the same bits from every compiler.
+fn fifth_power(value: f32) -> f32 {
+    let squared = value * value;
+    squared * squared * value
 }
 
 /// Share of facets seen along a direction of this `cosine` to the normal that others do not hide.
@@ -79,7 +85,7 @@ fn integral(cosine: f32, alpha: f32) -> [f32; 2] {
         if light_cosine > 0.0 && towards > 0.0 {
             let shadowing = unhidden(cosine, alpha) * unhidden(light_cosine, alpha);
             let weight = shadowing * towards / (facet_cosine * cosine);
-            let fresnel = (1.0 - towards).max(0.0).powi(5);
+            let fresnel = fifth_power((1.0 - towards).max(0.0));
             sum[0] += (1.0 - fresnel) * weight;
             sum[1] += fresnel * weight;
         }
@@ -96,7 +102,11 @@ mod tests {
         let table = SplitSum::new();
         for cosine in [0.0f32, 0.13, 0.5, 0.77, 1.0] {
             let fresnel = (1.0 - cosine).powi(5);
-            assert_eq!(table.at(cosine, 0.0), [1.0 - fresnel, fresnel]);
+            let [scale, bias] = table.at(cosine, 0.0);
+            assert!(
+                (bias - fresnel).abs() < 1e-6 && (scale + bias - 1.0).abs() < 1e-6,
+                "{cosine}: {scale}, {bias}"
+            );
         }
     }
 
