@@ -195,7 +195,7 @@ settings! {
         "environment" {
             /// Picture of what surfaces reflect from all around
             ///
-            /// Longitude across, latitude down. `accumulate` and `layer-rays` shade what surfaces reflect of it anew for each point of the lens,
+            /// Longitude across, latitude down. The methods accumulate and layer-rays shade what surfaces reflect of it anew for each point of the lens,
             /// where the stack has normals, reflectance and reflected distance.
             environment: PathBuf, Setting::new(Kind::File, "environment")
                 .preset_key("image").otherwise("none").flag("environment", "FILE");
