@@ -100,7 +100,6 @@ fn a_lamp_in_a_tilted_mirror_is_a_disc_of_the_size_and_in_the_place_of_the_mirro
             // The mean square along an axis is a quarter of the radius's. Samples are squares, and so are pixels: 1/12 each.
             let squares = spread - own - 1.0 / 6.0;
             let found = (2.0 * (squares.x + squares.y).max(0.0)).sqrt();
-            println!("{case}: off {off:.4}, radius {found:.4} for {expected:.4}");
             assert!((found - expected).abs() < 0.01 * expected, "{case}: radius {found} for {expected}");
         }
     }
@@ -178,7 +177,6 @@ fn cameras() -> Vec<(String, Camera)> {
 
 #[test]
 fn a_flat_mirror_moves_what_it_shows_by_the_difference_of_two_circles_of_confusion() {
-    let mut worst = [0f64; 2];
     for (name, camera) in cameras() {
         for tilt in [[0.0, 0.0], [25.0, 0.0], [-15.0, 40.0], [40.0, -20.0]] {
             let mirror = tilted_mirror(2.5, tilt);
@@ -204,20 +202,16 @@ fn a_flat_mirror_moves_what_it_shows_by_the_difference_of_two_circles_of_confusi
                     "{name}, tilt {tilt:?} at {x}, {y}: {near} to {far} for {behind_px}"
                 );
                 let is_inside = x > 0 && y > 0 && x + 1 < width && y + 1 < height;
-                let worst = &mut worst[usize::from(!is_inside)];
-                *worst = worst.max(off);
                 // At the frame's edge slopes are to one side: off by the share of a pixel in the distance of the sensor.
                 let allowed = if is_inside { 1e-3 } else { 0.15 };
                 assert!(off < allowed, "{name}, tilt {tilt:?} at {x}, {y}: {off} off {expected}");
             }
         }
     }
-    println!("largest error inside, at the edge: {worst:?}");
 }
 
 #[test]
 fn curved_mirrors_move_what_they_show_as_traced_rays_do() {
-    let mut worst = 0f64;
     for (name, camera) in cameras() {
         for (radius, distance) in [(0.7, NOTHING), (0.7, 0.9), (-6.0, 1.0), (-9.0, NOTHING)] {
             let depth = if radius > 0.0 { 2.6 } else { -3.0 };
@@ -241,7 +235,6 @@ fn curved_mirrors_move_what_they_show_as_traced_rays_do() {
                 let expected = traced_movement(&camera, sphere, distance, place).unwrap();
                 let off = largest(movement(&layer, x, y) - expected) / largest(expected);
                 checked += 1;
-                worst = worst.max(off);
                 assert!(
                     off < 0.05,
                     "{name}, radius {radius}, distance {distance}, at {x}, {y}: {off}; {:?} for {expected:?}",
@@ -251,7 +244,6 @@ fn curved_mirrors_move_what_they_show_as_traced_rays_do() {
             assert!(checked > 50, "{name}, radius {radius}: {checked}");
         }
     }
-    println!("largest share of error: {worst}");
 }
 
 #[test]
@@ -264,7 +256,6 @@ fn a_far_scene_in_a_convex_mirror_is_focused_half_a_radius_behind_its_surface() 
         let found = movement(&layer, 48, 36);
         let trace = 0.5 * (found.x_axis.x + found.y_axis.y);
         let expected = camera.coc_px(2.0 + 0.5 * radius) - camera.coc_px(2.0);
-        println!("radius {radius}, focus {focus}: {trace:.4} for {expected:.4}");
         // Central differences over a pixel of a sphere some tens of pixels wide.
         assert!(
             (trace / expected - 1.0).abs() < 0.01,
@@ -295,7 +286,6 @@ fn a_convex_mirror_is_seen_as_rays_through_the_lens_see_it() {
             let inside = |image: &Image| image.clone().part([28, 20], (46, 38));
             let [moved, fixed] =
                 [moved, fixed].map(|image| displayed_psnr_db(&inside(&image), &inside(&truth), 0));
-            println!("{method}, {blades} blades, focus {focus}: {moved:.2} dB, not moved {fixed:.2} dB");
             assert!(
                 moved > 48.0 && moved > fixed + 8.0,
                 "{method}, {blades} blades: {moved} dB, not moved {fixed}"
@@ -316,7 +306,8 @@ fn a_convex_mirror_shows_lamps_near_it_before_a_far_scene_as_rays_see_them() {
         lamp(DVec3::new(0.1, -0.9, -1.0), 0.15),
     ];
     let world = World { things, environment: |along| waves(along, 2.5).map(|value| 0.3 * value) };
-    for focus in [2.0, 2.3] {
+    // With one step towards what is seen instead of four, the first is 39.7 dB.
+    for (focus, least) in [(2.0, 42.0), (2.3, 33.0)] {
         let camera = Camera { focus, f_number: 0.12, ..Camera::new(96, 72) };
         let truth = world.truth(&camera, 256);
         let stack = world.stack(&camera, 2);
@@ -324,8 +315,7 @@ fn a_convex_mirror_shows_lamps_near_it_before_a_far_scene_as_rays_see_them() {
             let image = camera.render(stack.clone(), method, 256).image;
             let inside = |image: &Image| image.clone().part([28, 18], (40, 36));
             let found = displayed_psnr_db(&inside(&image), &inside(&truth), 0);
-            println!("{method}, focus {focus}: {found:.2} dB");
-            assert!(found > 33.0, "{method}, focus {focus}: {found} dB");
+            assert!(found > least, "{method}, focus {focus}: {found} dB");
         }
     }
 }
@@ -355,7 +345,6 @@ fn a_flat_mirror_is_seen_as_rays_through_the_lens_see_it() {
                 let moved = camera.render(stack.clone(), method, 256).image;
                 let fixed = camera.render(without_shading(&stack), method, 256).image;
                 let [moved, fixed] = [moved, fixed].map(|image| displayed_psnr_db(&image, &truth, 10));
-                println!("{method}, {blades} blades, focus {focus}: {moved:.2} dB, not moved {fixed:.2} dB");
                 assert!(
                     moved > 45.0 && moved > fixed + 8.0,
                     "{method}, {blades} blades, focus {focus}: {moved} dB, not moved {fixed}"
@@ -398,8 +387,10 @@ fn a_mirror_that_faces_the_camera_equals_the_scene_unfolded() {
                 let direct = camera.render(unfolded.stack(&camera, 1), method, 256).image;
                 let border = 2 + camera.coc_px(6.5).abs().max(camera.coc_px(FACING).abs()).ceil() as usize;
                 let found = displayed_psnr_db(&seen, &direct, border);
-                println!("{method}, {supersample} × {supersample}, focus {focus}: {found:.1} dB");
-                assert!(found > 50.0, "{method}, {supersample} × {supersample}, focus {focus}: {found} dB");
+                // Shear smooths what a mirror shows by itself, and merges samples by surface. Rays looked up without their place in
+                // the pixel would reach 63.8 and 56.4 dB.
+                let least = if supersample == 1 { 64.0 } else { 56.5 };
+                assert!(found > least, "{method}, {supersample} × {supersample}, focus {focus}: {found} dB");
             }
         }
     }

@@ -58,7 +58,6 @@ fn what_is_as_bright_everywhere_is_so_in_every_mirror() {
                 let forced = camera.render_with(stack.clone(), method, (&["reflections"], &[]));
                 let plain = camera.render_with(stack.clone(), method, (&[], &["reflections"]));
                 let off = difference(&forced.image, &plain.image);
-                println!("{case}: {off}");
                 assert!(off < 1e-5, "{case}: forced, {off}");
                 let [moved, fixed] = [moved, fixed].map(|rendered| mean(&rendered.image.planes[1]));
                 assert!((moved - fixed).abs() < 1e-5, "{case}: {moved} for {fixed}");
@@ -101,7 +100,6 @@ fn a_movement_begins_gradually_as_the_lens_opens() {
             // by three a pixel, times what a blur of up to a pixel changes, less than half of the steepest slope.
             let allowed = slope * (0.05 + 3.0 * 0.05 * 0.5);
             let (at, most) = steps.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-            println!("{name}, {method}: {most} at step {at}, allowed {allowed}");
             assert!(most < allowed, "{name}, {method}: {most} at step {at}, allowed {allowed}: {steps:?}");
         }
     }
@@ -133,7 +131,6 @@ fn a_small_change_of_a_fragments_light_changes_the_picture_as_little() {
                 let total: f32 = (after.planes[1].values().iter().zip(before.planes[1].values()))
                     .map(|(after, before)| (after - before).abs())
                     .sum();
-                println!("{name}, {method}, {at:?}: most {most}, sum {total}");
                 assert!(most < 1.5 * EDIT, "{name}, {method}, {at:?}: {most}");
                 // Movement magnifies: one place of a mirror can be seen at several.
                 assert!(total < 8.0 * EDIT, "{name}, {method}, {at:?}: {total} in all");

@@ -125,7 +125,7 @@ impl Moving {
             .map(|plane| Some(plane).filter(|plane| plane.values().iter().any(|&share| share > 0.0)))
             .collect();
         let moves = weights.iter().any(Option::is_some);
-        moves.then(|| Mirrors { reflected: self.reflected, weights, supersample: self.supersample })
+        moves.then_some(Mirrors { reflected: self.reflected, weights, supersample: self.supersample })
     }
 }
 
