@@ -113,7 +113,7 @@ fn check(cases: Vec<Case>) {
                     .collect();
                 match said {
                     Some(words) => {
-                        assert!(texts.iter().any(|text| text.contains(words)), "{name}, {method}: {texts:?}")
+                        assert!(texts.iter().any(|text| text.contains(words)), "{name}, {method}: {texts:?}");
                     }
                     None => assert!(texts.is_empty(), "{name}, {method}: {texts:?}"),
                 }

@@ -4,7 +4,7 @@
 //! `S_u(p) = S_0(p + M u)`: what the pinhole sees reflected at another place of the same surface. [`view`] has `M`. A flat mirror shows
 //! a picture of fragments that lie behind it, each with a CoC radius of its own, and a ray goes on among them.
 //!
-//! A fragment's reflection moves from [`MOVES_FROM_PX`] on, fading in up to twice that: where it moves less, the picture is the one without.
+//! A fragment's reflection moves from half a pixel on, fading in up to twice that: where it moves less, the picture is the one without.
 //!
 //! Lee, Eisemann & Seidel 2009, section 5, shade anew with an environment; here a reflection is moved, which needs no material.
 //!
