@@ -209,11 +209,11 @@ impl Case {
             EffectKind::Resolve => self.scene.antialiasing.mean() > 0.0 && min_size_px < 1.5,
             EffectKind::Highlights => self.bright_area || self.scene.color_range == ColorRange::UpToWhite,
             EffectKind::HighlightExtrapolation => self.scene.color_range == ColorRange::Unbounded,
-            EffectKind::Merge | EffectKind::Translucency => true,
+            // Neither can be switched, and `shear` does not shade an environment.
+            EffectKind::Merge | EffectKind::Translucency | EffectKind::Environment => true,
             // Forced in a closed scene, it has no background to show.
             EffectKind::TransparentBackground
             | EffectKind::Reflections
-            | EffectKind::Environment
             | EffectKind::Prefilter
             | EffectKind::BladeCurvature
             | EffectKind::Squeeze
