@@ -340,7 +340,7 @@ fn a_mirror_beside_and_behind_a_pole_is_one_mirror() {
 }
 
 #[test]
-fn two_flat_mirrors_at_an_angle_do_not_show_one_anothers_light() {
+fn two_flat_mirrors_at_an_angle_show_only_their_own_light() {
     // The left mirror shows red alone, the right one green alone.
     let color = |left: bool| if left { [0.8f32, 0.0, 0.0] } else { [0.0, 0.8, 0.0] };
     let tilt = 20f32.to_radians();
