@@ -13,6 +13,7 @@ use crate::image::Plane;
 use crate::methods::contract::Plan;
 use crate::methods::shared::{LensRay, Met, ReflectedLight};
 use crate::scene::{EffectKind, Layer, ReflectingLayer, Reflections, Scene};
+use crate::stack::StackKind;
 use glam::Vec2;
 use std::sync::Arc;
 
@@ -107,7 +108,11 @@ impl Moving {
             Layer { color: [red, zeros(), zeros()], ..layer.clone() }
         };
         let share = scene.layers.iter().zip(&reflections.layers).map(share).collect();
-        let merged = |layers: Vec<Layer>| Scene { layers, ..scene.clone() }.merged().layers;
+        let (samples, infinity_px) = (scene.supersample, scene.coc_infinity_px);
+        let merged = |layers: Vec<Layer>| match samples {
+            1 => layers,
+            _ => Scene::new(layers, StackKind::Supersampled, samples, infinity_px).merged().layers,
+        };
         Some(Self { reflected, supersample: scene.supersample, light: merged(light), share: merged(share) })
     }
 
