@@ -9,7 +9,7 @@ from . import mitsuba_package
 
 mi = mitsuba_package.load()
 if mi is not None:
-    from thinlens_mitsuba.camera import Choice
+    from thinlens_mitsuba.camera import Camera, Choice
     from thinlens_mitsuba.peel_integrator import Peeler, Sampling
 
     from . import mitsuba_scenes as scenes
@@ -43,6 +43,16 @@ class Shading(unittest.TestCase):
             for group in groups
         }
         return vectors | {"Combined": layer.color[0, 0]}
+
+    def test_the_matrix_of_the_camera_puts_its_place_at_the_origin_and_what_it_looks_at_on_minus_z(self):
+        look = mi.ScalarTransform4f().look_at(origin=[1, 2, 3], target=[4, 2, -1], up=[0, 1, 0])
+        camera = Camera(mi.load_dict({"type": "perspective", "to_world": look}))
+        place, target, above = (
+            np.array([*at, 1.0]) @ camera.world_to_camera for at in ((1, 2, 3), (4, 2, -1), (1, 7, 3))
+        )
+        np.testing.assert_allclose(place, (0, 0, 0, 1), atol=1e-6)
+        np.testing.assert_allclose(target, (0, 0, -5, 1), atol=1e-6)
+        np.testing.assert_allclose(above, (0, 5, 0, 1), atol=1e-6)
 
     def test_a_diffuse_surface_has_only_diffuse_light_whatever_lights_it(self):
         matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(ALBEDO)}}

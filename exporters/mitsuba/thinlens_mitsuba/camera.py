@@ -47,6 +47,10 @@ class Camera:
         # the left.
         axes = matrix[:3, :3].T / np.linalg.norm(matrix[:3, :3], axis=0)[:, None]
         self.axes = axes * np.array([[-1.0], [1.0], [-1.0]])
+        # Multiplied by rows `x y z 1`, as OpenEXR has it.
+        self.world_to_camera = np.eye(4)
+        self.world_to_camera[:3, :3] = self.axes.T
+        self.world_to_camera[3, :3] = -self.place @ self.axes.T
         self.time = sensor.shutter_open() + 0.5 * sensor.shutter_open_time()
 
     def frame(self, overscan: int) -> Frame:

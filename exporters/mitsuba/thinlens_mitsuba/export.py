@@ -8,7 +8,7 @@ import time
 
 import mitsuba as mi
 
-from thinlens_stack import frames, stack
+from thinlens_stack import exr, frames, stack
 from thinlens_stack.errors import ExportError
 from thinlens_stack.lens import Lens, overscan_px
 
@@ -49,7 +49,11 @@ def export(options: argparse.Namespace, frame: int | None, target: str) -> str:
         _warn("fog is part of the colour of the first surface behind it; surfaces behind that one lack it")
     layers = peeler.stack(extent, sampling, choice)
     kind = stack.Kind(options.kind, options.supersample if options.kind == "supersampled" else 1)
-    stack.write(target, stack.channels(layers, half=not options.float), extent, kind, lens, _attributes())
+    attributes = _attributes()
+    if options.shading:
+        matrix = peeler.camera.world_to_camera.astype("<f4").tobytes()
+        attributes["worldToCamera"] = exr.Raw("m44f", matrix)
+    stack.write(target, stack.channels(layers, half=not options.float), extent, kind, lens, attributes)
     return (
         f"{extent.width}×{extent.height} with {overscan} px around it, {len(layers)} layers, "
         f"{time.process_time() - cpu:.1f} CPU s"
@@ -94,7 +98,7 @@ def _overscan(peeler: Peeler, lens: Lens) -> int:
     return found
 
 
-def _attributes() -> dict[str, str]:
+def _attributes() -> dict[str, exr.Attribute]:
     """The header attributes that name the programs."""
     return {"software": f"Mitsuba {mi.__version__}", "thinlens.exporter": "mitsuba"}
 
