@@ -55,7 +55,6 @@ fn without_color_passes(plan: &Plan) -> Plan {
     let left_out = [
         EffectKind::Reflections,
         EffectKind::Environment,
-        EffectKind::Reflections,
         EffectKind::Highlights,
         EffectKind::Fill,
         EffectKind::Prefilter,

@@ -165,7 +165,7 @@ mod tests {
     use crate::methods::accumulate::Accumulate;
     use crate::methods::published::{gather::Gather, peel_rays::PeelRays, scatter::Scatter};
     use crate::methods::shear::Shear;
-    use crate::scene::{BRIGHT_STEPS, BrightStep, Spread};
+    use crate::scene::{BRIGHT_STEPS, BrightStep, ReflectionStats, Spread};
     use crate::settings::{ParameterValues, Sourced, Values};
     use crate::stack::ColorRange;
 
@@ -207,6 +207,25 @@ mod tests {
         let mut settings = Settings::resolve(&[], ParameterValues::default());
         settings.parameters.set("shear", key, value);
         plan_for(&Shear, &stats(), &settings).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_mirror_in_focus_is_blurred_and_smoothed_for_what_it_shows() {
+        let views = Values { effort: Some(Effort::Views(64)), ..Values::default() };
+        let with_64_views = |stats: &SceneStats| decide(stats, &views).unwrap();
+        let moving = |px: f32| {
+            let mut found = ReflectionStats::default();
+            (found.moving_fragments, found.largest_movement_px) = (100, px);
+            with_64_views(&SceneStats { coc_range_px: [0.0; 2], reflections: Some(found), ..stats() })
+        };
+        let does = |plan: &Plan| [EffectKind::Blur, EffectKind::Prefilter].map(|kind| plan.does(kind));
+        assert_eq!(does(&moving(8.0)), [true; 2], "64 views of 8 px lie 1.8 px apart");
+        assert_eq!(does(&moving(0.6)), [true, false], "and of 0.6 px without a gap");
+        assert_eq!(
+            does(&plan(&SceneStats { coc_range_px: [0.0; 2], ..stats() })),
+            [false; 2],
+            "without a mirror"
+        );
     }
 
     #[test]

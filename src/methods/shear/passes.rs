@@ -175,9 +175,9 @@ fn fill(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {
     Effect::new(EffectKind::Fill, on, reason, change)
 }
 
-/// Distance between neighbouring copies of the most blurred fragment, in picture pixels.
+/// Distance between neighbouring copies of the most blurred fragment, or of what a mirror shows, in picture pixels.
 fn gap_px(inputs: &Inputs<'_>, views: usize) -> f32 {
-    inputs.max_coc_px() * (PI / views as f32).sqrt()
+    (inputs.max_coc_px() + inputs.largest_movement_px()) * (PI / views as f32).sqrt()
 }
 
 fn prefilter(inputs: &Inputs<'_>, parameters: &ShearParameters) -> Effect {

@@ -35,6 +35,15 @@ impl Inputs<'_> {
         self.max_coc_px() + self.longest_shift_px()
     }
 
+    /// The largest movement of what surfaces reflect, in picture pixels, of which the method moves any; 0 without one.
+    pub fn largest_movement_px(&self) -> f32 {
+        let has = |kind| self.passes.contains(&kind);
+        let moved = self.stats.reflections.filter(|found| found.moving_fragments > 0);
+        let moved = moved.filter(|_| has(EffectKind::Reflections)).map(|found| found.largest_movement_px);
+        let shaded = self.stats.environment.filter(|_| has(EffectKind::Environment));
+        moved.into_iter().chain(shaded.map(|found| found.largest_movement_px)).fold(0.0, f32::max)
+    }
+
     /// The longest shift of a ray by the aberrations that the method simulates.
     pub fn longest_shift_px(&self) -> f32 {
         let has = |kind| self.passes.contains(&kind);

@@ -12,12 +12,7 @@ pub(super) fn blur(inputs: &Inputs<'_>) -> Effect {
     let stats = inputs.stats;
     let shift = inputs.longest_shift_px();
     // A mirror in focus everywhere still shows what is not.
-    let moved = stats.reflections.filter(|found| found.moving_fragments > 0);
-    let moved = moved.filter(|_| inputs.passes.contains(&EffectKind::Reflections));
-    let shaded = stats.environment.filter(|_| inputs.passes.contains(&EffectKind::Environment));
-    let movement = moved.map_or(0.0, |moved| moved.largest_movement_px);
-    let movement = movement.max(shaded.map_or(0.0, |shaded| shaded.largest_movement_px));
-    let largest = inputs.max_blur_px().max(movement);
+    let largest = inputs.max_blur_px().max(inputs.largest_movement_px());
     let [near, far] = stats.coc_range_px;
     if largest <= BLUR_FROM_PX {
         let reason = format!("the largest CoC radius is {largest:.4} px: no blur is visible");
