@@ -14,20 +14,30 @@ pub(in crate::methods) fn planes_from_rows<const N: usize, T>(
     row: impl Fn(&mut T, usize, &mut [&mut [f32]; N]) + Sync + Send,
 ) -> [Plane; N] {
     let mut planes: [Plane; N] = std::array::from_fn(|_| Plane::zeros(width, height));
-    let mut rests = planes.each_mut().map(Plane::values_mut);
-    let rows: Vec<[&mut [f32]; N]> = (0..height)
-        .map(|_| {
-            rests.each_mut().map(|rest| {
-                let (first, others) = std::mem::take(rest).split_at_mut(width);
-                *rest = others;
-                first
-            })
-        })
-        .collect();
     let done = AtomicUsize::new(0);
-    rows.into_par_iter().enumerate().for_each_init(scratch, |scratch, (y, mut planes)| {
-        row(scratch, y, &mut planes);
+    let values = planes.iter_mut().map(Plane::values_mut).collect();
+    fill_rows(values, width, scratch, |scratch, y, planes| {
+        if let Some(planes) = planes.first_chunk_mut() {
+            row(scratch, y, planes);
+        }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / height as f32);
     });
     planes
+}
+
+/// Fills rows of `width` values of `planes`, rows in parallel: `row(scratch, y, planes)` writes row `y` of each. `scratch` makes the scratch
+/// memory of a thread.
+pub(in crate::methods) fn fill_rows<T>(
+    planes: Vec<&mut [f32]>,
+    width: usize,
+    scratch: impl Fn() -> T + Sync + Send,
+    row: impl Fn(&mut T, usize, &mut [&mut [f32]]) + Sync + Send,
+) {
+    let mut planes: Vec<_> = planes.into_iter().map(|values| values.chunks_mut(width.max(1))).collect();
+    let next_row = || -> Option<Vec<&mut [f32]>> { planes.iter_mut().map(Iterator::next).collect() };
+    let rows: Vec<Vec<&mut [f32]>> =
+        std::iter::from_fn(next_row).take_while(|rows| !rows.is_empty()).collect();
+    rows.into_par_iter()
+        .enumerate()
+        .for_each_init(scratch, |scratch, (y, mut planes)| row(scratch, y, &mut planes));
 }

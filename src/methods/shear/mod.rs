@@ -42,6 +42,7 @@ mod occluders;
 mod paint;
 mod parameters;
 mod passes;
+mod picture;
 mod prefilter;
 mod prepare;
 mod reach;

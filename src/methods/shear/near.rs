@@ -22,7 +22,7 @@
 
 use super::prefilter::{self, MIN_VARIANCE};
 use super::resolve::smooth_step;
-use crate::image::{Image, Plane};
+use crate::image::Plane;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -52,6 +52,9 @@ const TILE: usize = 8;
 /// The weight of near surfaces' colour in that of what rays hit that pass them: `ε`.
 const FEW_RAYS: f32 = 0.02;
 
+/// Rows before and after a row on which its smoothing may depend: those that the box reaches, and the tiles around theirs.
+pub(super) const SURROUNDINGS: usize = 4 * TILE;
+
 /// Radius per pixel of CoC radius of a box of the filter's variance, where it is large, for `views` views and the prefilter's `strength`.
 pub(super) fn radius_per_coc(views: usize, strength: f32) -> f32 {
     let few = (FEW_VIEWS as f32 / views as f32).min(1.0);
@@ -66,6 +69,8 @@ pub(super) fn share(coc_px: f32) -> f32 {
 /// What the rays of each pixel gather from near surfaces, as means over its rays.
 #[derive(Debug)]
 pub(super) struct NearLight {
+    /// Number of rows that are painted; the planes may have more.
+    pub(super) rows: usize,
     /// Share of the rays that near surfaces stop: for red, for green and alpha, and for blue, or for all of them.
     pub(super) shares: Vec<Plane>,
     /// CoC radius of these surfaces in pixels, positive, weighted by the share of green and alpha.
@@ -84,24 +89,30 @@ impl NearLight {
         }
     }
 
+    /// All planes: CoC radius, red, green, blue, and the shares.
+    pub(super) fn planes_mut(&mut self) -> impl Iterator<Item = &mut Plane> {
+        std::iter::once(&mut self.radius_px).chain(&mut self.color).chain(&mut self.shares)
+    }
+
     /// The planes to smooth: red, green, blue, and the shares.
-    fn planes(&self) -> Vec<&Plane> {
+    fn smoothed(&self) -> Vec<&Plane> {
         self.color.iter().chain(&self.shares).collect()
     }
 
-    /// Smooths the near light of `image` by `radius_per_coc` ([`radius_per_coc`]).
-    pub(super) fn smooth(&self, image: &mut Image, radius_per_coc: f32) {
-        let (width, radii) = (image.width(), Radii::new(self, radius_per_coc));
+    /// Smooths the near light of `rows` by `radius_per_coc` ([`radius_per_coc()`]), and puts it into these rows of red, green, blue and alpha,
+    /// the `picture`. Row 0 is the picture's first one, or [`SURROUNDINGS`] before `rows` and the first of a tile; likewise the last one.
+    pub(super) fn smooth(&self, picture: [&mut [f32]; 4], rows: Range<usize>, radius_per_coc: f32) {
+        let (width, radii) = (self.radius_px.width(), Radii::new(self, radius_per_coc));
         let reach = radii.reach();
         if width == 0 || reach == 0 {
             return;
         }
-        let [red, green, blue, alpha] =
-            image.planes.each_mut().map(|plane| plane.values_mut().par_chunks_mut(BAND * width));
+        let [red, green, blue, alpha] = picture.map(|values| values.par_chunks_mut(BAND * width));
         red.zip(green).zip(blue).zip(alpha).enumerate().for_each_init(
-            || Band::new(width, reach, self.planes().len()),
+            || Band::new(width, reach, self.smoothed().len()),
             |band, (i, (((red, green), blue), alpha))| {
-                let rows = i * BAND..i * BAND + alpha.len() / width;
+                let first = rows.start + i * BAND;
+                let rows = first..first + alpha.len() / width;
                 if band.fill(self, &radii, rows.clone()) {
                     band.blend(self, rows, [red, green, blue, alpha]);
                 }
@@ -119,7 +130,7 @@ struct Band {
     reach: usize,
     /// Radius of the box in pixels at each pixel of the rows.
     radii_px: Vec<f32>,
-    /// The planes of [`NearLight::planes`]: the rows, smoothed along rows.
+    /// The planes of [`NearLight::smoothed`]: the rows, smoothed along rows.
     planes: Vec<Vec<f32>>,
     /// A row with [`PAD`] pixels more at either end.
     padded: Vec<f32>,
@@ -149,7 +160,7 @@ impl Band {
 
     /// Smooths `rows` of `near` and those around them along rows. Returns whether there is anything to smooth along columns.
     fn fill(&mut self, near: &NearLight, radii: &Radii, rows: Range<usize>) -> bool {
-        let (reach, last) = (self.reach, near.radius_px.height() - 1);
+        let (reach, last) = (self.reach, near.rows - 1);
         let mut any = false;
         for i in 0..rows.len() + 2 * reach {
             let (y, values) = ((rows.start + i).saturating_sub(reach).min(last), self.row(i));
@@ -157,7 +168,7 @@ impl Band {
             let is_smoothed = radii.fill_row(y, radii_px);
             any |= is_smoothed & (reach..reach + rows.len()).contains(&i);
             let taps = if is_smoothed { taps(radii_px) } else { 0 };
-            for (plane, out) in near.planes().into_iter().zip(&mut self.planes) {
+            for (plane, out) in near.smoothed().into_iter().zip(&mut self.planes) {
                 let (row, out) = (plane.row(y), &mut out[values.clone()]);
                 out.copy_from_slice(row);
                 if taps > 0 {
@@ -222,7 +233,7 @@ struct Radii {
 impl Radii {
     fn new(near: &NearLight, radius_per_coc: f32) -> Self {
         let share = &near.shares[near.share_index(1)];
-        let (shares, radii) = (tile_sums(share), tile_sums(&near.radius_px));
+        let (shares, radii) = (tile_sums(share, near.rows), tile_sums(&near.radius_px, near.rows));
         let around = |plane: &Plane, x: usize, y: usize| {
             let (last_x, last_y) = (plane.width() - 1, plane.height() - 1);
             let row = |y: usize| {
@@ -263,10 +274,10 @@ impl Radii {
     }
 }
 
-/// Sums over tiles of `plane`.
-fn tile_sums(plane: &Plane) -> Plane {
-    let mut sums = Plane::zeros(plane.width().div_ceil(TILE), plane.height().div_ceil(TILE));
-    for y in 0..plane.height() {
+/// Sums over tiles of the first `rows` rows of `plane`.
+fn tile_sums(plane: &Plane, rows: usize) -> Plane {
+    let mut sums = Plane::zeros(plane.width().div_ceil(TILE), rows.div_ceil(TILE));
+    for y in 0..rows {
         let tiles = sums.row_mut(y / TILE);
         plane.row(y).chunks(TILE).zip(tiles).for_each(|(pixels, sum)| *sum += pixels.iter().sum::<f32>());
     }
@@ -362,6 +373,7 @@ impl NullaryFnOnce for Blend<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Image;
 
     const SIZE: (usize, usize) = (61, 43);
 
@@ -382,11 +394,17 @@ mod tests {
             [value, value, value, 1.0]
         });
         let light = NearLight {
+            rows: SIZE.1,
             shares: vec![plane(&share)],
             radius_px: plane(&|x, y| 30.0 * share(x, y)),
             color: std::array::from_fn(|_| plane(&|x, y| near * share(x, y))),
         };
         (image, light)
+    }
+
+    /// Smooths all rows of `near` in `image`, for 64 views.
+    fn smooth(near: &NearLight, image: &mut Image) {
+        near.smooth(image.planes.each_mut().map(Plane::values_mut), 0..SIZE.1, for_64_views());
     }
 
     fn largest_change(before: &Image, after: &Image) -> f32 {
@@ -409,7 +427,7 @@ mod tests {
     fn one_colour_stays_that_colour() {
         let (before, near) = picture(noisy, 0.7, |_, _| 0.7);
         let mut after = before.clone();
-        near.smooth(&mut after, for_64_views());
+        smooth(&near, &mut after);
         assert!(largest_change(&before, &after) < 1e-6, "{}", largest_change(&before, &after));
     }
 
@@ -417,7 +435,7 @@ mod tests {
     fn the_noise_of_the_share_of_hidden_rays_falls_to_less_than_a_third() {
         let (before, near) = picture(noisy, 0.1, |_, _| 0.9);
         let mut after = before.clone();
-        near.smooth(&mut after, for_64_views());
+        smooth(&near, &mut after);
         let deviation = |image: &Image| {
             let values = (8..35).flat_map(|y| (8..53).map(move |x| (x, y)));
             let squares: Vec<f32> = values.map(|(x, y)| (image.planes[0].get(x, y) - 0.5).powi(2)).collect();
@@ -436,7 +454,7 @@ mod tests {
     fn what_lies_behind_stays_sharp() {
         let (before, near) = picture(|_, _| 0.5, 0.2, |x, y| ((x + y) % 2) as f32);
         let mut after = before.clone();
-        near.smooth(&mut after, for_64_views());
+        smooth(&near, &mut after);
         assert!(largest_change(&before, &after) < 1e-6, "{}", largest_change(&before, &after));
     }
 
@@ -444,7 +462,7 @@ mod tests {
     fn an_even_ramp_of_coverage_does_not_change_away_from_its_ends() {
         let (before, near) = picture(|x, _| 0.1 + 0.01 * x as f32, 0.2, |_, _| 0.9);
         let mut after = before.clone();
-        near.smooth(&mut after, for_64_views());
+        smooth(&near, &mut after);
         for x in 9..52 {
             let change = (after.planes[0].get(x, 20) - before.planes[0].get(x, 20)).abs();
             assert!(change < 2e-4, "column {x}: {change}");
@@ -457,8 +475,8 @@ mod tests {
         let share = |x: usize, y: usize| if at(x, y) { 0.9 } else { noisy(x, y) };
         let ((mut one, near_one), (mut other, near_other)) =
             (picture(noisy, 0.1, |_, _| 0.9), picture(share, 0.1, |_, _| 0.9));
-        near_one.smooth(&mut one, for_64_views());
-        near_other.smooth(&mut other, for_64_views());
+        smooth(&near_one, &mut one);
+        smooth(&near_other, &mut other);
         let reach = radius_px(30.0, for_64_views()).ceil() as usize;
         assert!(reach <= 4, "{reach}");
         for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {

@@ -20,6 +20,7 @@ use super::bins::Block;
 use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
 use super::lanes::{Chunk, LANES, Mask, has, lanes};
 use super::mirrors::Noted;
+use super::picture;
 use super::spans::Span;
 use super::sums::{Means, Sums};
 use super::translucent_hits::{Hit, TranslucentHits};
@@ -27,7 +28,7 @@ use crate::image::{MARGIN, Plane};
 use crate::methods::contract::LostRays;
 use crate::scene::{Background, Layer};
 use glam::{IVec2, Vec2};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 use std::ops::Range;
 
 /// A ray of less transmittance goes no further.
@@ -154,10 +155,22 @@ impl RowSums {
     }
 
     /// The means of chunk `chunk` over all views so far, of which lost rays count as `lost_rays` says.
+    #[inline(always)]
     pub(super) fn means(&self, chunk: usize, lost_rays: LostRays) -> Means {
         let hidden = &self.hidden[chunk * LANES..][..LANES];
         let views = std::array::from_fn(|lane| self.views as f32 - hidden[lane]);
         self.flushed.means(&self.sums, chunk, &views, lost_rays)
+    }
+
+    /// Writes what views of these `channels` painted to `planes` of the row ([`picture::written`]), blended by `weights` with what is there.
+    pub(super) fn write(
+        &self,
+        (channels, weights): (&[usize], Option<&[f32]>),
+        lost_rays: LostRays,
+        planes: &mut [&mut [f32]],
+        arch: Arch,
+    ) {
+        arch.dispatch(WriteRow { row: self, channels, weights, lost_rays, planes });
     }
 
     /// Starts a view with every ray unoccluded. Returns the number of chunks that have such rays.
@@ -268,6 +281,50 @@ impl WithSimd for AddViews<'_> {
             }
             self.row.add_reflections(self.canvas, (self.y, shear));
         }
+    }
+}
+
+/// [`RowSums::write`], to be compiled for each instruction set.
+struct WriteRow<'a, 'b> {
+    row: &'a RowSums,
+    channels: &'a [usize],
+    weights: Option<&'a [f32]>,
+    lost_rays: LostRays,
+    planes: &'a mut [&'b mut [f32]],
+}
+
+impl NullaryFnOnce for WriteRow<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { row, channels, weights, lost_rays, planes } = self;
+        for (chunk, first) in (0..row.width).step_by(LANES).enumerate() {
+            let columns = first..(first + LANES).min(row.width);
+            let means = row.means(chunk, lost_rays);
+            for (plane, mean) in picture::written(channels, planes.len() > picture::PLANES) {
+                let (values, found) = (&mut planes[plane][columns.clone()], &means[mean].0[..columns.len()]);
+                match weights {
+                    None => values.copy_from_slice(found),
+                    Some(weights) => {
+                        let found = found.iter().zip(&weights[columns.clone()]);
+                        for (value, (&found, &weight)) in values.iter_mut().zip(found) {
+                            *value = blended(*value, found, weight);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `before`, with `value` in its place by `weight`.
+#[inline(always)]
+pub(super) fn blended(before: f32, value: f32, weight: f32) -> f32 {
+    match weight {
+        1.0.. => value,
+        ..=0.0 => before,
+        _ => before + weight * (value - before),
     }
 }
 

@@ -6,8 +6,8 @@ use super::highlights::{self, Highlight};
 use super::keys::Extent;
 use super::lanes::LANES;
 use super::mirrors::Mirrors;
-use super::near::{self, NearLight};
-use super::paint::RowSums;
+use super::paint::{RowSums, blended};
+use super::picture::{self, NearFilter};
 use super::prefilter;
 use super::prepare::{self, Painted};
 use super::reach::Reach;
@@ -15,11 +15,10 @@ use super::resolve::Resolve;
 use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
 use super::spans::{self, Spans};
-use super::sums::{ALPHA, FOCUSED, NEAR_COLOR, NEAR_RADIUS, NEAR_SHARE};
+use super::sums::FOCUSED;
 use crate::image::{Image, Plane, neighbours};
 use crate::lens::Field;
-use crate::methods::contract::{LostRays, PixelFilter, Plan, Progress, Sampler};
-use crate::methods::shared::planes_from_rows;
+use crate::methods::contract::{PixelFilter, Plan, Progress, Sampler};
 use crate::scene::{Antialiasing, Background, EffectKind, Layer, Scene};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -160,31 +159,18 @@ impl Prepared {
 
     /// Paints all views. Returns the picture with smooth near light and, for each pixel, the share of rays that hit something in focus.
     fn paint(&self, frame: &Frame<'_>, progress: &Progress<'_>) -> (Image, Plane) {
-        let Some(radius_per_coc) = near_radius_per_coc(frame.plan, &self.bins, self.views) else {
-            return painted(self.planes::<5>(frame, progress).into(), None);
-        };
-        let planes: Vec<Plane> = if frame.plan.optics.has_axial_color() {
-            self.planes::<{ PLANES_WITH_NEAR + 2 }>(frame, progress).into()
-        } else {
-            self.planes::<PLANES_WITH_NEAR>(frame, progress).into()
-        };
-        painted(planes, Some(radius_per_coc))
-    }
-
-    /// Paints `N` planes: see [`painted`].
-    fn planes<const N: usize>(&self, frame: &Frame<'_>, progress: &Progress<'_>) -> [Plane; N] {
-        let (canvas, size) = (&self.canvas(frame), frame.size);
-        let arch = Arch::new();
-        let new_row = || RowSums::new(size.0, N > FOCUSED + 1);
-        planes_from_rows(size, progress, new_row, |sums, y, planes: &mut [_; N]| {
+        let (canvas, arch) = (self.canvas(frame), Arch::new());
+        let near = NearFilter::new(frame.plan, &self.bins, self.views);
+        let new_row = || RowSums::new(frame.size.0, near.is_some());
+        picture::painted(frame.size, near.as_ref(), progress, new_row, |sums, y, planes| {
             let in_reach = canvas.bins_in_reach(y);
             for painting in self.row_views.of_row(y) {
                 sums.paint_only(|x| painting.is_visible(x));
                 let Painting { sets, weights, .. } = painting;
                 for (shears, channels) in sets {
                     sums.clear();
-                    add_row(sums, canvas, (y, &in_reach), shears, arch);
-                    write_row(sums, (channels, weights), canvas.lost_rays, planes);
+                    add_row(sums, &canvas, (y, &in_reach), shears, arch);
+                    sums.write((channels, weights), canvas.lost_rays, planes, arch);
                 }
             }
         })
@@ -195,7 +181,7 @@ impl Prepared {
     /// Smooth near light needs a pixel's surroundings, and those of a few hundred pixels are much of the picture: there all of it is painted,
     /// and kept.
     fn values_of(&mut self, frame: &Frame<'_>, pixels: impl Iterator<Item = usize>) -> Values {
-        if near_radius_per_coc(frame.plan, &self.bins, self.views).is_none() {
+        if NearFilter::new(frame.plan, &self.bins, self.views).is_none() {
             let reach = Reach::from_spans(&self.spans, &self.bins, frame.size);
             return self.paint_pixels(&self.canvas(frame), (&reach, frame.size.0), pixels);
         }
@@ -238,8 +224,8 @@ impl Prepared {
                         for (&x, values) in columns.iter().zip(&mut painted) {
                             let weight = weights.map_or(1.0, |weights| weights[x]);
                             let found = sums.means(x / LANES, canvas.lost_rays);
-                            written(channels).for_each(|k| {
-                                values[k] = blended(values[k], found[k].0[x % LANES], weight);
+                            picture::written(channels, false).for_each(|(k, mean)| {
+                                values[k] = blended(values[k], found[mean].0[x % LANES], weight);
                             });
                         }
                     }
@@ -252,88 +238,6 @@ impl Prepared {
     /// Adds the discs of `highlights` to `image`.
     fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
         highlights::draw(image, highlights, (frame.plan, frame.field), (&self.layers, &self.bins));
-    }
-}
-
-/// Planes of a picture with near light: see [`painted`].
-pub(super) const PLANES_WITH_NEAR: usize = 10;
-
-/// [`near::radius_per_coc`] for `views` views of `bins`, if the plan has a prefilter and there is near light.
-pub(super) fn near_radius_per_coc(plan: &Plan, bins: &Bins, views: usize) -> Option<f32> {
-    let filters = plan.does(EffectKind::Prefilter) && bins.have_near();
-    filters.then(|| near::radius_per_coc(views, plan.strength(EffectKind::Prefilter).unwrap_or(0.0)))
-}
-
-/// The picture of `planes`, with near light smoothed by `radius_per_coc` ([`near::radius_per_coc`]), and the share of rays that hit something in
-/// focus. The planes: red, green, blue, alpha and that share; and with near light its CoC radius, red, green, blue, and its shares
-/// ([`NearLight`]).
-pub(super) fn painted(planes: Vec<Plane>, radius_per_coc: Option<f32>) -> (Image, Plane) {
-    let mut planes = planes.into_iter();
-    let mut next = || planes.next().unwrap_or_else(|| Plane::zeros(0, 0));
-    let mut image = Image { planes: [next(), next(), next(), next()] };
-    let focused_share = next();
-    if let Some(radius_per_coc) = radius_per_coc {
-        let (radius_px, color) = (next(), [next(), next(), next()]);
-        NearLight { shares: planes.collect(), radius_px, color }.smooth(&mut image, radius_per_coc);
-    }
-    (image, focused_share)
-}
-
-/// The values of a pixel that views of these `channels` write.
-fn written(channels: &[usize]) -> impl Iterator<Item = usize> {
-    channels.iter().copied().chain(channels.contains(&ALPHA).then_some(FOCUSED))
-}
-
-/// The plane of [`painted`] that has the share of the rays of these `channels` that near surfaces stop.
-pub(super) fn near_share_plane(channels: &[usize]) -> usize {
-    match channels {
-        [0] | [_, _, _, _] => 9,
-        [2] => 11,
-        _ => 10,
-    }
-}
-
-/// What views of these `channels` write of near light: the planes of [`painted`], and the values of [`super::sums::Means`] to write there.
-fn written_near(channels: &[usize]) -> impl Iterator<Item = (usize, usize)> {
-    let radius = channels.contains(&ALPHA).then_some((5, NEAR_RADIUS));
-    let color = channels.iter().filter(|&&k| k != ALPHA).map(|k| (6 + k, NEAR_COLOR + k));
-    color.chain(radius).chain([(near_share_plane(channels), NEAR_SHARE)])
-}
-
-/// `before`, with `value` in its place by `weight`.
-fn blended(before: f32, value: f32, weight: f32) -> f32 {
-    match weight {
-        1.0.. => value,
-        ..=0.0 => before,
-        _ => before + weight * (value - before),
-    }
-}
-
-/// Writes what views of these `channels` painted of a row to its planes, blended by `weights` with what is there.
-fn write_row(
-    sums: &RowSums,
-    (channels, weights): (&[usize], Option<&[f32]>),
-    lost_rays: LostRays,
-    planes: &mut [&mut [f32]],
-) {
-    let (width, has_near) = (planes[0].len(), planes.len() > FOCUSED + 1);
-    for (chunk, first) in (0..width).step_by(LANES).enumerate() {
-        let columns = first..(first + LANES).min(width);
-        let means = sums.means(chunk, lost_rays);
-        let near = written_near(channels).filter(|_| has_near);
-        for (plane, k) in written(channels).map(|k| (k, k)).chain(near) {
-            let (values, found) = (&mut planes[plane][columns.clone()], &means[k].0[..columns.len()]);
-            match weights {
-                None => values.copy_from_slice(found),
-                Some(weights) => {
-                    let found = found.iter().zip(&weights[columns.clone()]);
-                    let blend = |(value, (&found, &weight)): (&mut f32, (&f32, &f32))| {
-                        *value = blended(*value, found, weight);
-                    };
-                    values.iter_mut().zip(found).for_each(blend);
-                }
-            }
-        }
     }
 }
 

@@ -94,6 +94,7 @@ impl Sums {
 
     /// The means of chunk `chunk` over these sums and those of `others`, which have `views` views together at each pixel; lost rays count
     /// as `lost_rays` says.
+    #[inline(always)]
     pub(super) fn means(
         &self,
         others: &Self,

@@ -9,9 +9,9 @@ use crate::methods::contract::Progress;
 use crate::methods::shear::bins::Bins;
 use crate::methods::shear::canvas::{Shear, Step};
 use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
+use crate::methods::shear::picture::near_share_plane;
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
 use crate::methods::shear::row_views::Turns;
-use crate::methods::shear::sampler::near_share_plane;
 use crate::scene::{Background, Layer};
 use glam::IVec2;
 use std::ops::Range;
@@ -305,7 +305,7 @@ impl<'a> BandBuffers<'a> {
             ("BARREL", f64::from(self.params.cats_eye > 0.0)),
             ("BACKGROUND", f64::from(self.frame.picture.background.is_some())),
             ("REFLECTS", f64::from(self.frame.reflecting.reflects)),
-            ("NEAR", f64::from(self.frame.near_radius_per_coc.is_some())),
+            ("NEAR", f64::from(self.frame.near.is_some())),
             ("FIRST_BATCH", f64::from(is_first)),
             ("LAST_BATCH", f64::from(is_last)),
         ];

@@ -1,6 +1,6 @@
 //! A scene to be rendered on a GPU: the tables that the CPU computes once, and the limits that follow from the GPU's memory.
 
-use super::kernels::{LIST_ENTRIES, NEAR_SUMS, PLANES, Params, SUMS, TEXEL_BYTES};
+use super::kernels::{LIST_ENTRIES, NEAR_SUMS, Params, SUMS, TEXEL_BYTES};
 use crate::error::Error;
 use crate::gpu::{Buffer, Gpu};
 use crate::methods::contract::{LostRays, Plan};
@@ -8,8 +8,9 @@ use crate::methods::shared::{ReflectingBuffers, has_translucent};
 use crate::methods::shear::bins::{Bins, LEVELS, MAX_BINS};
 use crate::methods::shear::keys::{Extent, Key, Keys};
 use crate::methods::shear::mirrors::Mirrors;
+use crate::methods::shear::picture::{NearFilter, PLANES};
 use crate::methods::shear::row_views::RowViews;
-use crate::methods::shear::sampler::{self, PLANES_WITH_NEAR, barrel_softness, bins, near_radius_per_coc};
+use crate::methods::shear::sampler::{self, barrel_softness, bins};
 use crate::methods::shear::{near, prefilter, resolve};
 use crate::scene::{Background, EffectKind, Layer, Scene};
 use std::ops::Range;
@@ -37,8 +38,8 @@ pub(super) struct Frame<'a> {
     pub(super) row_views: RowViews,
     /// Radius of the prefilter's box per pixel of CoC radius, if the plan has a prefilter.
     pub(super) radius_per_coc: Option<f32>,
-    /// The same of the filter of near light, if there is any ([`near_radius_per_coc`]).
-    pub(super) near_radius_per_coc: Option<f32>,
+    /// The filter of near light, if there is any.
+    pub(super) near: Option<NearFilter>,
     /// The shader's parameters for one band that is the whole picture.
     pub(super) params: Params,
     /// What its mirrors show.
@@ -74,7 +75,7 @@ impl<'a> Frame<'a> {
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
         let keys = Keys::new(layers, &bins, Extent::HalfWay, 0..picture.size.1);
         let params = params(&picture, layers.len(), &bins, views);
-        let near_radius_per_coc = near_radius_per_coc(plan, &bins, views);
+        let near = NearFilter::new(plan, &bins, views);
         Ok(Self {
             gpu,
             picture,
@@ -85,7 +86,7 @@ impl<'a> Frame<'a> {
             keys,
             row_views,
             radius_per_coc,
-            near_radius_per_coc,
+            near,
             params,
             reflecting,
             mirror_weights,
@@ -103,18 +104,14 @@ impl<'a> Frame<'a> {
         reach_px.ceil() as usize + 1
     }
 
-    /// Number of planes of the unfinished picture: those of [`sampler::painted`].
+    /// Number of planes of the unfinished picture: those of [`picture::smoothed`].
     pub(super) fn planes(&self) -> usize {
-        match self.near_radius_per_coc {
-            None => PLANES,
-            Some(_) if self.picture.plan.optics.has_axial_color() => PLANES_WITH_NEAR + 2,
-            Some(_) => PLANES_WITH_NEAR,
-        }
+        PLANES + self.near.map_or(0, |near| near.planes())
     }
 
     /// Number of planes of sums.
     pub(super) fn sums(&self) -> usize {
-        if self.near_radius_per_coc.is_some() { SUMS + NEAR_SUMS } else { SUMS }
+        if self.near.is_some() { SUMS + NEAR_SUMS } else { SUMS }
     }
 
     /// The largest number of rows that fits into the GPU's memory and limits.

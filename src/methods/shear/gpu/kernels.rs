@@ -68,9 +68,6 @@ pub(super) const TEXEL_BYTES: usize = size_of::<[f32; 4]>();
 /// Layers whose keys share a texel.
 pub(super) const LAYERS_PER_TEXEL: usize = 4;
 
-/// Planes of the unfinished picture: red, green, blue, alpha, and the share of rays that hit something in focus.
-pub(super) const PLANES: usize = 5;
-
 /// Planes of sums: red, green, blue, rays that hit something in focus, rays that end in the background, lost rays, and rays that the
 /// barrel hides.
 pub(super) const SUMS: usize = 7;

@@ -15,8 +15,8 @@ mod kernels;
 
 use super::highlights::{self, Highlight};
 use super::mirrors::Mirrors;
+use super::picture;
 use super::prepare::{self, Painted};
-use super::sampler;
 use crate::error::Error;
 use crate::gpu::{Gpu, Shader, bands};
 use crate::image::{Image, Plane};
@@ -81,7 +81,7 @@ fn paint(frame: &Frame<'_>, progress: &Progress<'_>) -> Result<(Image, Plane), E
             planes.iter_mut().map(|plane| &mut plane.values_mut()[values.clone()]).collect();
         frame.gpu.read_into(&picture, &mut parts)?;
     }
-    Ok(sampler::painted(planes, frame.near_radius_per_coc))
+    Ok(picture::smoothed(planes, frame.near.as_ref()))
 }
 
 /// The discs of `highlights` on a transparent picture; `None` without highlights.
