@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 const MAX_LINKS: usize = 40;
 
 /// The output that a writer writes to.
-pub trait Target: Write + Seek {}
+pub trait Target: Write + Seek + Send {}
 
-impl<T: Write + Seek> Target for T {}
+impl<T: Write + Seek + Send> Target for T {}
 
 /// The destination of a write.
 enum Destination {

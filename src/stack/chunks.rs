@@ -12,6 +12,7 @@ use exr::math::Vec2;
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use std::io::{self, Read, Seek};
+use std::mem;
 
 /// Number of counters at the start of a DWA block, eight bytes each.
 const DWA_COUNTERS: usize = 11;
@@ -26,6 +27,40 @@ pub(super) struct Chunks {
     position: u64,
     /// Offsets of the blocks, in file order.
     offsets: std::vec::IntoIter<u64>,
+}
+
+/// Which block it is, as its head says. [`super::decode`] checks it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Head {
+    /// Index of its part.
+    pub(super) part: usize,
+    /// Where in the part it is.
+    pub(super) place: Place,
+}
+
+/// Where a block is.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Place {
+    /// The `y` of its first row.
+    Row(i32),
+    /// A tile.
+    Tile(TileCoordinates),
+}
+
+impl Head {
+    /// The block for the EXR library, with the bytes `content`, of which it leaves none.
+    pub(super) fn take(self, content: &mut Vec<u8>) -> Chunk {
+        let compressed_pixels_le = mem::take(content);
+        let compressed_block = match self.place {
+            Place::Row(y_coordinate) => {
+                CompressedBlock::ScanLine(CompressedScanLineBlock { y_coordinate, compressed_pixels_le })
+            }
+            Place::Tile(coordinates) => {
+                CompressedBlock::Tile(CompressedTileBlock { coordinates, compressed_pixels_le })
+            }
+        };
+        Chunk { layer_index: self.part, compressed_block }
+    }
 }
 
 impl Chunks {
@@ -61,16 +96,20 @@ impl Chunks {
         Ok(Self { input, len, position, offsets: offsets.into_iter() })
     }
 
-    /// The next block; `None` after the last.
+    /// The next block, whose bytes replace those of `content`; `None` after the last.
     ///
     /// # Errors
     /// The block is outside the file, or belongs to no part.
-    pub(super) fn next(&mut self, meta_data: &MetaData) -> Option<Result<Chunk, Error>> {
+    pub(super) fn next(
+        &mut self,
+        meta_data: &MetaData,
+        content: &mut Vec<u8>,
+    ) -> Option<Result<Head, Error>> {
         let offset = self.offsets.next()?;
-        Some(self.read_at(offset, meta_data))
+        Some(self.read_at(offset, meta_data, content))
     }
 
-    fn read_at(&mut self, offset: u64, meta_data: &MetaData) -> Result<Chunk, Error> {
+    fn read_at(&mut self, offset: u64, meta_data: &MetaData, content: &mut Vec<u8>) -> Result<Head, Error> {
         if offset == 0 {
             return Err(Error::input("some blocks of pixels were not written")
                 .help("the render was stopped or is still running: render it again"));
@@ -82,29 +121,22 @@ impl Chunks {
         self.input.seek_relative(offset as i64 - self.position as i64).map_err(cut_short)?;
         self.position = offset;
         let part = if meta_data.requirements.is_multilayer() { self.read_i32()? } else { 0 };
-        let layer_index = usize::try_from(part).ok().filter(|&part| part < meta_data.headers.len());
-        let layer_index = layer_index.ok_or_else(|| damaged("it belongs to no part"))?;
-        let compressed_block = match meta_data.headers[layer_index].blocks {
-            BlockDescription::ScanLines => {
-                let y_coordinate = self.read_i32()?;
-                CompressedBlock::ScanLine(CompressedScanLineBlock {
-                    y_coordinate,
-                    compressed_pixels_le: self.content()?,
-                })
-            }
+        let part = usize::try_from(part).ok().filter(|&part| part < meta_data.headers.len());
+        let part = part.ok_or_else(|| damaged("it belongs to no part"))?;
+        let place = match meta_data.headers[part].blocks {
+            BlockDescription::ScanLines => Place::Row(self.read_i32()?),
             BlockDescription::Tiles(_) => {
                 let words = [self.read_i32()?, self.read_i32()?, self.read_i32()?, self.read_i32()?];
                 let [x, y, level_x, level_y] =
                     words.map(|word| usize::try_from(word).map_err(|_| damaged("its place is negative")));
-                let coordinates =
-                    TileCoordinates { tile_index: Vec2(x?, y?), level_index: Vec2(level_x?, level_y?) };
-                CompressedBlock::Tile(CompressedTileBlock {
-                    coordinates,
-                    compressed_pixels_le: self.content()?,
+                Place::Tile(TileCoordinates {
+                    tile_index: Vec2(x?, y?),
+                    level_index: Vec2(level_x?, level_y?),
                 })
             }
         };
-        Ok(Chunk { layer_index, compressed_block })
+        self.read_content(content)?;
+        Ok(Head { part, place })
     }
 
     fn read_i32(&mut self) -> Result<i32, Error> {
@@ -114,24 +146,15 @@ impl Chunks {
         Ok(i32::from_le_bytes(bytes))
     }
 
-    fn content(&mut self) -> Result<Vec<u8>, Error> {
+    fn read_content(&mut self, content: &mut Vec<u8>) -> Result<(), Error> {
         let size = u64::try_from(self.read_i32()?).map_err(|_| damaged("its length is negative"))?;
         if size > self.len.saturating_sub(self.position) {
             return Err(cut_short(io::ErrorKind::UnexpectedEof.into()));
         }
-        let mut content = vec![0; size as usize];
-        self.input.read_exact(&mut content).map_err(cut_short)?;
+        content.resize(size as usize, 0);
+        self.input.read_exact(content).map_err(cut_short)?;
         self.position += size;
-        Ok(content)
-    }
-}
-
-/// The bytes of a block.
-pub(super) fn content(chunk: &Chunk) -> &[u8] {
-    match &chunk.compressed_block {
-        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
-        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
-        _ => &[],
+        Ok(())
     }
 }
 

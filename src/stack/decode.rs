@@ -1,19 +1,19 @@
 //! OpenEXR pixels: compressed blocks in, planes out.
 //!
-//! Blocks are read in file order and decompressed in the caller's thread pool, a batch at a time, each into its
-//! rows of the planes. Memory: the planes and one batch of blocks. Only requested channels are converted.
-//! Of a file that is cropped to some of its rows, only the blocks that meet them are read. Limits: only the largest resolution level is
-//! read.
+//! Blocks are read in file order and decompressed in the caller's thread pool, each into its rows of the planes: ZIP and ZIPS here, other
+//! codecs by the EXR library. Memory: the planes, of which pages that hold zeros alone take none, and a block for each thread, packed and
+//! unpacked. Only requested channels are converted. Of a file that is cropped to some of its rows, only the blocks that meet them are read.
+//! Limits: only the largest resolution level is read; samples are taken as they are in the file, on machines that are little-endian like it.
 
 use super::Window;
-use super::chunks::{self, Chunks};
+use super::chunks::{self, Chunks, Head, Place};
 use super::guard;
 use super::header::{ExrFile, decoder_error};
 use super::sanitise::{self, Replaced};
 use crate::error::Error;
 use crate::image::Plane;
+use crate::zip_blocks::{Damage, Halves, are_zero, unpack};
 use exr::block::UncompressedBlock;
-use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::image::FlatSamples;
 use exr::meta::attribute::{Compression, SampleType};
 use exr::meta::header::Header;
@@ -22,12 +22,9 @@ use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Maximum compressed bytes of a batch; a batch has at least one block.
-const BATCH_BYTES: usize = 32 << 20;
-
-/// The part of the memory limit that the decompressed blocks of a batch may take, unless one block takes more.
+/// The part of the memory limit that decompressed blocks may take, unless one block takes more.
 const BLOCKS_SHARE: u64 = 8;
 
 /// The use of a channel, which determines its conversion.
@@ -57,11 +54,12 @@ struct Strip<'a> {
     /// Index in the part's channel list.
     channel: usize,
     usage: Use,
-    rows: Rows<'a>,
+    /// Blocks beside one another write to the same rows. All values are 0 before.
+    rows: Mutex<Rows<'a>>,
 }
 
 /// The strips of each row of blocks of a part.
-type Bands<'a> = Vec<Mutex<Vec<Strip<'a>>>>;
+type Bands<'a> = Vec<Vec<Strip<'a>>>;
 
 enum Rows<'a> {
     Float(&'a mut [f32]),
@@ -144,10 +142,9 @@ fn decode_unnamed(
         let channel = &file.channels[channel];
         let grid = &grids[channel.part];
         let part_bands = &mut bands[channel.part];
-        part_bands.resize_with(grid.bands().len(), Mutex::default);
-        for (band, rows) in part_bands.iter_mut().zip(cut(output, grid)) {
-            let strips = band.get_mut().unwrap_or_else(PoisonError::into_inner);
-            strips.push(Strip { channel: channel.index, usage, rows });
+        part_bands.resize_with(grid.bands().len(), Vec::new);
+        for (strips, rows) in part_bands.iter_mut().zip(cut(output, grid)) {
+            strips.push(Strip { channel: channel.index, usage, rows: Mutex::new(rows) });
         }
     }
     let most_blocks = most_blocks(&file, max_bytes);
@@ -223,45 +220,76 @@ pub(super) fn block_bytes(header: &Header) -> u64 {
     pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
-/// The number of blocks of a batch: a few for each thread, and fewer where they are large.
+/// The number of blocks that are decoded at a time: one for each thread, and fewer where they are large.
 fn most_blocks(file: &ExrFile, max_bytes: Option<u64>) -> usize {
     let largest = file.meta_data.headers.iter().map(block_bytes).max().unwrap_or(0).max(1);
     let limit = max_bytes.unwrap_or_else(guard::default_max_bytes) / BLOCKS_SHARE;
     let fitting = usize::try_from(limit / largest).unwrap_or(usize::MAX);
-    (4 * rayon::current_num_threads()).min(fitting).max(1)
+    rayon::current_num_threads().min(fitting).max(1)
+}
+
+/// The blocks that are still to be read.
+struct Unread {
+    chunks: Chunks,
+    /// For each part, the blocks that were read.
+    seen: Vec<Vec<bool>>,
+    /// Number of blocks that were read.
+    count: usize,
+    /// Whether a block was damaged: no others are read then.
+    failed: bool,
+}
+
+/// What a thread decodes a block in, again and again.
+#[derive(Default)]
+struct Workspace {
+    /// The block as it is in the file.
+    content: Vec<u8>,
+    half_row: Vec<u16>,
 }
 
 /// Decodes all blocks of the parts that have bands, at most `most_blocks` at a time, into the strips.
+///
+/// Each thread reads a block, decodes it, reads the next: no thread waits for another but while that one reads. Of several damaged blocks
+/// the first in the file is reported.
 fn fill(file: ExrFile, grids: &[Grid], bands: &[Bands<'_>], most_blocks: usize) -> Result<Replaced, Error> {
     let ExrFile { input, len, meta_data, .. } = file;
-    let mut seen: Vec<Vec<bool>> =
+    let seen =
         grids.iter().zip(bands).map(|(grid, bands)| vec![false; grid.columns() * bands.len()]).collect();
     let requested = |part: usize, band: usize| !bands[part].is_empty() && grids[part].bands().contains(&band);
-    let mut chunks = Chunks::new(input, len, &meta_data, requested)?;
+    let chunks = Chunks::new(input, len, &meta_data, requested)?;
+    let unread = Mutex::new(Unread { chunks, seen, count: 0, failed: false });
+    // A function, so that the lock is held for its call and no longer.
+    let next_block = |content: &mut Vec<u8>| unlocked(&unread).next(&meta_data, grids, content);
+    let work = |_| {
+        let (mut workspace, mut replaced) = (Workspace::default(), Replaced::default());
+        while let Some((number, next)) = next_block(&mut workspace.content) {
+            let placed = next.and_then(|(head, at)| {
+                let strips = &bands[head.part][at.1 - grids[head.part].bands().start];
+                place(head, at, strips, (&grids[head.part], &meta_data), &mut workspace)
+            });
+            match placed {
+                Ok(more) => replaced.add(more),
+                Err(error) => {
+                    unlocked(&unread).failed = true;
+                    return Err((number, error));
+                }
+            }
+        }
+        Ok(replaced)
+    };
+    let outcomes: Vec<_> = (0..most_blocks).into_par_iter().with_max_len(1).map(work).collect();
     let mut replaced = Replaced::default();
-    loop {
-        let mut batch = Vec::new();
-        let mut bytes = 0;
-        while batch.len() < most_blocks && bytes < BATCH_BYTES {
-            let Some(chunk) = chunks.next(&meta_data) else { break };
-            let chunk = chunk?;
-            let at = locate(&chunk, &meta_data, grids, &mut seen)?;
-            bytes += chunks::content(&chunk).len();
-            batch.push((chunk, at));
-        }
-        if batch.is_empty() {
-            break;
-        }
-        let done = batch.into_par_iter().map(|(chunk, (column, band))| {
-            let part = chunk.layer_index;
-            let strips = &bands[part][band - grids[part].bands().start];
-            place(chunk, (column, band), strips, &grids[part], &meta_data)
-        });
-        for part in done.collect::<Vec<_>>() {
-            replaced.add(part?);
+    let mut failures = Vec::new();
+    for outcome in outcomes {
+        match outcome {
+            Ok(more) => replaced.add(more),
+            Err(failure) => failures.push(failure),
         }
     }
-    let missing = seen.iter().flatten().filter(|seen| !**seen).count();
+    if let Some((_, error)) = failures.into_iter().min_by_key(|(number, _)| *number) {
+        return Err(error);
+    }
+    let missing = unlocked(&unread).seen.iter().flatten().filter(|seen| !**seen).count();
     if missing > 0 {
         return Err(Error::input(format!("{missing} blocks of pixels are missing"))
             .help("the file is damaged or still being written: render or copy it again"));
@@ -269,25 +297,51 @@ fn fill(file: ExrFile, grids: &[Grid], bands: &[Bands<'_>], most_blocks: usize) 
     Ok(replaced)
 }
 
+fn unlocked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A block, and its column and row of blocks.
+type Located = (Head, (usize, usize));
+
+impl Unread {
+    /// The number of the next block in the file, and the block, whose bytes replace those of `content`; `None` after the last, and after one
+    /// that is damaged.
+    fn next(
+        &mut self,
+        meta_data: &MetaData,
+        grids: &[Grid],
+        content: &mut Vec<u8>,
+    ) -> Option<(usize, Result<Located, Error>)> {
+        if self.failed {
+            return None;
+        }
+        let head = self.chunks.next(meta_data, content)?;
+        self.count += 1;
+        let located = head.and_then(|head| Ok((head, locate(head, meta_data, grids, &mut self.seen)?)));
+        Some((self.count, located))
+    }
+}
+
 /// Column and band of a block. Each may occur only once.
 fn locate(
-    chunk: &Chunk,
+    head: Head,
     meta_data: &MetaData,
     grids: &[Grid],
     seen: &mut [Vec<bool>],
 ) -> Result<(usize, usize), Error> {
-    let part = chunk.layer_index;
-    let found = match &chunk.compressed_block {
-        CompressedBlock::ScanLine(block) => {
+    let part = head.part;
+    let found = match head.place {
+        Place::Row(y) => {
             let top = meta_data.headers[part].own_attributes.layer_position.y();
-            let row = usize::try_from(i64::from(block.y_coordinate) - i64::from(top)).ok();
+            let row = usize::try_from(i64::from(y) - i64::from(top)).ok();
             row.filter(|row| row % grids[part].block_height == 0)
                 .map(|row| (0, row / grids[part].block_height))
         }
-        CompressedBlock::Tile(tile) if tile.coordinates.is_largest_resolution_level() => {
-            Some((tile.coordinates.tile_index.x(), tile.coordinates.tile_index.y()))
+        Place::Tile(tile) if tile.is_largest_resolution_level() => {
+            Some((tile.tile_index.x(), tile.tile_index.y()))
         }
-        _ => None,
+        Place::Tile(_) => None,
     };
     let (columns, bands) = (grids[part].columns(), grids[part].bands());
     let place = found.filter(|&(column, band)| column < columns && bands.contains(&band));
@@ -302,43 +356,88 @@ fn locate(
     }
 }
 
-/// Decompresses the block in this column and row of blocks into its strips.
+/// The bytes of a decompressed block.
+#[derive(Clone, Copy)]
+enum Samples<'a> {
+    /// Row after row.
+    Plain(&'a [u8]),
+    /// Even places apart from odd ones.
+    Halves(Halves<'a>),
+}
+
+impl<'a> Samples<'a> {
+    fn part(self, range: Range<usize>) -> Self {
+        match self {
+            Self::Plain(bytes) => Self::Plain(&bytes[range]),
+            Self::Halves(halves) => Self::Halves(halves.part(range)),
+        }
+    }
+
+    fn copy_to(self, bytes: &mut [u8]) {
+        match self {
+            Self::Plain(own) => bytes.copy_from_slice(own),
+            Self::Halves(halves) => halves.join(bytes),
+        }
+    }
+
+    fn is_zero(self) -> bool {
+        match self {
+            Self::Plain(bytes) => are_zero(bytes),
+            Self::Halves(halves) => halves.is_zero(),
+        }
+    }
+}
+
+/// Decompresses the block in this column and row of blocks, which is in the workspace, into its strips.
 fn place(
-    chunk: Chunk,
+    head: Head,
     (column, band): (usize, usize),
-    strips: &Mutex<Vec<Strip<'_>>>,
-    grid: &Grid,
-    meta_data: &MetaData,
+    strips: &[Strip<'_>],
+    (grid, meta_data): (&Grid, &MetaData),
+    workspace: &mut Workspace,
 ) -> Result<Replaced, Error> {
-    let header = &meta_data.headers[chunk.layer_index];
-    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        chunks::check_dwa(chunks::content(&chunk), header, grid.pixels_of(column, band))?;
-    }
-    let block = UncompressedBlock::decompress_chunk(chunk, meta_data, false)
-        .map_err(|error| decoder_error("a block of pixels cannot be decompressed", error))?;
-    let mut offsets = Vec::with_capacity(header.channels.list.len());
-    let mut bytes_per_pixel = 0;
-    for channel in &header.channels.list {
-        offsets.push((bytes_per_pixel, channel.sample_type));
-        bytes_per_pixel += channel.sample_type.bytes_per_sample();
-    }
-    let (left, width) = (column * grid.block_width, block.index.pixel_size.width());
-    let mut replaced = Replaced::default();
-    let mut half_row = vec![0u16; width];
+    let header = &meta_data.headers[head.part];
+    let Workspace { content, half_row } = workspace;
+    let size = grid.pixels_of(column, band) * header.channels.bytes_per_pixel;
+    let (decompressed, shuffled);
+    let samples = match header.compression {
+        Compression::ZIP1 | Compression::ZIP16 if content.len() == size => Samples::Plain(content),
+        Compression::ZIP1 | Compression::ZIP16 => {
+            shuffled = unpack(content, size).map_err(|damage| not_unpacked(header, damage))?;
+            Samples::Halves(shuffled.halves())
+        }
+        compression => {
+            if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+                chunks::check_dwa(content, header, grid.pixels_of(column, band))?;
+            }
+            let block = UncompressedBlock::decompress_chunk(head.take(content), meta_data, false);
+            decompressed = block.map_err(|error| decoder_error(NOT_DECOMPRESSED, error))?.data;
+            Samples::Plain(&decompressed)
+        }
+    };
+    let left = column * grid.block_width;
+    let width = grid.block_width.min(grid.width - left);
     let rows = grid.rows_of(band);
     let skipped = rows.start - band * grid.block_height;
-    let mut strips = strips.lock().unwrap_or_else(PoisonError::into_inner);
-    for strip in strips.iter_mut() {
-        let (offset, sample_type) = offsets[strip.channel];
-        let len = sample_type.bytes_per_sample() * width;
-        let lines = block.data.chunks_exact(bytes_per_pixel * width).skip(skipped).take(rows.len());
-        for (row, line) in lines.enumerate() {
-            let bytes = &line[offset * width..][..len];
-            let at = row * grid.width + left;
-            match &mut strip.rows {
+    let mut replaced = Replaced::default();
+    half_row.resize(width, 0);
+    for strip in strips {
+        let channels = &header.channels.list;
+        let before = channels[..strip.channel].iter().map(|channel| channel.sample_type.bytes_per_sample());
+        let (offset, sample_type) = (before.sum::<usize>(), channels[strip.channel].sample_type);
+        let mut strip_rows = unlocked(&strip.rows);
+        for row in 0..rows.len() {
+            let start = ((skipped + row) * header.channels.bytes_per_pixel + offset) * width;
+            let samples = samples.part(start..start + sample_type.bytes_per_sample() * width);
+            // Zeros are there: memory that is not written to takes no room.
+            if samples.is_zero() {
+                continue;
+            }
+            let at = row * grid.width + left..row * grid.width + left + width;
+            match &mut *strip_rows {
                 Rows::Float(values) => {
-                    let values = &mut values[at..at + width];
-                    read_floats(bytes, sample_type, &mut half_row, values);
+                    let values = &mut values[at];
+                    read_floats(samples, sample_type, half_row, values);
                     match strip.usage {
                         Use::Color => sanitise::color(values, &mut replaced),
                         Use::Alpha => sanitise::alpha(values, &mut replaced),
@@ -346,30 +445,40 @@ fn place(
                     }
                 }
                 Rows::Half(values) => {
-                    bytemuck::cast_slice_mut(&mut half_row).copy_from_slice(bytes);
-                    values[at..at + width].copy_from_slice(half_row.reinterpret_cast());
+                    let bits: &mut [u16] = values[at].reinterpret_cast_mut();
+                    samples.copy_to(bytemuck::cast_slice_mut(bits));
                 }
-                Rows::Uint(values) => {
-                    bytemuck::cast_slice_mut::<u32, u8>(&mut values[at..at + width]).copy_from_slice(bytes);
-                }
+                Rows::Uint(values) => samples.copy_to(bytemuck::cast_slice_mut(&mut values[at])),
             }
         }
     }
     Ok(replaced)
 }
 
-/// Converts one row of samples in native byte order to `f32`. `half_row` is scratch memory of the same length.
-fn read_floats(bytes: &[u8], sample_type: SampleType, half_row: &mut [u16], values: &mut [f32]) {
+const NOT_DECOMPRESSED: &str = "a block of pixels cannot be decompressed";
+
+/// The error of a ZIP or ZIPS block, in the words of the EXR library.
+fn not_unpacked(header: &Header, damage: Damage) -> Error {
+    let what = match damage {
+        Damage::TooShort | Damage::Malformed => {
+            format!("compressed {:?} data (invalid zlib-compressed data malformed)", header.compression)
+        }
+        Damage::WrongSize => "decompressed data".to_owned(),
+    };
+    decoder_error(NOT_DECOMPRESSED, exr::error::Error::Invalid(what.into()))
+}
+
+/// Converts one row of samples to `f32`. `half_row` is scratch memory of the same length.
+fn read_floats(samples: Samples<'_>, sample_type: SampleType, half_row: &mut [u16], values: &mut [f32]) {
     match sample_type {
-        SampleType::F32 => bytemuck::cast_slice_mut::<f32, u8>(values).copy_from_slice(bytes),
+        SampleType::F32 => samples.copy_to(bytemuck::cast_slice_mut(values)),
         SampleType::F16 => {
-            bytemuck::cast_slice_mut::<u16, u8>(half_row).copy_from_slice(bytes);
+            samples.copy_to(bytemuck::cast_slice_mut(half_row));
             half_row.reinterpret_cast::<f16>().convert_to_f32_slice(values);
         }
         SampleType::U32 => {
-            for (value, bytes) in values.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = u32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as f32;
-            }
+            samples.copy_to(bytemuck::cast_slice_mut(values));
+            values.iter_mut().for_each(|value| *value = value.to_bits() as f32);
         }
     }
 }

@@ -14,6 +14,9 @@ const PICTURE: [&str; 4] = ["R", "G", "B", "A"];
 /// Maximum length of a name in OpenEXR, in bytes.
 const MAX_NAME_BYTES: usize = 255;
 
+/// Values that are clamped before they are rounded: few enough to stay in the nearest cache.
+const GROUP: usize = 256;
+
 /// Samples of one channel.
 enum Samples<'a> {
     /// A plane to be rounded to half.
@@ -32,33 +35,38 @@ pub(super) struct Channel<'a> {
 }
 
 impl Channel<'_> {
-    /// Appends row `y` in native byte order. Values beyond the largest half float are clamped to it, so that
-    /// bright pixels do not become infinite.
-    pub(super) fn append_row(&self, y: usize, width: usize, bytes: &mut Vec<u8>) {
+    /// Row `y`, in native byte order. Values beyond the largest half float are clamped to it, so that bright pixels do not become infinite.
+    /// `halves` is scratch memory.
+    pub(super) fn row<'s>(&'s self, y: usize, width: usize, halves: &'s mut Vec<f16>) -> &'s [u8] {
         let row = y * width..(y + 1) * width;
         match self.samples {
-            Samples::Float(plane) => bytes.extend_from_slice(bytemuck::cast_slice(plane.row(y))),
+            Samples::Float(plane) => bytemuck::cast_slice(plane.row(y)),
             Samples::Half(plane) => {
-                let limit = f16::MAX.to_f32();
-                let clamped: Vec<f32> = plane.row(y).iter().map(|v| v.clamp(-limit, limit)).collect();
-                let mut halves = vec![f16::ZERO; width];
-                halves.convert_from_f32_slice(&clamped);
-                append_halves(&halves, bytes);
+                halves.resize(width, f16::ZERO);
+                clamp_to_halves(plane.row(y), halves);
+                bytes_of_halves(halves)
             }
-            Samples::Carried(FlatSamples::F16(values)) => append_halves(&values[row], bytes),
-            Samples::Carried(FlatSamples::F32(values)) => {
-                bytes.extend_from_slice(bytemuck::cast_slice(&values[row]));
-            }
-            Samples::Carried(FlatSamples::U32(values)) => {
-                bytes.extend_from_slice(bytemuck::cast_slice(&values[row]));
-            }
+            Samples::Carried(FlatSamples::F16(values)) => bytes_of_halves(&values[row]),
+            Samples::Carried(FlatSamples::F32(values)) => bytemuck::cast_slice(&values[row]),
+            Samples::Carried(FlatSamples::U32(values)) => bytemuck::cast_slice(&values[row]),
         }
     }
 }
 
-fn append_halves(halves: &[f16], bytes: &mut Vec<u8>) {
+/// Rounds `values` to `halves`, which are as many.
+fn clamp_to_halves(values: &[f32], halves: &mut [f16]) {
+    let limit = f16::MAX.to_f32();
+    let mut clamped = [0.0; GROUP];
+    for (values, halves) in values.chunks(GROUP).zip(halves.chunks_mut(GROUP)) {
+        let clamped = &mut clamped[..values.len()];
+        clamped.iter_mut().zip(values).for_each(|(clamped, value)| *clamped = value.clamp(-limit, limit));
+        halves.convert_from_f32_slice(clamped);
+    }
+}
+
+fn bytes_of_halves(halves: &[f16]) -> &[u8] {
     let bits: &[u16] = halves.reinterpret_cast();
-    bytes.extend_from_slice(bytemuck::cast_slice(bits));
+    bytemuck::cast_slice(bits)
 }
 
 /// All channels in the order of the file, sorted by the bytes of their names. Channels that cannot be copied are reported in `findings`.

@@ -1,32 +1,25 @@
 //! EXR: the picture as `R G B A` at the root, with channels and attributes copied from the input.
 //!
-//! The EXR library compresses single blocks and encodes attributes. The file itself is written here, so that
+//! The EXR library encodes attributes, and blocks of codecs other than ZIP and ZIPS. The file itself is written here, so that
 //! blocks are compressed in the caller's thread pool (the library creates a pool at every call) and equal
-//! pictures give equal files. Cost: the compression. Memory: one band of blocks.
+//! pictures give equal files. Cost: the compression.
 
+mod blocks;
 mod channels;
 mod codec;
 mod header;
 
 pub use codec::Codec;
 
-use super::atomic::{self, Target};
+use super::atomic;
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Image;
 use crate::stack::{Carried, Frame, Precision, Window};
+use blocks::Blocks;
 use channels::Channel;
-use exr::block::chunk::Chunk;
-use exr::block::{BlockIndex, UncompressedBlock};
-use exr::math::Vec2;
 use exr::meta::header::Header;
-use rayon::prelude::*;
-use std::io::SeekFrom;
-use std::ops::Range;
 use std::path::Path;
-
-/// Blocks per thread that are compressed before they are written: enough to balance the load within a band.
-const BLOCKS_PER_THREAD: usize = 8;
 
 /// Storage options of an EXR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -115,14 +108,14 @@ pub fn write_rows(
         loop {
             let (width, height) = (rows.image.width(), rows.image.height());
             if width != frame.data.width || !blocks.has_room_for(height) {
-                return Err(wrong_rows(path, frame, blocks.top + height));
+                return Err(wrong_rows(path, frame, blocks.rows() + height));
             }
             let channels = collect(&rows, frame, options, &mut Vec::new());
             blocks.write(target, &channels, height).map_err(failed)?;
             match next()? {
                 Some(more) => rows = more,
-                None if blocks.top == frame.data.height => return blocks.end(target).map_err(failed),
-                None => return Err(wrong_rows(path, frame, blocks.top)),
+                None if blocks.rows() == frame.data.height => return blocks.end(target).map_err(failed),
+                None => return Err(wrong_rows(path, frame, blocks.rows())),
             }
         }
     })?;
@@ -162,88 +155,6 @@ fn head(
     let attributes = header::attributes(&header, carried, findings);
     header.validate(false, &mut false, true).map_err(|error| encoding_error(path, error))?;
     Ok((header, attributes))
-}
-
-/// The blocks of a file that is being written, top to bottom.
-struct Blocks<'h> {
-    header: &'h Header,
-    /// Position of the table of offsets.
-    table: u64,
-    offsets: Vec<u64>,
-    /// Number of rows that are written.
-    top: usize,
-}
-
-impl<'h> Blocks<'h> {
-    /// Writes an empty table of offsets.
-    fn begin(target: &mut dyn Target, header: &'h Header) -> exr::error::Result<Self> {
-        let table = target.stream_position()?;
-        target.write_all(&vec![0; header.chunk_count * size_of::<u64>()])?;
-        Ok(Self { header, table, offsets: Vec::with_capacity(header.chunk_count), top: 0 })
-    }
-
-    /// Whether `rows` more rows are in the picture, and whole blocks or the last ones.
-    fn has_room_for(&self, rows: usize) -> bool {
-        let (end, height) = (self.top + rows, self.header.layer_size.height());
-        let is_whole = end.is_multiple_of(self.header.compression.scan_lines_per_block());
-        rows > 0 && end <= height && (is_whole || end == height)
-    }
-
-    /// Writes the blocks of the next `rows` rows, all of which `channels` hold.
-    fn write(
-        &mut self,
-        mut target: &mut dyn Target,
-        channels: &[Channel<'_>],
-        rows: usize,
-    ) -> exr::error::UnitResult {
-        let lines = self.header.compression.scan_lines_per_block();
-        let (top, end) = (self.top, self.top + rows);
-        let tops: Vec<usize> = (top..end).step_by(lines).collect();
-        for tops in tops.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
-            let compressed =
-                |&from: &usize| compress(from..end.min(from + lines), top, self.header, channels);
-            let chunks: Vec<_> = tops.par_iter().map(compressed).collect();
-            for chunk in chunks {
-                self.offsets.push(target.stream_position()?);
-                chunk?.write(&mut target, 1)?;
-            }
-        }
-        self.top = end;
-        Ok(())
-    }
-
-    /// Writes the offsets.
-    fn end(self, target: &mut dyn Target) -> exr::error::UnitResult {
-        target.seek(SeekFrom::Start(self.table))?;
-        for offset in self.offsets {
-            target.write_all(&offset.to_le_bytes())?;
-        }
-        target.seek(SeekFrom::End(0))?;
-        Ok(())
-    }
-}
-
-/// The compressed block of `rows` of the picture; `channels` hold the picture from row `top` on.
-fn compress(
-    rows: Range<usize>,
-    top: usize,
-    header: &Header,
-    channels: &[Channel<'_>],
-) -> exr::error::Result<Chunk> {
-    let width = header.layer_size.width();
-    let mut data = Vec::with_capacity(rows.len() * width * header.channels.bytes_per_pixel);
-    for y in rows.clone() {
-        for channel in channels {
-            channel.append_row(y - top, width, &mut data);
-        }
-    }
-    let index = BlockIndex {
-        layer: 0,
-        pixel_position: Vec2(0, rows.start),
-        pixel_size: Vec2(width, rows.len()),
-        level: Vec2(0, 0),
-    };
-    UncompressedBlock { index, data }.compress_to_chunk(std::slice::from_ref(header))
 }
 
 fn encoding_error(path: &Path, error: exr::error::Error) -> Error {

@@ -1,13 +1,11 @@
-//! Decompression of the blocks of a deep part: none, RLE, ZIPS and ZIP.
+//! Decompression of the blocks of a deep part: none, RLE, and ZIPS and ZIP, which [`crate::zip_blocks`] unpacks.
 //!
 //! Before memory is allocated, the size is checked against what the codec can make of the bytes that are there.
 
 use crate::error::Error;
+use crate::zip_blocks::{Damage, Shuffled, unpack};
 use exr::meta::attribute::Compression;
-use flate2::{Decompress, FlushDecompress, Status};
 
-/// Deflate expands by at most 1032.
-const DEFLATE_RATIO: usize = 1032;
 /// RLE expands 2 bytes to at most 128.
 const RLE_RATIO: usize = 64;
 
@@ -47,21 +45,19 @@ impl Packing {
         if packed.len() == size {
             return Ok(packed.to_vec());
         }
-        let ratio = match self {
-            Self::None => 1,
-            Self::Rle => RLE_RATIO,
-            Self::Zip => DEFLATE_RATIO,
-        };
-        if size / ratio > packed.len() {
-            return Err(damaged("a block of samples is smaller than its size allows"));
-        }
         let shuffled = match self {
-            Self::None => None,
-            Self::Rle => expand_runs(packed, size),
-            Self::Zip => inflate(packed, size),
+            Self::None if size > packed.len() => Err(Damage::TooShort),
+            Self::None => Err(Damage::WrongSize),
+            Self::Rle => expand_runs(packed, size).map(Shuffled::from_differences),
+            Self::Zip => unpack(packed, size),
         };
-        let shuffled = shuffled.ok_or_else(|| damaged("a block of samples cannot be decompressed"))?;
-        Ok(unshuffled(shuffled))
+        let shuffled = shuffled.map_err(|damage| match damage {
+            Damage::TooShort => damaged("a block of samples is smaller than its size allows"),
+            Damage::Malformed | Damage::WrongSize => damaged("a block of samples cannot be decompressed"),
+        })?;
+        let mut bytes = vec![0; size];
+        shuffled.halves().join(&mut bytes);
+        Ok(bytes)
     }
 }
 
@@ -70,49 +66,28 @@ pub(super) fn damaged(what: &str) -> Error {
     Error::input(what).help("the file is damaged or truncated: render or copy it again")
 }
 
-/// Exactly `size` bytes of zlib data; `None` if it is damaged or has another size.
-fn inflate(packed: &[u8], size: usize) -> Option<Vec<u8>> {
-    let mut bytes = vec![0; size];
-    let mut state = Decompress::new(true);
-    let status = state.decompress(packed, &mut bytes, FlushDecompress::Finish).ok()?;
-    (status == Status::StreamEnd && state.total_out() == size as u64).then_some(bytes)
-}
-
 /// Exactly `size` bytes of runs: a count from 0 on, and a byte to be repeated once more than that; or a count below 0, and as many bytes.
-fn expand_runs(packed: &[u8], size: usize) -> Option<Vec<u8>> {
+fn expand_runs(packed: &[u8], size: usize) -> Result<Vec<u8>, Damage> {
+    if size / RLE_RATIO > packed.len() {
+        return Err(Damage::TooShort);
+    }
     let mut bytes = Vec::with_capacity(size);
     let mut rest = packed;
     while let [count, tail @ ..] = rest {
         let count = count.cast_signed();
         let length = usize::from(count.unsigned_abs());
-        let (run, tail) = if count < 0 { tail.split_at_checked(length)? } else { tail.split_at_checked(1)? };
+        let of_run = if count < 0 { length } else { 1 };
+        let (run, tail) = tail.split_at_checked(of_run).ok_or(Damage::Malformed)?;
         match run {
             [byte] if count >= 0 => bytes.resize(bytes.len() + length + 1, *byte),
             _ => bytes.extend_from_slice(run),
         }
         if bytes.len() > size {
-            return None;
+            return Err(Damage::Malformed);
         }
         rest = tail;
     }
-    (bytes.len() == size).then_some(bytes)
-}
-
-/// The bytes of which `shuffled` has the differences from one to the next, those at even places before those at odd ones.
-fn unshuffled(mut shuffled: Vec<u8>) -> Vec<u8> {
-    let mut last = 128_u8;
-    for byte in &mut shuffled {
-        last = last.wrapping_add(*byte).wrapping_sub(128);
-        *byte = last;
-    }
-    let (even, odd) = shuffled.split_at(shuffled.len().div_ceil(2));
-    let mut bytes = vec![0; shuffled.len()];
-    let (pairs, rest) = bytes.as_chunks_mut();
-    for (pair, (even, odd)) in pairs.iter_mut().zip(even.iter().zip(odd)) {
-        *pair = [*even, *odd];
-    }
-    rest.iter_mut().zip(even.last()).for_each(|(byte, last)| *byte = *last);
-    bytes
+    if bytes.len() == size { Ok(bytes) } else { Err(Damage::WrongSize) }
 }
 
 #[cfg(test)]
