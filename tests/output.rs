@@ -97,6 +97,30 @@ fn floats_and_carried_channels_read_back_bit_for_bit_through_every_lossless_code
 }
 
 #[test]
+fn blocks_of_noise_do_not_become_smaller_and_read_back_bit_for_bit() {
+    let folder = TempDir::new().unwrap();
+    let (width, height) = (FRAME.data.width, FRAME.data.height);
+    let mut random = fastrand::Rng::with_seed(2);
+    let mut noise = || (0..width * height).map(|_| random.u32(..)).collect::<Vec<u32>>();
+    let planes = [noise(), noise(), noise(), noise()];
+    let image = Image::from_fn(width, height, |x, y| {
+        planes.each_ref().map(|bits| f32::from_bits(bits[y * width + x]))
+    });
+    let ids = FlatSamples::U32(noise());
+    let carried = Carried { channels: vec![carried_channel("id", ids.clone())], attributes: Vec::new() };
+    for codec in [Codec::Zips, Codec::Zip] {
+        let path = write(&folder, &image, &carried, Precision::Float, codec);
+        assert!(std::fs::metadata(&path).unwrap().len() > (20 * width * height) as u64, "{codec}");
+        let picture = read_back(&path);
+        for (name, expected) in ["R", "G", "B", "A"].iter().zip(&planes) {
+            let bits: Vec<u32> = values(&picture, name).iter().map(|value| value.to_bits()).collect();
+            assert_eq!(bits, *expected, "{codec} {name}");
+        }
+        assert_eq!(channel(&picture, "id").sample_data, ids, "{codec}");
+    }
+}
+
+#[test]
 fn halves_are_rounded_to_nearest_by_every_codec_that_is_lossless_for_halves() {
     let (folder, image) = (TempDir::new().unwrap(), gradient());
     for codec in LOSSLESS.into_iter().chain([Codec::Pxr24]) {

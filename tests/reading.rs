@@ -1,5 +1,7 @@
 //! Reading: naming schemes, depth conventions, and invalid files.
 
+#[path = "reading/blocks.rs"]
+mod blocks;
 #[path = "reading/completeness.rs"]
 mod completeness;
 #[path = "reading/deep.rs"]
