@@ -461,7 +461,7 @@ const NOT_DECOMPRESSED: &str = "a block of pixels cannot be decompressed";
 fn not_unpacked(header: &Header, damage: Damage) -> Error {
     let what = match damage {
         Damage::TooShort | Damage::Malformed => {
-            format!("compressed {:?} data (invalid zlib-compressed data malformed)", header.compression)
+            format!("compressed {:?} data (invalid: zlib-compressed data malformed)", header.compression)
         }
         Damage::WrongSize => "decompressed data".to_owned(),
     };
