@@ -2,7 +2,6 @@
 
 use crate::image::Plane;
 use crate::stack::LIGHT_ALPHA;
-use rayon::prelude::*;
 
 /// Fragments of at least this alpha hide everything behind them.
 pub const OPAQUE_ALPHA: f32 = 0.999;
@@ -48,14 +47,5 @@ impl Layer {
     pub(super) fn unpremultiplied_at(&self, x: usize, y: usize) -> [f32; 3] {
         let alpha = self.alpha.get(x, y);
         self.color_at(x, y).map(|value| if alpha > 0.0 { value / divisor(alpha) } else { 0.0 })
-    }
-
-    /// Unpremultiplied colours, row by row; black without a fragment.
-    pub(super) fn unpremultiplied(&self) -> Vec<[f32; 3]> {
-        let width = self.width();
-        (0..width * self.height())
-            .into_par_iter()
-            .map(|i| self.unpremultiplied_at(i % width, i / width))
-            .collect()
     }
 }

@@ -20,12 +20,14 @@ mod layer;
 mod light;
 mod merge;
 mod peel_stats;
+mod plates;
 mod reflections;
 mod smooth;
 mod spread;
 pub(crate) mod surface;
 mod surroundings;
 mod unmixing;
+mod ways;
 mod workload;
 
 pub use background::Background;

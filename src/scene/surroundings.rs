@@ -1,15 +1,19 @@
-//! What is seen beside a pixel, behind its own surface: in eight directions, the nearest first.
+//! What is around a pixel, behind its own surface: the largest CoC radii of squares of pixels.
 //!
-//! Each direction is followed until a fragment lies behind the limit. Squares of [`TILE`] pixels without such a fragment are skipped.
+//! Squares of [`TILE`] pixels without a fragment behind a limit are skipped when one looks for it; squares of 2 to 512 pixels with those
+//! around them say whether a fragment behind a pixel's surface is in reach of its rays. Cost: three passes over the layer. Memory: a
+//! plane of CoC radii, and two thirds of one.
 
 use super::Layer;
-use crate::image::Plane;
+use crate::image::{MARGIN, Plane};
 use crate::stack::LIGHT_ALPHA;
 use rayon::prelude::*;
 
-/// The directions, in columns and rows a step.
-const DIRECTIONS: [(isize, isize); 8] =
-    [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)];
+/// Number of neighbouring pixels of a row that look around together.
+pub(super) const LANES: usize = MARGIN;
+
+/// The level whose cells are as wide as such a group.
+const GROUP_LEVEL: usize = LANES.ilog2() as usize - 1;
 
 /// Levels of the maxima: the last has cells of 512 pixels.
 const LEVELS: usize = 9;
@@ -18,44 +22,17 @@ const LEVELS: usize = 9;
 const TILE_LEVEL: usize = 3;
 
 /// Side of such a cell in pixels.
-const TILE: usize = 1 << TILE_LEVEL;
+pub(super) const TILE: usize = 1 << TILE_LEVEL;
 
 /// How much farther away a fragment may be than the rays through its edge reach, in picture pixels: between the two it fades.
 pub(super) const FADE_PX: [f32; 2] = [1.0, 2.0];
 
-/// A fragment beside a pixel.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
-    /// Distance from the pixel.
-    pub(super) distance_px: f32,
-    /// Its CoC radius.
-    pub(super) coc_px: f32,
-    /// Its place.
-    pub(super) place: (usize, usize),
-}
-
-/// A way from a pixel in one direction, up to where it has been followed.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Way {
-    from: (usize, usize),
-    direction: (isize, isize),
-    step: usize,
-    steps: usize,
-}
-
-impl Way {
-    /// Makes the way `distance_px` long, if it is shorter.
-    pub(super) fn extend(&mut self, distance_px: f32) {
-        self.steps = self.steps.max((distance_px / length(self.direction)) as usize);
-    }
-}
-
 /// The CoC radii of a layer, arranged for looking around.
 pub(super) struct Surroundings {
     /// CoC radii in picture pixels; `−∞` without a fragment, and where light without alpha is all.
-    coc_px: Plane,
+    pub(super) coc_px: Plane,
     /// Largest CoC radius in each square of [`TILE`] pixels.
-    tiles: Plane,
+    pub(super) tiles: Plane,
     /// Largest CoC radius in each cell of 2, 4, 8 … pixels and the eight cells around it.
     around: Vec<Plane>,
 }
@@ -79,67 +56,49 @@ impl Surroundings {
         Self { coc_px, tiles, around }
     }
 
-    /// Width of the layer in pixels.
-    pub(super) fn width(&self) -> usize {
-        self.coc_px.width()
-    }
-
-    /// The largest difference in CoC radius, in picture pixels, from `coc_px` to fragments behind it that may be as near to a pixel as rays
-    /// reach that pass its surface there; `None` without such fragments.
-    pub(super) fn reach_px(&self, (x, y): (usize, usize), coc_px: f32, gap_px: f32) -> Option<f32> {
-        let mut reach_px = None;
-        for (level, largest) in self.around.iter().enumerate() {
-            let behind_px = largest.get(x >> (level + 1), y >> (level + 1)) - coc_px;
+    /// For [`LANES`] pixels from `x, y` on, whose last fragments have CoC radii `last_px`: the largest CoC radius of fragments that lie more
+    /// than `gap_px` behind and may be as near as rays reach that pass the last fragment there; `−∞` without such fragments. `x` is a
+    /// multiple of [`LANES`].
+    pub(super) fn farthest_in_reach(
+        &self,
+        (x, y): (usize, usize),
+        last_px: &[f32; LANES],
+        gap_px: f32,
+    ) -> [f32; LANES] {
+        let mut farthest_px = [f32::NEG_INFINITY; LANES];
+        let nearest_last_px = smallest(last_px);
+        let row = |level: usize| &self.around[level].row(y >> (level + 1))[x >> (level + 1)..];
+        for level in 0..LEVELS {
             // What the finer levels do not contain is at least half a cell's side away.
-            let nearest_px = if level == 0 { 0 } else { 1 << level };
-            if behind_px > gap_px && behind_px + FADE_PX[1] >= nearest_px as f32 {
-                reach_px = Some(behind_px);
-            }
-        }
-        reach_px
-    }
-
-    /// The ways from a place, up to `distance_px` long.
-    pub(super) fn ways(place: (usize, usize), distance_px: f32) -> [Way; 8] {
-        let mut ways = DIRECTIONS.map(|direction| Way { from: place, direction, step: 1, steps: 0 });
-        ways.iter_mut().for_each(|way| way.extend(distance_px));
-        ways
-    }
-
-    /// The next fragment of a way behind `coc_px`; `None` at its end. The way stays there.
-    pub(super) fn follow(&self, way: &mut Way, coc_px: f32) -> Option<Seen> {
-        let (dx, dy) = way.direction;
-        while way.step <= way.steps {
-            let step = way.step as isize;
-            let x = way.from.0.checked_add_signed(step * dx).filter(|&x| x < self.coc_px.width())?;
-            let y = way.from.1.checked_add_signed(step * dy).filter(|&y| y < self.coc_px.height())?;
-            if self.tiles.get(x / TILE, y / TILE) <= coc_px {
-                way.step += steps_in_tile(x, dx).min(steps_in_tile(y, dy));
+            let nearest_px = if level == 0 { 0.0 } else { (1 << level) as f32 };
+            let is_in_reach = |behind_px: f32| behind_px > gap_px && behind_px + FADE_PX[1] >= nearest_px;
+            // A cell with those around it holds the finer ones of all its pixels.
+            if !is_in_reach(row(level.max(GROUP_LEVEL))[0] - nearest_last_px) {
                 continue;
             }
-            let here = self.coc_px.get(x, y);
-            if here > coc_px {
-                let distance_px = way.step as f32 * length(way.direction);
-                return Some(Seen { distance_px, coc_px: here, place: (x, y) });
+            let cells = row(level);
+            for (lane, (farthest_px, last_px)) in farthest_px.iter_mut().zip(last_px).enumerate() {
+                // Past the border, where there is no cell, nothing is hidden.
+                let largest_px = cells[(lane >> (level + 1)).min(cells.len() - 1)];
+                if is_in_reach(largest_px - last_px) {
+                    *farthest_px = largest_px;
+                }
             }
-            way.step += 1;
         }
-        None
+        farthest_px
     }
 }
 
-/// Length of a step in pixels.
-fn length((dx, dy): (isize, isize)) -> f32 {
-    if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 }
-}
-
-/// The steps of `step` each from `at` to the first place outside its tile.
-fn steps_in_tile(at: usize, step: isize) -> usize {
-    match step {
-        1.. => TILE - at % TILE,
-        0 => TILE,
-        _ => at % TILE + 1,
+/// The smallest of the values of a group.
+#[inline(always)]
+pub(super) fn smallest(values: &[f32; LANES]) -> f32 {
+    let mut least = *values;
+    for half in [8, 4, 2, 1] {
+        for lane in 0..half {
+            least[lane] = if least[lane + half] < least[lane] { least[lane + half] } else { least[lane] };
+        }
     }
+    least[0]
 }
 
 /// The largest of each four values of `plane`.
@@ -148,9 +107,9 @@ fn halved(plane: &Plane) -> Plane {
     let mut half = Plane::zeros(width, height);
     half.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         let rows = [plane.row(2 * y), plane.row((2 * y + 1).min(plane.height() - 1))];
-        for (x, value) in row.iter_mut().enumerate() {
-            let right = (2 * x + 1).min(plane.width() - 1);
-            *value = rows.iter().fold(f32::NEG_INFINITY, |most, row| most.max(row[2 * x]).max(row[right]));
+        for (value, (above, below)) in row.iter_mut().zip(rows[0].chunks(2).zip(rows[1].chunks(2))) {
+            *value =
+                larger(larger(above[0], above[above.len() - 1]), larger(below[0], below[below.len() - 1]));
         }
     });
     half
@@ -160,15 +119,28 @@ fn halved(plane: &Plane) -> Plane {
 fn dilated(plane: &Plane) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let mut wide = Plane::zeros(width, height);
-    wide.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        for (x, value) in row.iter_mut().enumerate() {
-            let columns = x.saturating_sub(1)..(x + 2).min(width);
-            let rows = y.saturating_sub(1)..(y + 2).min(height);
-            let all = rows.flat_map(|y| plane.row(y)[columns.clone()].iter().copied());
-            *value = all.fold(f32::NEG_INFINITY, f32::max);
-        }
-    });
+    let rows = wide.values_mut().par_chunks_mut(width.max(1)).enumerate();
+    // The largest of three rows by column, with a column beyond either border.
+    rows.for_each_init(
+        || vec![f32::NEG_INFINITY; width + 2],
+        |largest, (y, row)| {
+            let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)].map(|y| plane.row(y));
+            let columns = above.iter().zip(plane.row(y)).zip(below);
+            for (largest, ((above, here), below)) in largest[1..].iter_mut().zip(columns) {
+                *largest = larger(larger(*above, *here), *below);
+            }
+            for (value, beside) in row.iter_mut().zip(largest.windows(3)) {
+                *value = larger(larger(beside[0], beside[1]), beside[2]);
+            }
+        },
+    );
     wide
+}
+
+/// The larger of two values that are numbers.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 #[cfg(test)]
@@ -185,34 +157,39 @@ mod tests {
         }
     }
 
+    /// The largest CoC radius in reach of a pixel whose last fragment has the CoC radius `last_px`, if there is one.
+    fn farthest(surroundings: &Surroundings, (x, y): (usize, usize), last_px: f32) -> Option<f32> {
+        let group = (x / LANES * LANES, y);
+        let farthest_px = surroundings.farthest_in_reach(group, &[last_px; LANES], 1.0)[x % LANES];
+        Some(farthest_px).filter(|px| px.is_finite())
+    }
+
     #[test]
-    fn a_way_meets_the_same_fragments_as_pixel_after_pixel() {
-        let coc = |x: usize, y: usize| ((x * 37 + y * 61 + x * y) % 101) as f32 / 5.0;
-        let surroundings = Surroundings::new(&layer(coc));
-        for place in [(0, 0), (100, 50), (199, 99), (63, 64), (7, 92)] {
-            for mut way in Surroundings::ways(place, 70.0) {
-                let (dx, dy) = way.direction;
-                let found = surroundings.follow(&mut way, 19.5).map(|seen| seen.place);
-                let steps = (70.0 / length((dx, dy))) as isize;
-                let along = (1..=steps).map_while(|step| {
-                    let x = place.0.checked_add_signed(step * dx)?;
-                    let y = place.1.checked_add_signed(step * dy)?;
-                    (x < 200 && y < 100).then_some((x, y))
-                });
-                assert_eq!(found, along.into_iter().find(|&(x, y)| coc(x, y) > 19.5), "{place:?} {dx} {dy}");
-            }
+    fn a_square_and_those_around_it_hold_the_largest_of_all_their_pixels() {
+        let coc = |x: usize, y: usize| ((x * 37 + y * 61 + x * y) % 101) as f32;
+        let pixels = Plane::from_fn(37, 21, coc);
+        let largest = |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
+            let all = rows.flat_map(|y| columns.clone().map(move |x| coc(x.min(36), y.min(20))));
+            all.fold(0.0, f32::max)
+        };
+        let squares = halved(&pixels);
+        let around = dilated(&squares);
+        for (x, y) in [(0, 0), (7, 3), (18, 10), (18, 0)] {
+            assert_eq!(squares.get(x, y), largest(2 * x..2 * x + 2, 2 * y..2 * y + 2), "{x}, {y}");
+            let [left, above] = [x, y].map(|at: usize| 2 * at.saturating_sub(1));
+            assert_eq!(around.get(x, y), largest(left..2 * x + 4, above..2 * y + 4), "around {x}, {y}");
         }
     }
 
     #[test]
     fn fragments_are_in_reach_where_they_are_as_near_as_far_behind() {
         let step = Surroundings::new(&layer(|x, _| if x < 100 { 0.0 } else { 20.0 }));
-        assert_eq!(step.reach_px((85, 50), 0.0, 1.0), Some(20.0), "15 px away, 20 px behind");
-        assert_eq!(step.reach_px((20, 50), 0.0, 1.0), None, "80 px away");
-        assert_eq!(step.reach_px((110, 50), 20.0, 1.0), None, "nothing is behind");
+        assert_eq!(farthest(&step, (85, 50), 0.0), Some(20.0), "15 px away, 20 px behind");
+        assert_eq!(farthest(&step, (20, 50), 0.0), None, "80 px away");
+        assert_eq!(farthest(&step, (110, 50), 20.0), None, "nothing is behind");
         let slope = Surroundings::new(&layer(|x, _| 0.1 * x as f32));
-        assert_eq!(slope.reach_px((100, 50), 10.0, 1.0), None, "a slope hides nothing");
+        assert_eq!(farthest(&slope, (100, 50), 10.0), None, "a slope hides nothing");
         let hole = Surroundings::new(&layer(|x, _| if x < 100 { 0.0 } else { f32::NAN }));
-        assert_eq!(hole.reach_px((99, 50), 0.0, 1.0), None, "a sample without a fragment is nothing behind");
+        assert_eq!(farthest(&hole, (99, 50), 0.0), None, "a sample without a fragment is nothing behind");
     }
 }
