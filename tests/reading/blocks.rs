@@ -69,8 +69,8 @@ fn samples_of_every_type_are_read_to_the_bit_from_packed_and_raw_blocks() {
 
 /// Where the blocks of a file with `count` of them begin: the first begins behind the table of their positions.
 fn blocks(bytes: &[u8], count: usize) -> Vec<usize> {
-    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
-    let table = (0..bytes.len() - 8).find(|&at| word(at) == at + 8 * count).unwrap();
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes")) as usize;
+    let table = (0..bytes.len() - 8).find(|&at| word(at) == at + 8 * count).expect("a table");
     (0..count).map(|block| word(table + 8 * block)).collect()
 }
 
