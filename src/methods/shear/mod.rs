@@ -47,6 +47,7 @@ mod prefilter;
 mod prepare;
 mod reach;
 mod resolve;
+mod row_sums;
 mod row_views;
 mod sampler;
 mod saved;
@@ -56,6 +57,7 @@ mod sparks;
 mod sums;
 mod surroundings;
 mod translucent_hits;
+mod values;
 
 use crate::error::Error;
 use crate::image::Image;

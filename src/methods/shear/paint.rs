@@ -17,18 +17,15 @@
 //! multiplications and selections have one order and are never fused, so every instruction set gives the same bits.
 
 use super::bins::Block;
-use super::canvas::{Barrel, BinsInReach, Canvas, Shear, Step};
+use super::canvas::{BinsInReach, Canvas, Shear, Step};
 use super::lanes::{Chunk, LANES, Mask, has, lanes};
 use super::mirrors::Noted;
-use super::picture;
+use super::row_sums::RowSums;
 use super::spans::Span;
-use super::sums::{Means, Sums};
-use super::translucent_hits::{Hit, TranslucentHits};
-use crate::image::{MARGIN, Plane};
-use crate::methods::contract::LostRays;
-use crate::scene::{Background, Layer};
-use glam::{IVec2, Vec2};
-use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
+use super::translucent_hits::Hit;
+use super::values::{SourceColumn, Values, Weights, add_colors, add_constant, add_weighted};
+use crate::scene::Layer;
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// A ray of less transmittance goes no further.
@@ -37,95 +34,7 @@ pub(super) const MIN_TRANSMITTANCE: f32 = 0.002;
 /// Partial sums are flushed after this number of views, so that the f32 rounding error does not grow with the view count.
 const VIEWS_PER_BATCH: usize = 256;
 
-/// Sums over views for one output row, and the rays of the current view. Views may be added in several calls: the bits are those
-/// of one call.
-///
-/// Each quantity has its own vector with one chunk or mask for each 16 pixels, so that what every span touches stays close
-/// together.
-#[derive(Debug)]
-pub(super) struct RowSums {
-    width: usize,
-    views: usize,
-    /// Lanes that are not painted: past the end of the row, or excluded by [`RowSums::only`].
-    skipped: Vec<Mask>,
-    /// The smallest range that holds all painted columns.
-    columns: Range<i32>,
-    /// For each column of all chunks, the number of views that the barrel hides, with fractions where a view fades in.
-    hidden: Vec<f32>,
-    /// Sums of the current batch.
-    sums: Sums,
-    /// Sums of all batches before it.
-    flushed: Sums,
-    /// Rays that are occluded.
-    occluded: Vec<Mask>,
-    /// Rays of transmittance below 1, which `transmittance` has.
-    attenuated: Vec<Mask>,
-    /// Undefined for rays that are not attenuated.
-    transmittance: Vec<Chunk>,
-    hits: TranslucentHits,
-    /// Rays of the current view that mirrors stop.
-    noted: Vec<Noted>,
-}
-
 impl RowSums {
-    /// A row of `width` pixels with no views; `near` says whether near surfaces are kept apart.
-    pub(super) fn new(width: usize, near: bool) -> Self {
-        let chunks = width.div_ceil(LANES);
-        let mut skipped = vec![0; chunks];
-        let overhang = width % LANES;
-        if overhang > 0
-            && let Some(last) = skipped.last_mut()
-        {
-            *last = Mask::MAX << overhang;
-        }
-        Self {
-            width,
-            views: 0,
-            skipped,
-            columns: 0..width as i32,
-            hidden: vec![0.0; chunks * LANES],
-            sums: Sums::blank(chunks, near),
-            flushed: Sums::blank(chunks, near),
-            occluded: vec![0; chunks],
-            attenuated: vec![0; chunks],
-            transmittance: vec![Chunk::default(); chunks],
-            hits: TranslucentHits::default(),
-            noted: Vec::new(),
-        }
-    }
-
-    /// A row of `width` pixels with no views, of which only `columns`, in ascending order, are painted.
-    pub(super) fn only(width: usize, columns: &[usize]) -> Self {
-        let mut row = Self::new(width, false);
-        row.skipped.fill(Mask::MAX);
-        columns.iter().for_each(|&x| row.skipped[x / LANES] &= !(1 << (x % LANES)));
-        row.columns = match columns {
-            [first, .., last] => *first as i32..*last as i32 + 1,
-            [one] => *one as i32..*one as i32 + 1,
-            [] => 0..0,
-        };
-        row
-    }
-
-    /// Paints only the columns for which `is_visible` holds from now on; for others, pixels have no meaning.
-    pub(super) fn paint_only(&mut self, is_visible: impl Fn(usize) -> bool) {
-        for (chunk, skipped) in self.skipped.iter_mut().enumerate() {
-            let is_skipped = |lane: usize| {
-                let x = chunk * LANES + lane;
-                x >= self.width || !is_visible(x)
-            };
-            *skipped = (0..LANES).fold(0, |mask, lane| mask | Mask::from(is_skipped(lane)) << lane);
-        }
-    }
-
-    /// Removes all views from the row.
-    pub(super) fn clear(&mut self) {
-        self.views = 0;
-        self.hidden.fill(0.0);
-        self.sums.clear();
-        self.flushed.clear();
-    }
-
     /// Adds the views `shears` of output row `y` with the instructions of `arch`; every bin that they can move there is `in_reach`.
     pub(super) fn add(
         &mut self,
@@ -148,76 +57,6 @@ impl RowSums {
         }
     }
 
-    /// Adds the sums of the current batch to those of the batches before it, and clears them.
-    fn flush(&mut self) {
-        self.flushed.add(&self.sums);
-        self.sums.clear();
-    }
-
-    /// The means of chunk `chunk` over all views so far, of which lost rays count as `lost_rays` says.
-    #[inline(always)]
-    pub(super) fn means(&self, chunk: usize, lost_rays: LostRays) -> Means {
-        let hidden = &self.hidden[chunk * LANES..][..LANES];
-        let views = std::array::from_fn(|lane| self.views as f32 - hidden[lane]);
-        self.flushed.means(&self.sums, chunk, &views, lost_rays)
-    }
-
-    /// Writes what views of these `channels` painted to `planes` of the row ([`picture::written`]), blended by `weights` with what is there.
-    pub(super) fn write(
-        &self,
-        (channels, weights): (&[usize], Option<&[f32]>),
-        lost_rays: LostRays,
-        planes: &mut [&mut [f32]],
-        arch: Arch,
-    ) {
-        arch.dispatch(WriteRow { row: self, channels, weights, lost_rays, planes });
-    }
-
-    /// Starts a view with every ray unoccluded. Returns the number of chunks that have such rays.
-    fn start_view(&mut self) -> usize {
-        self.occluded.copy_from_slice(&self.skipped);
-        self.attenuated.fill(0);
-        self.active_chunks()
-    }
-
-    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks
-    /// that have such rays.
-    fn start_view_through(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
-        let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
-        let [[first, end], [first_whole, end_whole]] = barrel
-            .columns(lens, y)
-            .map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
-        self.hidden[..first].iter_mut().for_each(|hidden| *hidden += 1.0);
-        self.hidden[end..].iter_mut().for_each(|hidden| *hidden += 1.0);
-        for (chunk, (occluded, skipped)) in self.occluded.iter_mut().zip(&self.skipped).enumerate() {
-            let lanes_before = |x: usize| (1u32 << x.saturating_sub(chunk * LANES).min(LANES)) - 1;
-            *occluded = skipped | (lanes_before(first) | !lanes_before(end)) as Mask;
-        }
-        self.attenuated.fill(0);
-        let [first_whole, end_whole] =
-            if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
-        for x in (first..first_whole).chain(end_whole..end) {
-            let passing = barrel.passing(lens, x, y);
-            self.hidden[x] += 1.0 - passing;
-            self.attenuated[x / LANES] |= 1 << (x % LANES);
-            self.transmittance[x / LANES].0[x % LANES] = passing;
-        }
-        self.active_chunks()
-    }
-
-    fn active_chunks(&self) -> usize {
-        self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
-    }
-
-    /// Ends the attenuated rays of the lanes in `spent`: what they have left is lost.
-    #[inline(always)]
-    fn occlude(&mut self, chunk: usize, spent: Mask) {
-        self.occluded[chunk] |= spent;
-        for lane in (0..LANES).filter(|&lane| has(spent, lane)) {
-            self.sums.lost[chunk].0[lane] += self.transmittance[chunk].0[lane];
-        }
-    }
-
     /// Adds what the rays of `shear` that mirrors stopped see there.
     fn add_reflections(&mut self, canvas: &Canvas<'_>, (y, shear): (usize, &Shear)) {
         let Some(mirrors) = canvas.mirrors else { return };
@@ -232,24 +71,6 @@ impl RowSums {
             }
             // What a mirror shows is not in focus where its surface is.
             self.sums.focused[chunk].0[lane] -= noted.weight * noted.focus;
-        }
-    }
-
-    /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
-    fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
-        for (chunk, &occluded) in
-            self.occluded.iter().enumerate().filter(|(_, occluded)| **occluded != Mask::MAX)
-        {
-            for lane in (0..LANES).filter(|&lane| !has(occluded, lane)) {
-                let left =
-                    if has(self.attenuated[chunk], lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
-                let transparent = background.map_or(0.0, |background| {
-                    let pixel = IVec2::new((chunk * LANES + lane) as i32, y as i32);
-                    left.min(background.met_by(|coc_px| shear.pixel_at(pixel, coc_px)))
-                });
-                self.sums.transparent[chunk].0[lane] += transparent;
-                self.sums.lost[chunk].0[lane] += left - transparent;
-            }
         }
     }
 }
@@ -283,51 +104,6 @@ impl WithSimd for AddViews<'_> {
         }
     }
 }
-
-/// [`RowSums::write`], to be compiled for each instruction set.
-struct WriteRow<'a, 'b> {
-    row: &'a RowSums,
-    channels: &'a [usize],
-    weights: Option<&'a [f32]>,
-    lost_rays: LostRays,
-    planes: &'a mut [&'b mut [f32]],
-}
-
-impl NullaryFnOnce for WriteRow<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { row, channels, weights, lost_rays, planes } = self;
-        for (chunk, first) in (0..row.width).step_by(LANES).enumerate() {
-            let columns = first..(first + LANES).min(row.width);
-            let means = row.means(chunk, lost_rays);
-            for (plane, mean) in picture::written(channels, planes.len() > picture::PLANES) {
-                let (values, found) = (&mut planes[plane][columns.clone()], &means[mean].0[..columns.len()]);
-                match weights {
-                    None => values.copy_from_slice(found),
-                    Some(weights) => {
-                        let found = found.iter().zip(&weights[columns.clone()]);
-                        for (value, (&found, &weight)) in values.iter_mut().zip(found) {
-                            *value = blended(*value, found, weight);
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// `before`, with `value` in its place by `weight`.
-#[inline(always)]
-pub(super) fn blended(before: f32, value: f32, weight: f32) -> f32 {
-    match weight {
-        1.0.. => value,
-        ..=0.0 => before,
-        _ => before + weight * (value - before),
-    }
-}
-
 /// Paints one view of one row.
 struct Painter<'a, S> {
     simd: S,
@@ -345,16 +121,6 @@ struct Source<'a> {
     step: &'a Step,
     block: &'a Block,
 }
-
-/// The source column of an output column.
-#[derive(Clone, Copy)]
-enum SourceColumn {
-    /// The output column plus the shift.
-    Shifted(i32),
-    /// The same column for all.
-    Border(usize),
-}
-
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn paint_view<'s>(&mut self, canvas: &Canvas<'_>, y: usize, shear: &'s Shear, in_reach: &BinsInReach) {
@@ -436,13 +202,14 @@ impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn add_opaque(&mut self, chunk: usize, (source, column): (&Source<'_>, SourceColumn), free: Mask) {
         let near = self.nearness(source.block);
+        let colors = source.layer.color.each_ref().map(|plane| Values::of(plane, source.row, column, chunk));
         if near < 1.0 {
             let sums = &mut self.row.sums.color[chunk];
-            add_colors(self.simd, sums, (source, column, chunk), (free, 1.0 - near));
+            add_colors(self.simd, sums, &colors, (free, 1.0 - near));
         }
         if near > 0.0 {
             let sums = &mut self.row.sums.near[chunk];
-            add_colors(self.simd, &mut sums.color, (source, column, chunk), (free, near));
+            add_colors(self.simd, &mut sums.color, &colors, (free, near));
             add_constant(self.simd, &mut sums.share, free, near);
             add_constant(self.simd, &mut sums.radius_px, free, near * source.block.radius_px);
         }
@@ -552,108 +319,12 @@ impl<S: Simd> Painter<'_, S> {
         self.row.occlude(chunk, spent & free);
     }
 }
-
-/// Adds the share `share` of the colours of `source` to `sums` in the lanes in `free`.
-#[inline(always)]
-fn add_colors<S: Simd>(
-    simd: S,
-    sums: &mut [Chunk; 3],
-    (source, column, chunk): (&Source<'_>, SourceColumn, usize),
-    (free, share): (Mask, f32),
-) {
-    let zero = simd.splat_f32s(0.0);
-    for (k, sum) in sums.iter_mut().enumerate() {
-        let values = Values::of(&source.layer.color[k], source.row, column, chunk);
-        for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-            let value = values.vector(simd, i);
-            let value = if share < 1.0 { simd.mul_f32s(value, simd.splat_f32s(share)) } else { value };
-            // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
-            let value =
-                if free == Mask::MAX { value } else { simd.select_f32s(lanes(simd, free, i), value, zero) };
-            *sum = simd.add_f32s(*sum, value);
-        }
-    }
-}
-
-/// What values count for that rays meet.
-#[derive(Clone, Copy)]
-struct Weights<'a> {
-    /// Transmittance of the rays.
-    passing: &'a Chunk,
-    /// The lanes of the rays.
-    free: Mask,
-    /// Share of the values.
-    share: f32,
-}
-
-/// Adds `values` to `sums`, by their `weights`.
-#[inline(always)]
-fn add_weighted<S: Simd, const N: usize>(
-    simd: S,
-    sums: &mut [Chunk; N],
-    values: [Values<'_>; N],
-    weights: Weights<'_>,
-) {
-    let (zero, share) = (simd.splat_f32s(0.0), simd.splat_f32s(weights.share));
-    for (sum, values) in sums.iter_mut().zip(values) {
-        let passing = S::as_simd_f32s(&weights.passing.0).0;
-        for (i, (sum, &passing)) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().zip(passing).enumerate() {
-            let value = simd.mul_f32s(passing, values.vector(simd, i));
-            let value = if weights.share == 1.0 { value } else { simd.mul_f32s(value, share) };
-            // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
-            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, weights.free, i), value, zero));
-        }
-    }
-}
-
-/// Adds `value` to `sum` in the lanes in `free`.
-#[inline(always)]
-fn add_constant<S: Simd>(simd: S, sum: &mut Chunk, free: Mask, value: f32) {
-    let (value, zero) = (simd.splat_f32s(value), simd.splat_f32s(0.0));
-    for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
-        *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, free, i), value, zero));
-    }
-}
-
-/// The values of a plane that an output chunk reads.
-#[derive(Clone, Copy)]
-enum Values<'a> {
-    /// One for each lane; lanes outside the span may have any value.
-    Lanes(&'a [f32]),
-    /// The same for all.
-    Same(f32),
-}
-
-impl<'a> Values<'a> {
-    /// Those of row `row` of `plane` for output chunk `chunk`.
-    #[inline(always)]
-    fn of(plane: &'a Plane, row: usize, column: SourceColumn, chunk: usize) -> Self {
-        let values = plane.row_with_margins(row);
-        match column {
-            SourceColumn::Shifted(shift) => {
-                // The painted columns and their sources lie within the picture, so a chunk extends past its ends by less than
-                // the margin.
-                let start = (chunk * LANES + MARGIN) as i32 + shift;
-                Self::Lanes(&values[start as usize..][..LANES])
-            }
-            SourceColumn::Border(column) => Self::Same(values[MARGIN + column]),
-        }
-    }
-
-    /// Vector `i` of the chunk.
-    #[inline(always)]
-    fn vector<S: Simd>(&self, simd: S, i: usize) -> S::f32s {
-        match self {
-            Self::Lanes(values) => S::as_simd_f32s(&values[i * S::F32_LANES..][..S::F32_LANES]).0[0],
-            Self::Same(value) => simd.splat_f32s(*value),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
     use crate::lens::{Aperture, views};
+    use crate::methods::contract::LostRays;
     use crate::methods::shear::bins::Bins;
     use crate::methods::shear::keys::Extent;
     use crate::methods::shear::spans;

@@ -167,3 +167,51 @@ impl Window {
         self.near.planes_mut().map(move |plane| &mut plane.values_mut()[from * width..to * width])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Odd in both directions, and of several bands for few threads.
+    const SIZE: (usize, usize) = (37, 391);
+
+    /// Value `k` of a pixel: the share of near rays changes from pixel to pixel, its CoC radius from place to place, and there is none in
+    /// the middle.
+    fn value((x, y): (usize, usize), k: usize) -> f32 {
+        let noise = |seed: usize| ((x * 7 + y * 13 + seed * 5) % 11) as f32 / 22.0;
+        let share = if (170..240).contains(&y) { 0.0 } else { 0.2 + noise(0) };
+        let near_color = share * (0.3 + 0.1 * k as f32);
+        match k {
+            3 => 1.0,
+            PLANES => share * (20.0 + (x + y) as f32 / 10.0),
+            k if k > PLANES + 3 => share,
+            k if k > PLANES => near_color,
+            _ => near_color + noise(k),
+        }
+    }
+
+    fn with_threads(threads: usize, filter: &NearFilter) -> (Image, Plane) {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let paint = |(): &mut (), y: usize, planes: &mut [&mut [f32]]| {
+            for (k, row) in planes.iter_mut().enumerate() {
+                row.iter_mut().enumerate().for_each(|(x, sample)| *sample = value((x, y), k));
+            }
+        };
+        pool.install(|| painted(SIZE, Some(filter), &|_| {}, || (), paint))
+    }
+
+    #[test]
+    fn any_number_of_rows_a_band_gives_the_bits_of_the_whole_picture() {
+        for by_channel in [false, true] {
+            let filter = NearFilter { radius_per_coc: near::radius_per_coc(64, 1.4), by_channel };
+            // One band has the whole picture.
+            let whole = with_threads(SIZE.1.div_ceil(ROWS_PER_THREAD), &filter);
+            let change = (0..SIZE.0 * SIZE.1)
+                .filter(|&i| whole.0.planes[0].values()[i] != value((i % SIZE.0, i / SIZE.0), 0));
+            assert!(change.count() > SIZE.0 * SIZE.1 / 2, "most pixels are smoothed");
+            for threads in [1, 2, 3] {
+                assert_eq!(with_threads(threads, &filter), whole, "{threads} threads");
+            }
+        }
+    }
+}

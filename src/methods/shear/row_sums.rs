@@ -1,0 +1,234 @@
+//! One output row: sums over views, and the rays of the view that is being painted.
+
+use super::canvas::{Barrel, Shear};
+use super::lanes::{Chunk, LANES, Mask, has};
+use super::mirrors::Noted;
+use super::picture;
+use super::sums::{Means, Sums};
+use super::translucent_hits::TranslucentHits;
+use crate::methods::contract::LostRays;
+use crate::scene::Background;
+use glam::{IVec2, Vec2};
+use pulp::{Arch, NullaryFnOnce};
+use std::ops::Range;
+
+/// Sums over views for one output row, and the rays of the current view. Views may be added in several calls: the bits are those
+/// of one call.
+///
+/// Each quantity has its own vector with one chunk or mask for each 16 pixels, so that what every span touches stays close
+/// together.
+#[derive(Debug)]
+pub(super) struct RowSums {
+    pub(super) width: usize,
+    pub(super) views: usize,
+    /// Lanes that are not painted: past the end of the row, or excluded by [`RowSums::only`].
+    pub(super) skipped: Vec<Mask>,
+    /// The smallest range that holds all painted columns.
+    pub(super) columns: Range<i32>,
+    /// For each column of all chunks, the number of views that the barrel hides, with fractions where a view fades in.
+    pub(super) hidden: Vec<f32>,
+    /// Sums of the current batch.
+    pub(super) sums: Sums,
+    /// Sums of all batches before it.
+    pub(super) flushed: Sums,
+    /// Rays that are occluded.
+    pub(super) occluded: Vec<Mask>,
+    /// Rays of transmittance below 1, which `transmittance` has.
+    pub(super) attenuated: Vec<Mask>,
+    /// Undefined for rays that are not attenuated.
+    pub(super) transmittance: Vec<Chunk>,
+    pub(super) hits: TranslucentHits,
+    /// Rays of the current view that mirrors stop.
+    pub(super) noted: Vec<Noted>,
+}
+
+impl RowSums {
+    /// A row of `width` pixels with no views; `near` says whether near surfaces are kept apart.
+    pub(super) fn new(width: usize, near: bool) -> Self {
+        let chunks = width.div_ceil(LANES);
+        let mut skipped = vec![0; chunks];
+        let overhang = width % LANES;
+        if overhang > 0
+            && let Some(last) = skipped.last_mut()
+        {
+            *last = Mask::MAX << overhang;
+        }
+        Self {
+            width,
+            views: 0,
+            skipped,
+            columns: 0..width as i32,
+            hidden: vec![0.0; chunks * LANES],
+            sums: Sums::blank(chunks, near),
+            flushed: Sums::blank(chunks, near),
+            occluded: vec![0; chunks],
+            attenuated: vec![0; chunks],
+            transmittance: vec![Chunk::default(); chunks],
+            hits: TranslucentHits::default(),
+            noted: Vec::new(),
+        }
+    }
+
+    /// A row of `width` pixels with no views, of which only `columns`, in ascending order, are painted.
+    pub(super) fn only(width: usize, columns: &[usize]) -> Self {
+        let mut row = Self::new(width, false);
+        row.skipped.fill(Mask::MAX);
+        columns.iter().for_each(|&x| row.skipped[x / LANES] &= !(1 << (x % LANES)));
+        row.columns = match columns {
+            [first, .., last] => *first as i32..*last as i32 + 1,
+            [one] => *one as i32..*one as i32 + 1,
+            [] => 0..0,
+        };
+        row
+    }
+
+    /// Paints only the columns for which `is_visible` holds from now on; for others, pixels have no meaning.
+    pub(super) fn paint_only(&mut self, is_visible: impl Fn(usize) -> bool) {
+        for (chunk, skipped) in self.skipped.iter_mut().enumerate() {
+            let is_skipped = |lane: usize| {
+                let x = chunk * LANES + lane;
+                x >= self.width || !is_visible(x)
+            };
+            *skipped = (0..LANES).fold(0, |mask, lane| mask | Mask::from(is_skipped(lane)) << lane);
+        }
+    }
+
+    /// Removes all views from the row.
+    pub(super) fn clear(&mut self) {
+        self.views = 0;
+        self.hidden.fill(0.0);
+        self.sums.clear();
+        self.flushed.clear();
+    }
+
+    /// Adds the sums of the current batch to those of the batches before it, and clears them.
+    pub(super) fn flush(&mut self) {
+        self.flushed.add(&self.sums);
+        self.sums.clear();
+    }
+
+    /// The means of chunk `chunk` over all views so far, of which lost rays count as `lost_rays` says.
+    #[inline(always)]
+    pub(super) fn means(&self, chunk: usize, lost_rays: LostRays) -> Means {
+        let hidden = &self.hidden[chunk * LANES..][..LANES];
+        let views = std::array::from_fn(|lane| self.views as f32 - hidden[lane]);
+        self.flushed.means(&self.sums, chunk, &views, lost_rays)
+    }
+
+    /// Writes what views of these `channels` painted to `planes` of the row ([`picture::written`]), blended by `weights` with what is there.
+    pub(super) fn write(
+        &self,
+        (channels, weights): (&[usize], Option<&[f32]>),
+        lost_rays: LostRays,
+        planes: &mut [&mut [f32]],
+        arch: Arch,
+    ) {
+        arch.dispatch(WriteRow { row: self, channels, weights, lost_rays, planes });
+    }
+
+    /// Starts a view with every ray unoccluded. Returns the number of chunks that have such rays.
+    pub(super) fn start_view(&mut self) -> usize {
+        self.occluded.copy_from_slice(&self.skipped);
+        self.attenuated.fill(0);
+        self.active_chunks()
+    }
+
+    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks
+    /// that have such rays.
+    pub(super) fn start_view_through(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
+        let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
+        let [[first, end], [first_whole, end_whole]] = barrel
+            .columns(lens, y)
+            .map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
+        self.hidden[..first].iter_mut().for_each(|hidden| *hidden += 1.0);
+        self.hidden[end..].iter_mut().for_each(|hidden| *hidden += 1.0);
+        for (chunk, (occluded, skipped)) in self.occluded.iter_mut().zip(&self.skipped).enumerate() {
+            let lanes_before = |x: usize| (1u32 << x.saturating_sub(chunk * LANES).min(LANES)) - 1;
+            *occluded = skipped | (lanes_before(first) | !lanes_before(end)) as Mask;
+        }
+        self.attenuated.fill(0);
+        let [first_whole, end_whole] =
+            if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
+        for x in (first..first_whole).chain(end_whole..end) {
+            let passing = barrel.passing(lens, x, y);
+            self.hidden[x] += 1.0 - passing;
+            self.attenuated[x / LANES] |= 1 << (x % LANES);
+            self.transmittance[x / LANES].0[x % LANES] = passing;
+        }
+        self.active_chunks()
+    }
+
+    pub(super) fn active_chunks(&self) -> usize {
+        self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
+    }
+
+    /// Ends the attenuated rays of the lanes in `spent`: what they have left is lost.
+    #[inline(always)]
+    pub(super) fn occlude(&mut self, chunk: usize, spent: Mask) {
+        self.occluded[chunk] |= spent;
+        for lane in (0..LANES).filter(|&lane| has(spent, lane)) {
+            self.sums.lost[chunk].0[lane] += self.transmittance[chunk].0[lane];
+        }
+    }
+
+    /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
+    pub(super) fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
+        for (chunk, &occluded) in
+            self.occluded.iter().enumerate().filter(|(_, occluded)| **occluded != Mask::MAX)
+        {
+            for lane in (0..LANES).filter(|&lane| !has(occluded, lane)) {
+                let left =
+                    if has(self.attenuated[chunk], lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
+                let transparent = background.map_or(0.0, |background| {
+                    let pixel = IVec2::new((chunk * LANES + lane) as i32, y as i32);
+                    left.min(background.met_by(|coc_px| shear.pixel_at(pixel, coc_px)))
+                });
+                self.sums.transparent[chunk].0[lane] += transparent;
+                self.sums.lost[chunk].0[lane] += left - transparent;
+            }
+        }
+    }
+}
+/// [`RowSums::write`], to be compiled for each instruction set.
+struct WriteRow<'a, 'b> {
+    row: &'a RowSums,
+    channels: &'a [usize],
+    weights: Option<&'a [f32]>,
+    lost_rays: LostRays,
+    planes: &'a mut [&'b mut [f32]],
+}
+
+impl NullaryFnOnce for WriteRow<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { row, channels, weights, lost_rays, planes } = self;
+        for (chunk, first) in (0..row.width).step_by(LANES).enumerate() {
+            let columns = first..(first + LANES).min(row.width);
+            let means = row.means(chunk, lost_rays);
+            for (plane, mean) in picture::written(channels, planes.len() > picture::PLANES) {
+                let (values, found) = (&mut planes[plane][columns.clone()], &means[mean].0[..columns.len()]);
+                match weights {
+                    None => values.copy_from_slice(found),
+                    Some(weights) => {
+                        let found = found.iter().zip(&weights[columns.clone()]);
+                        for (value, (&found, &weight)) in values.iter_mut().zip(found) {
+                            *value = blended(*value, found, weight);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `before`, with `value` in its place by `weight`.
+#[inline(always)]
+pub(super) fn blended(before: f32, value: f32, weight: f32) -> f32 {
+    match weight {
+        1.0.. => value,
+        ..=0.0 => before,
+        _ => before + weight * (value - before),
+    }
+}
