@@ -104,7 +104,7 @@ impl<'a> Frame<'a> {
         reach_px.ceil() as usize + 1
     }
 
-    /// Number of planes of the unfinished picture: those of [`picture::smoothed`].
+    /// Number of planes of the unfinished picture: those of [`crate::methods::shear::picture::smoothed`].
     pub(super) fn planes(&self) -> usize {
         PLANES + self.near.map_or(0, |near| near.planes())
     }
