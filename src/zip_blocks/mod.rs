@@ -4,8 +4,8 @@
 //! one before it, and the differences are deflated in the format of zlib. What packing does not make smaller is stored as it is.
 //! RLE shares the first two steps. The bytes are those of the file: little-endian, row after row, channel after channel.
 //!
-//! A [`Packer`] keeps its memory from one block to the next. Cost: deflate; the other steps take a tenth of the time of unpacking.
-//! Memory: unpacking takes a block, packing two, and deflate's window and tables, 0.3 MB.
+//! A [`Packer`] keeps its memory from one block to the next. Cost: that of inflate or deflate for the most part.
+//! Memory: unpacking takes a block; packing two, and deflate's window and tables.
 
 mod halves;
 mod pack;
