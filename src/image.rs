@@ -106,6 +106,18 @@ impl Plane {
         &self.padded[y * self.width..][..MARGIN + self.width + MARGIN]
     }
 
+    /// Where row `y` of a plane of this width begins among its values and the margins around them.
+    #[inline(always)]
+    pub(crate) fn row_start(width: usize, y: usize) -> usize {
+        y * width + MARGIN
+    }
+
+    /// [`MARGIN`] values from place `at` on; column `x` of a row is at [`Plane::row_start`] + `x`.
+    #[inline(always)]
+    pub(crate) fn padded(&self, at: usize) -> &[f32] {
+        &self.padded[at..][..MARGIN]
+    }
+
     /// All values, to write.
     pub fn values_mut(&mut self) -> &mut [f32] {
         let length = self.width * self.height;

@@ -47,6 +47,7 @@ mod prefilter;
 mod prepare;
 mod reach;
 mod resolve;
+mod row_hits;
 mod row_sums;
 mod row_views;
 mod sampler;

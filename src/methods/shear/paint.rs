@@ -23,8 +23,8 @@ use super::mirrors::Noted;
 use super::row_sums::RowSums;
 use super::spans::Span;
 use super::translucent_hits::Hit;
-use super::values::{SourceColumn, Values, Weights, add_colors, add_constant, add_weighted};
-use crate::scene::Layer;
+use super::values::{Source, SourceColumn};
+use crate::image::Plane;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -100,6 +100,7 @@ impl WithSimd for AddViews<'_> {
             if painter.active_chunks > 0 {
                 self.row.end_rays(self.canvas.background, shear, self.y);
             }
+            self.row.row_hits.add_to(simd, &mut self.row.sums, self.canvas);
             self.row.add_reflections(self.canvas, (self.y, shear));
         }
     }
@@ -114,9 +115,10 @@ struct Painter<'a, S> {
 
 /// What a span reads: a row of a layer.
 #[derive(Clone, Copy)]
-struct Source<'a> {
-    layer: &'a Layer,
+struct PlacedSpan<'a> {
     row: usize,
+    /// Where the row begins in planes.
+    start: i64,
     span: &'a Span,
     step: &'a Step,
     block: &'a Block,
@@ -135,8 +137,9 @@ impl<S: Simd> Painter<'_, S> {
         while let Some((step, row, spans)) = next {
             next = places.next();
             let block = &canvas.bins.blocks()[usize::from(step.block)];
+            let start = Plane::row_start(self.row.width, row) as i64;
             for span in spans {
-                self.paint_span(canvas, span, row, (step, block));
+                self.paint_span(canvas, &PlacedSpan { row, start, span, step, block });
             }
             if self.active_chunks == 0 {
                 return;
@@ -146,19 +149,18 @@ impl<S: Simd> Painter<'_, S> {
 
     /// Paints one span: its columns and, where it touches the picture's border, the border column for every column past it.
     #[inline(always)]
-    fn paint_span(&mut self, canvas: &Canvas<'_>, span: &Span, row: usize, (step, block): (&Step, &Block)) {
-        let columns = step.shift.columns;
+    fn paint_span(&mut self, canvas: &Canvas<'_>, source: &PlacedSpan<'_>) {
+        let (span, columns) = (source.span, source.step.shift.columns);
         let (start, end) = (span.start as i32 - columns, span.end as i32 - columns);
         let width = self.row.width as i32;
-        let source = Source { layer: &canvas.layers[span.layer as usize], row, span, step, block };
         let Range { start: first, end: past } = self.row.columns;
-        self.paint_columns(canvas, start.max(first)..end.min(past), &source, SourceColumn::Shifted(columns));
+        self.paint_columns(canvas, start.max(first)..end.min(past), source, SourceColumn::Shifted(columns));
         if span.start == 0 && start > first {
-            self.paint_columns(canvas, first..start.min(past), &source, SourceColumn::Border(0));
+            self.paint_columns(canvas, first..start.min(past), source, SourceColumn::Border(0));
         }
         if span.end as i32 == width && end < past {
             let last = SourceColumn::Border(width as usize - 1);
-            self.paint_columns(canvas, end.max(first)..past, &source, last);
+            self.paint_columns(canvas, end.max(first)..past, source, last);
         }
     }
 
@@ -168,55 +170,41 @@ impl<S: Simd> Painter<'_, S> {
         &mut self,
         canvas: &Canvas<'_>,
         columns: Range<i32>,
-        source: &Source<'_>,
+        source: &PlacedSpan<'_>,
         column: SourceColumn,
     ) {
         if columns.is_empty() {
             return;
         }
         let columns = columns.start as usize..columns.end as usize;
-        let (first, last) = (columns.start / LANES, (columns.end - 1) / LANES);
-        for chunk in first..=last {
-            let mut inside = Mask::MAX;
-            if chunk == first {
-                inside &= Mask::MAX << (columns.start % LANES);
-            }
-            if chunk == last {
-                inside &= Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
-            }
-            let free = inside & !self.row.occluded[chunk];
+        let part = Source::new(source.span, source.step.block, source.start, column);
+        if source.span.opaque && !self.row.attenuates && canvas.mirrors.is_none() {
+            self.note_opaque(&columns, part);
+            return;
+        }
+        for chunk in columns.start / LANES..=(columns.end - 1) / LANES {
+            let inside = columns.start.max(chunk * LANES)..columns.end.min((chunk + 1) * LANES);
+            let free = !self.row.occluded[chunk]
+                & Mask::MAX << (inside.start % LANES)
+                & Mask::MAX >> (LANES - 1 - (inside.end - 1) % LANES);
             if free == 0 {
                 continue;
             }
             if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
                 self.note_mirrors(canvas, chunk, (source, column), (free, None));
-                self.add_opaque(chunk, (source, column), free);
+                self.note_opaque(&inside, part);
             } else {
-                self.composite(canvas, chunk, (source, column), free);
+                self.composite(canvas, chunk, (source, column, part), free);
+                self.active_chunks -= usize::from(self.row.occluded[chunk] == Mask::MAX);
             }
-            self.active_chunks -= usize::from(self.row.occluded[chunk] == Mask::MAX);
         }
     }
 
-    /// Adds the opaque `source` to the rays of the lanes in `free`, which are not attenuated, and occludes them.
+    /// Notes what rays hit of `part`, which is opaque, at `columns`, and occludes them; none of them is attenuated.
     #[inline(always)]
-    fn add_opaque(&mut self, chunk: usize, (source, column): (&Source<'_>, SourceColumn), free: Mask) {
-        let near = self.nearness(source.block);
-        let colors = source.layer.color.each_ref().map(|plane| Values::of(plane, source.row, column, chunk));
-        if near < 1.0 {
-            let sums = &mut self.row.sums.color[chunk];
-            add_colors(self.simd, sums, &colors, (free, 1.0 - near));
-        }
-        if near > 0.0 {
-            let sums = &mut self.row.sums.near[chunk];
-            add_colors(self.simd, &mut sums.color, &colors, (free, near));
-            add_constant(self.simd, &mut sums.share, free, near);
-            add_constant(self.simd, &mut sums.radius_px, free, near * source.block.radius_px);
-        }
-        if source.block.focus > 0.0 {
-            add_constant(self.simd, &mut self.row.sums.focused[chunk], free, source.block.focus);
-        }
-        self.row.occluded[chunk] |= free;
+    fn note_opaque(&mut self, columns: &Range<usize>, part: Source) {
+        let RowSums { row_hits, occluded, .. } = &mut *self.row;
+        self.active_chunks -= row_hits.note_opaque(occluded, columns, part);
     }
 
     /// Notes the rays of the lanes in `free` that `source` stops with a mirror; they have `passing` left, or all.
@@ -225,7 +213,7 @@ impl<S: Simd> Painter<'_, S> {
         &mut self,
         canvas: &Canvas<'_>,
         chunk: usize,
-        (source, column): (&Source<'_>, SourceColumn),
+        (source, column): (&PlacedSpan<'_>, SourceColumn),
         (free, passing): (Mask, Option<&Chunk>),
     ) {
         let layer = source.span.layer;
@@ -252,12 +240,6 @@ impl<S: Simd> Painter<'_, S> {
         }
     }
 
-    /// How far the fragments of `block` are kept apart as near.
-    #[inline(always)]
-    fn nearness(&self, block: &Block) -> f32 {
-        if self.row.sums.near.is_empty() { 0.0 } else { block.near }
-    }
-
     /// Composites `source` behind what the rays of the lanes in `free` have passed, except for those that hit its surface before: adds it
     /// times their transmittance, and attenuates them by its coverage.
     #[inline(always)]
@@ -265,10 +247,10 @@ impl<S: Simd> Painter<'_, S> {
         &mut self,
         canvas: &Canvas<'_>,
         chunk: usize,
-        (source, column): (&Source<'_>, SourceColumn),
+        (source, column, part): (&PlacedSpan<'_>, SourceColumn, Source),
         mut free: Mask,
     ) {
-        let Source { layer, row, span, step, block } = *source;
+        let PlacedSpan { span, step, block, .. } = *source;
         if !span.opaque {
             let same_from = canvas.bins.same_hit_from(block.bins[0].into());
             free &= !self.row.hits.hit_before(chunk, free, &Hit::new(same_from, (step, block), span));
@@ -276,7 +258,7 @@ impl<S: Simd> Painter<'_, S> {
                 return;
             }
         }
-        let (simd, near) = (self.simd, self.nearness(block));
+        let simd = self.simd;
         let one = simd.splat_f32s(1.0);
         let attenuated = self.row.attenuated[chunk];
         let transmittance = &mut self.row.transmittance[chunk].0;
@@ -286,32 +268,17 @@ impl<S: Simd> Painter<'_, S> {
             *passing = simd.select_f32s(lanes(simd, attenuated, i), *before, one);
         }
         self.note_mirrors(canvas, chunk, (source, column), (free, Some(&passing)));
+        self.row.row_hits.note((chunk, free), part, &passing);
+        let alpha = part.alpha(&canvas.layers[usize::from(span.layer)], chunk);
+        let alpha = S::as_simd_f32s(&alpha.0).0;
         let transmittance = &mut self.row.transmittance[chunk].0;
-        let sums = &mut self.row.sums;
-        let weights = |share| Weights { passing: &passing, free, share };
-        let colors = layer.color.each_ref().map(|plane| Values::of(plane, row, column, chunk));
-        let alpha =
-            if span.opaque { Values::Same(1.0) } else { Values::of(&layer.alpha, row, column, chunk) };
-        if near < 1.0 {
-            add_weighted(simd, &mut sums.color[chunk], colors, weights(1.0 - near));
-        }
-        if near > 0.0 {
-            let sums = &mut sums.near[chunk];
-            add_weighted(simd, &mut sums.color, colors, weights(near));
-            add_weighted(simd, std::array::from_mut(&mut sums.share), [alpha], weights(near));
-            let radius = weights(near * block.radius_px);
-            add_weighted(simd, std::array::from_mut(&mut sums.radius_px), [alpha], radius);
-        }
-        if block.focus > 0.0 {
-            let focused = std::array::from_mut(&mut sums.focused[chunk]);
-            add_weighted(simd, focused, [alpha], weights(block.focus));
-        }
         let vectors = S::as_mut_simd_f32s(transmittance).0.iter_mut();
         for (i, (transmittance, &before)) in vectors.zip(S::as_simd_f32s(&passing.0).0).enumerate() {
-            let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha.vector(simd, i)));
+            let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha[i]));
             *transmittance = simd.select_f32s(lanes(simd, free, i), after, before);
         }
         self.row.attenuated[chunk] |= free;
+        self.row.attenuates = true;
         let spent = transmittance
             .iter()
             .enumerate()

@@ -4,6 +4,7 @@ use super::canvas::{Barrel, Shear};
 use super::lanes::{Chunk, LANES, Mask, has};
 use super::mirrors::Noted;
 use super::picture;
+use super::row_hits::RowHits;
 use super::sums::{Means, Sums};
 use super::translucent_hits::TranslucentHits;
 use crate::methods::contract::LostRays;
@@ -35,9 +36,13 @@ pub(super) struct RowSums {
     pub(super) occluded: Vec<Mask>,
     /// Rays of transmittance below 1, which `transmittance` has.
     pub(super) attenuated: Vec<Mask>,
+    /// Whether there may be such rays in the current view.
+    pub(super) attenuates: bool,
     /// Undefined for rays that are not attenuated.
     pub(super) transmittance: Vec<Chunk>,
     pub(super) hits: TranslucentHits,
+    /// What rays hit that is not in `sums` yet.
+    pub(super) row_hits: RowHits,
     /// Rays of the current view that mirrors stop.
     pub(super) noted: Vec<Noted>,
 }
@@ -63,8 +68,10 @@ impl RowSums {
             flushed: Sums::blank(chunks, near),
             occluded: vec![0; chunks],
             attenuated: vec![0; chunks],
+            attenuates: false,
             transmittance: vec![Chunk::default(); chunks],
             hits: TranslucentHits::default(),
+            row_hits: RowHits::new(chunks),
             noted: Vec::new(),
         }
     }
@@ -130,6 +137,7 @@ impl RowSums {
     pub(super) fn start_view(&mut self) -> usize {
         self.occluded.copy_from_slice(&self.skipped);
         self.attenuated.fill(0);
+        self.attenuates = false;
         self.active_chunks()
     }
 
@@ -147,6 +155,7 @@ impl RowSums {
             *occluded = skipped | (lanes_before(first) | !lanes_before(end)) as Mask;
         }
         self.attenuated.fill(0);
+        self.attenuates = true;
         let [first_whole, end_whole] =
             if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
         for x in (first..first_whole).chain(end_whole..end) {
