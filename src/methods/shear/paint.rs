@@ -23,7 +23,7 @@ use super::mirrors::Noted;
 use super::row_sums::RowSums;
 use super::spans::Span;
 use super::translucent_hits::Hit;
-use super::values::{Source, SourceColumn};
+use super::values::{Source, SourceColumn, Weights, add_weighted};
 use crate::image::Plane;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
@@ -100,7 +100,7 @@ impl WithSimd for AddViews<'_> {
             if painter.active_chunks > 0 {
                 self.row.end_rays(self.canvas.background, shear, self.y);
             }
-            self.row.row_hits.add_to(simd, &mut self.row.sums, self.canvas);
+            self.row.opaque_hits.add_to(simd, &mut self.row.sums, self.canvas);
             self.row.add_reflections(self.canvas, (self.y, shear));
         }
     }
@@ -203,8 +203,8 @@ impl<S: Simd> Painter<'_, S> {
     /// Notes what rays hit of `part`, which is opaque, at `columns`, and occludes them; none of them is attenuated.
     #[inline(always)]
     fn note_opaque(&mut self, columns: &Range<usize>, part: Source) {
-        let RowSums { row_hits, occluded, .. } = &mut *self.row;
-        self.active_chunks -= row_hits.note_opaque(occluded, columns, part);
+        let RowSums { opaque_hits, occluded, .. } = &mut *self.row;
+        self.active_chunks -= opaque_hits.note(occluded, columns, part);
     }
 
     /// Notes the rays of the lanes in `free` that `source` stops with a mirror; they have `passing` left, or all.
@@ -268,9 +268,11 @@ impl<S: Simd> Painter<'_, S> {
             *passing = simd.select_f32s(lanes(simd, attenuated, i), *before, one);
         }
         self.note_mirrors(canvas, chunk, (source, column), (free, Some(&passing)));
-        self.row.row_hits.note((chunk, free), part, &passing);
-        let alpha = part.alpha(&canvas.layers[usize::from(span.layer)], chunk);
-        let alpha = S::as_simd_f32s(&alpha.0).0;
+        let mut repeated = [Chunk::default(); 4];
+        let values = part.values(canvas.layers, chunk, &mut repeated);
+        let weights = Weights { passing: &passing, lanes: free };
+        add_weighted(simd, (&mut self.row.sums, chunk), block, &values, weights);
+        let [.., alpha] = values.map(|values| S::as_simd_f32s(values).0);
         let transmittance = &mut self.row.transmittance[chunk].0;
         let vectors = S::as_mut_simd_f32s(transmittance).0.iter_mut();
         for (i, (transmittance, &before)) in vectors.zip(S::as_simd_f32s(&passing.0).0).enumerate() {

@@ -3,8 +3,8 @@
 use super::canvas::{Barrel, Shear};
 use super::lanes::{Chunk, LANES, Mask, has};
 use super::mirrors::Noted;
+use super::opaque_hits::OpaqueHits;
 use super::picture;
-use super::row_hits::RowHits;
 use super::sums::{Means, Sums};
 use super::translucent_hits::TranslucentHits;
 use crate::methods::contract::LostRays;
@@ -42,7 +42,7 @@ pub(super) struct RowSums {
     pub(super) transmittance: Vec<Chunk>,
     pub(super) hits: TranslucentHits,
     /// What rays hit that is not in `sums` yet.
-    pub(super) row_hits: RowHits,
+    pub(super) opaque_hits: OpaqueHits,
     /// Rays of the current view that mirrors stop.
     pub(super) noted: Vec<Noted>,
 }
@@ -71,7 +71,7 @@ impl RowSums {
             attenuates: false,
             transmittance: vec![Chunk::default(); chunks],
             hits: TranslucentHits::default(),
-            row_hits: RowHits::new(chunks),
+            opaque_hits: OpaqueHits::new(chunks),
             noted: Vec::new(),
         }
     }

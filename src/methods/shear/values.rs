@@ -1,8 +1,9 @@
 //! The values that an output chunk reads of a source row, and how they are added to sums.
 
+use super::bins::Block;
 use super::lanes::{Chunk, LANES, Mask, lanes};
 use super::spans::Span;
-use crate::image::Plane;
+use super::sums::Sums;
 use crate::scene::Layer;
 use pulp::Simd;
 
@@ -20,7 +21,7 @@ pub(super) enum SourceColumn {
 pub(super) struct Source {
     /// Where planes have its value for output column 0, or for every one: see [`Plane::padded`].
     at: i64,
-    pub(super) layer: u16,
+    layer: u16,
     /// An index of [`super::bins::Bins::blocks`].
     pub(super) block: u16,
     /// Whether every column has the same value.
@@ -28,8 +29,8 @@ pub(super) struct Source {
     opaque: bool,
 }
 
-/// The alpha of opaque fragments.
-static ONES: Chunk = Chunk([1.0; LANES]);
+/// The alpha of opaque fragments, and the transmittance of rays that passed nothing.
+pub(super) static ONES: Chunk = Chunk([1.0; LANES]);
 
 impl Source {
     /// The part of `span`, whose row begins at `start` ([`Plane::padded`]), that lies in `column`.
@@ -69,21 +70,6 @@ impl Source {
         let alpha = if self.opaque { &ONES.0 } else { layer.alpha.padded(at) };
         [red.padded(at), green.padded(at), blue.padded(at), alpha]
     }
-
-    /// Alpha for output chunk `chunk`.
-    #[inline(always)]
-    pub(super) fn alpha(&self, layer: &Layer, chunk: usize) -> Chunk {
-        let plane: &Plane = &layer.alpha;
-        let mut alpha = ONES;
-        if !self.opaque {
-            if self.repeats {
-                alpha.0 = [plane.padded(self.at as usize)[0]; LANES];
-            } else {
-                alpha.0.copy_from_slice(plane.padded((self.at + (chunk * LANES) as i64) as usize));
-            }
-        }
-        alpha
-    }
 }
 
 /// What values count for that rays meet.
@@ -93,24 +79,49 @@ pub(super) struct Weights<'a> {
     pub(super) passing: &'a Chunk,
     /// The lanes of the rays.
     pub(super) lanes: Mask,
-    /// Share of the values.
-    pub(super) share: f32,
 }
 
-/// Adds `values` to `sums`, by their `weights`.
+/// Adds the red, green, blue and alpha `values` of a fragment of `block` to the sums of chunk `chunk`, by their `weights`.
 #[inline(always)]
-pub(super) fn add_weighted<S: Simd, const N: usize>(
+pub(super) fn add_weighted<S: Simd>(
+    simd: S,
+    (sums, chunk): (&mut Sums, usize),
+    block: &Block,
+    values: &[&[f32]; 4],
+    weights: Weights<'_>,
+) {
+    let [red, green, blue, alpha] = *values;
+    let near = if sums.near.is_empty() { 0.0 } else { block.near };
+    if near < 1.0 {
+        add_share(simd, &mut sums.color[chunk], [red, green, blue], (weights, 1.0 - near));
+    }
+    if near > 0.0 {
+        let sums = &mut sums.near[chunk];
+        add_share(simd, &mut sums.color, [red, green, blue], (weights, near));
+        add_share(simd, std::array::from_mut(&mut sums.share), [alpha], (weights, near));
+        let radius_px = std::array::from_mut(&mut sums.radius_px);
+        add_share(simd, radius_px, [alpha], (weights, near * block.radius_px));
+    }
+    if block.focus > 0.0 {
+        let focused = std::array::from_mut(&mut sums.focused[chunk]);
+        add_share(simd, focused, [alpha], (weights, block.focus));
+    }
+}
+
+/// Adds the share `share` of `values` to `sums`, by their `weights`.
+#[inline(always)]
+fn add_share<S: Simd, const N: usize>(
     simd: S,
     sums: &mut [Chunk; N],
     values: [&[f32]; N],
-    weights: Weights<'_>,
+    (weights, share): (Weights<'_>, f32),
 ) {
-    let (zero, share) = (simd.splat_f32s(0.0), simd.splat_f32s(weights.share));
+    let (zero, share) = (simd.splat_f32s(0.0), simd.splat_f32s(share));
     let passing = S::as_simd_f32s(&weights.passing.0).0;
     for (sum, values) in sums.iter_mut().zip(values) {
-        let values = S::as_simd_f32s(values).0;
+        let values = passing.iter().zip(S::as_simd_f32s(values).0);
         for (i, (sum, (&passing, &value))) in
-            S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().zip(passing.iter().zip(values)).enumerate()
+            S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().zip(values).enumerate()
         {
             let value = simd.mul_f32s(simd.mul_f32s(passing, value), share);
             // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
