@@ -1,7 +1,8 @@
 //! A frame that costs what a rendered one does: 1080p, four peels of one sample a pixel, half colour and float depth, ZIP.
 //!
-//! A floor leads from near to a far wall; before it stand and hang three thousand balls and slats, small and large, through focus. Where few
-//! of them overlap the deeper peels are empty. Colour has the noise of a path tracer, so that it does not compress to nothing.
+//! A floor leads from near to a far wall. Before it stand and hang three thousand balls and slats through focus, many small and few
+//! large. Where few of them overlap the deeper peels are empty. Colour has the noise of a path tracer, so that it does not compress
+//! to nothing.
 
 use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatImage, FlatSamples, Image, Layer};
 use exr::meta::attribute::IntegerBounds;
@@ -40,6 +41,10 @@ const WALL: f32 = 15.0;
 /// Planar distances of the nearest and farthest ball, in metres.
 const NEAREST: f32 = 1.7;
 const FARTHEST: f32 = 13.0;
+
+/// Radii of the smallest and the largest ball, in metres. The number of balls falls with the square of their radius.
+const SMALLEST: f32 = 0.001;
+const LARGEST: f32 = 0.24;
 
 /// What is written as depth where a peel has no fragment.
 const NO_DEPTH: f32 = 1e10;
@@ -116,10 +121,10 @@ fn floor_depth(y: f32) -> f32 {
 fn draw(pixels: &mut [[Fragment; PEELS]], rng: &mut Rng) {
     // As many by reciprocal distance: a picture shows more ground near than far.
     let depth = 1.0 / (1.0 / FARTHEST + rng.f32() * (1.0 / NEAREST - 1.0 / FARTHEST));
-    let radius = 0.004 * 8.0_f32.powf(rng.f32());
+    let radius = SMALLEST / (1.0 - rng.f32() * (1.0 - SMALLEST / LARGEST));
     let radius_px = radius * FOCAL_PX / depth;
     let is_ball = rng.bool();
-    let [half_width, half_height] = if is_ball { [radius_px; 2] } else { [0.3 * radius_px, 2.5 * radius_px] };
+    let [half_width, half_height] = if is_ball { [radius_px; 2] } else { [0.4 * radius_px, 2.0 * radius_px] };
     let lowest = (HORIZON + CAMERA_HEIGHT * FOCAL_PX / depth - half_height).min(HEIGHT as f32);
     let [centre_x, centre_y] = [rng.f32() * WIDTH as f32, rng.f32() * lowest];
     let albedo = std::array::from_fn(|_| 0.1 + 0.8 * rng.f32());
