@@ -8,7 +8,8 @@
 //!
 //! One bit per pixel marks an occluded ray; only unoccluded rays accumulate light. There is no z-buffer, no sort and no image
 //! per view. The cost is about one masked load and add for each visible pixel and view, and consecutive pixels read consecutive
-//! memory. Bins that a view moves alike are painted in blocks.
+//! memory. Bins that a view moves alike are painted in blocks. What is opaque is only noted while the spans are looked through, and added when
+//! all of them are ([`super::opaque_hits`]).
 //!
 //! Translucent spans keep, beside the bit, the transmittance of the ray. A ray may hit several fragments of a surface, and counts the surface
 //! once ([`super::translucent_hits`]).
@@ -105,6 +106,7 @@ impl WithSimd for AddViews<'_> {
         }
     }
 }
+
 /// Paints one view of one row.
 struct Painter<'a, S> {
     simd: S,
@@ -113,16 +115,18 @@ struct Painter<'a, S> {
     active_chunks: usize,
 }
 
-/// What a span reads: a row of a layer.
+/// A span, and how a view moves it.
 #[derive(Clone, Copy)]
 struct PlacedSpan<'a> {
+    /// Its row.
     row: usize,
-    /// Where the row begins in planes.
+    /// Where the row begins ([`Plane::row_start`]).
     start: i64,
     span: &'a Span,
     step: &'a Step,
     block: &'a Block,
 }
+
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn paint_view<'s>(&mut self, canvas: &Canvas<'_>, y: usize, shear: &'s Shear, in_reach: &BinsInReach) {
@@ -288,15 +292,16 @@ impl<S: Simd> Painter<'_, S> {
         self.row.occlude(chunk, spent & free);
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
     use crate::lens::{Aperture, views};
     use crate::methods::contract::LostRays;
     use crate::methods::shear::bins::Bins;
     use crate::methods::shear::keys::Extent;
     use crate::methods::shear::spans;
+    use crate::scene::Layer;
 
     const WIDTH: usize = 53;
     const HEIGHT: usize = 7;

@@ -299,7 +299,7 @@ impl Sampler for ShearSampler<'_> {
         let whole = prepared.whole.take();
         let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
         prepared.draw_discs(&mut image, &highlights, &frame);
-        // What follows needs memory of its own, and none of this.
+        // Resolving needs memory of its own, and none of this.
         drop(prepared);
         if let Some(resolve) = &frame.resolve {
             resolve.soften(&mut image, focused_share);

@@ -19,7 +19,7 @@ pub(super) enum SourceColumn {
 /// A part of a span, as it lies under output columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Source {
-    /// Where planes have its value for output column 0, or for every one: see [`Plane::padded`].
+    /// Where planes have its value for output column 0, or for every one: see [`Plane::padded`](crate::image::Plane::padded).
     at: i64,
     layer: u16,
     /// An index of [`super::bins::Bins::blocks`].
@@ -33,7 +33,7 @@ pub(super) struct Source {
 pub(super) static ONES: Chunk = Chunk([1.0; LANES]);
 
 impl Source {
-    /// The part of `span`, whose row begins at `start` ([`Plane::padded`]), that lies in `column`.
+    /// The part of `span` of `block`, whose row begins at `start` ([`row_start`](crate::image::Plane::row_start)), that lies in `column`.
     #[inline(always)]
     pub(super) fn new(span: &Span, block: u16, start: i64, column: SourceColumn) -> Self {
         let (at, repeats) = match column {
@@ -55,20 +55,16 @@ impl Source {
         let layer = &layers[usize::from(self.layer)];
         let [red, green, blue] = &layer.color;
         let planes = [red, green, blue, &layer.alpha];
-        if self.repeats {
+        let [red, green, blue, alpha] = if self.repeats {
             for (repeated, plane) in repeated.iter_mut().zip(planes) {
                 repeated.0 = [plane.padded(self.at as usize)[0]; LANES];
             }
-            return [
-                &repeated[0].0,
-                &repeated[1].0,
-                &repeated[2].0,
-                if self.opaque { &ONES.0 } else { &repeated[3].0 },
-            ];
-        }
-        let at = (self.at + (chunk * LANES) as i64) as usize;
-        let alpha = if self.opaque { &ONES.0 } else { layer.alpha.padded(at) };
-        [red.padded(at), green.padded(at), blue.padded(at), alpha]
+            repeated.each_ref().map(|repeated| &repeated.0[..])
+        } else {
+            let at = (self.at + (chunk * LANES) as i64) as usize;
+            planes.map(|plane| plane.padded(at))
+        };
+        [red, green, blue, if self.opaque { &ONES.0 } else { alpha }]
     }
 }
 
