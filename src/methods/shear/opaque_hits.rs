@@ -1,9 +1,9 @@
 //! What is opaque and ends the rays of a view in a row: noted while its spans are looked through, front to back, and added to the sums
 //! when all of them are.
 //!
-//! Whether a chunk has rays left is as good as random, so that a processor that must decide it before it adds waits for nearly every
-//! decision. Noting needs none: each chunk of a span is written to the end of a list, which becomes longer only if rays are left. A ray
-//! that is noted here passed nothing translucent in its view, so that sums have the bits that adding at once would give.
+//! More than half of the chunks that spans cover have no rays left, in no pattern. Noting does not decide it: each chunk of a span is written
+//! to the end of a list, which becomes longer only if rays are left. A ray that is noted here passed nothing translucent in its view, so
+//! that sums have the bits that adding at once would give.
 //!
 //! Memory: a hit and what it hits for each pixel at most, as each has one ray.
 
@@ -90,5 +90,41 @@ impl OpaqueHits {
         }
         self.count = 0;
         self.sources.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::methods::shear::spans::Span;
+    use crate::methods::shear::values::SourceColumn;
+
+    const CHUNKS: usize = 5;
+
+    #[test]
+    fn each_ray_is_hit_once_by_the_first_span_that_covers_its_column() {
+        let span = Span { start: 0, end: 1, layer: 0, opaque: true, changes_peel: false };
+        let (mut hits, mut occluded) = (OpaqueHits::new(CHUNKS), vec![0; CHUNKS]);
+        let mut first_block = vec![None; CHUNKS * LANES];
+        // One column at either end of a chunk, a whole chunk, several, all, and nothing that is left.
+        for (block, covered) in [15..16, 16..17, 32..48, 3..40, 39..80, 0..80, 7..9].into_iter().enumerate() {
+            let source = Source::new(&span, block as u16, 0, SourceColumn::Shifted(0));
+            let full = |occluded: &[Mask]| occluded.iter().filter(|&&mask| mask == Mask::MAX).count();
+            let before = full(&occluded);
+            let ended = hits.note(&mut occluded, &covered, source);
+            assert_eq!(ended, full(&occluded) - before, "chunks ended by {covered:?}");
+            covered.for_each(|x| first_block[x] = first_block[x].or(Some(block as u16)));
+        }
+        assert_eq!(occluded, [Mask::MAX; CHUNKS]);
+        let mut hit_by = vec![None; CHUNKS * LANES];
+        for hit in &hits.hits[..hits.count] {
+            for lane in (0..LANES).filter(|lane| hit.lanes >> lane & 1 == 1) {
+                let block = hits.sources[hit.source as usize].block;
+                let before = hit_by[hit.chunk as usize * LANES + lane].replace(block);
+                assert_eq!(before, None, "one hit a ray");
+            }
+        }
+        assert_eq!(hit_by, first_block);
+        assert_eq!(hits.sources.len(), 6, "what nothing hits is not kept");
     }
 }
