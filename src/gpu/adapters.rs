@@ -64,8 +64,8 @@ impl fmt::Display for Adapter {
 
 /// Files of `/dev` by which programs reach a graphics card, or the beginnings of their names: of the kernel's drivers, NVIDIA's, AMD's for
 /// computing, Windows's for its Linux, and those of phones and boards.
-const CARD_FILES: [&str; 9] =
-    ["dri/renderD", "dri/card", "nvidia", "kfd", "dxg", "mali", "kgsl-3d", "pvr", "nvhost-gpu"];
+const CARD_FILES: [&str; 10] =
+    ["dri/renderD", "dri/card", "nvidia", "nvhost-", "nvgpu", "kfd", "dxg", "mali", "kgsl-3d", "pvr"];
 
 /// Whether this machine may have a graphics card: whether it is worth loading drivers, which costs many milliseconds. On Linux a card has
 /// a file in `/dev`; elsewhere, and where the user names drivers, there may always be one.
@@ -135,7 +135,17 @@ mod tests {
 
     #[test]
     fn a_card_is_looked_for_by_its_file_whatever_its_number() {
-        for file in ["dri/renderD128", "dri/renderD131", "nvidia0", "nvidiactl", "kfd", "dxg", "mali0"] {
+        for file in [
+            "dri/renderD128",
+            "dri/renderD131",
+            "nvidia0",
+            "nvidiactl",
+            "nvhost-ctrl-gpu",
+            "nvgpu",
+            "kfd",
+            "dxg",
+            "mali0",
+        ] {
             let devices = tempfile::tempdir().unwrap();
             fs::create_dir(devices.path().join("dri")).unwrap();
             fs::write(devices.path().join("null"), "").unwrap();
