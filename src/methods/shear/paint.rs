@@ -96,7 +96,7 @@ impl WithSimd for AddViews<'_> {
                 Some(barrel) => self.row.start_view_through(&barrel, shear.view.lens, self.y),
             };
             self.row.hits.start_view();
-            let mut painter = Painter { simd, active_chunks, row: self.row };
+            let mut painter = Painter { simd, active_chunks, row: self.row, repeated: [Chunk::default(); 4] };
             painter.paint_view(self.canvas, self.y, shear, self.in_reach);
             if painter.active_chunks > 0 {
                 self.row.end_rays(self.canvas.background, shear, self.y);
@@ -113,6 +113,8 @@ struct Painter<'a, S> {
     row: &'a mut RowSums,
     /// Number of chunks with unoccluded rays.
     active_chunks: usize,
+    /// Memory for [`Source::values`].
+    repeated: [Chunk; 4],
 }
 
 /// A span, and how a view moves it.
@@ -272,11 +274,10 @@ impl<S: Simd> Painter<'_, S> {
             *passing = simd.select_f32s(lanes(simd, attenuated, i), *before, one);
         }
         self.note_mirrors(canvas, chunk, (source, column), (free, Some(&passing)));
-        let mut repeated = [Chunk::default(); 4];
-        let values = part.values(canvas.layers, chunk, &mut repeated);
+        let values = part.values(canvas.layers, chunk, &mut self.repeated);
         let weights = Weights { passing: &passing, lanes: free };
         add_weighted(simd, (&mut self.row.sums, chunk), block, &values, weights);
-        let [.., alpha] = values.map(|values| S::as_simd_f32s(values).0);
+        let alpha = S::as_simd_f32s(values[3]).0;
         let transmittance = &mut self.row.transmittance[chunk].0;
         let vectors = S::as_mut_simd_f32s(transmittance).0.iter_mut();
         for (i, (transmittance, &before)) in vectors.zip(S::as_simd_f32s(&passing.0).0).enumerate() {

@@ -54,17 +54,16 @@ impl Source {
     ) -> [&'a [f32]; 4] {
         let layer = &layers[usize::from(self.layer)];
         let [red, green, blue] = &layer.color;
-        let planes = [red, green, blue, &layer.alpha];
-        let [red, green, blue, alpha] = if self.repeats {
-            for (repeated, plane) in repeated.iter_mut().zip(planes) {
+        if self.repeats {
+            for (repeated, plane) in repeated.iter_mut().zip([red, green, blue, &layer.alpha]) {
                 repeated.0 = [plane.padded(self.at as usize)[0]; LANES];
             }
-            repeated.each_ref().map(|repeated| &repeated.0[..])
-        } else {
-            let at = (self.at + (chunk * LANES) as i64) as usize;
-            planes.map(|plane| plane.padded(at))
-        };
-        [red, green, blue, if self.opaque { &ONES.0 } else { alpha }]
+            let [red, green, blue, alpha] = &*repeated;
+            return [&red.0, &green.0, &blue.0, if self.opaque { &ONES.0 } else { &alpha.0 }];
+        }
+        let at = (self.at + (chunk * LANES) as i64) as usize;
+        let alpha = if self.opaque { &ONES.0 } else { layer.alpha.padded(at) };
+        [red.padded(at), green.padded(at), blue.padded(at), alpha]
     }
 }
 
