@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Kind of an adapter, in order of preference.
@@ -75,14 +76,14 @@ pub(super) fn may_have_card() -> bool {
     !cfg!(target_os = "linux") || named || has_card_file(Path::new("/dev"))
 }
 
-/// Whether one of [`CARD_FILES`] is below `devices`.
+/// Whether one of [`CARD_FILES`] is below `devices`, or may be: a folder that cannot be read may have one.
 fn has_card_file(devices: &Path) -> bool {
-    CARD_FILES.iter().any(|start| {
-        let start = devices.join(start);
-        let (Some(folder), Some(name)) = (start.parent(), start.file_name()) else { return false };
-        let Ok(entries) = std::fs::read_dir(folder) else { return false };
-        let name = name.to_string_lossy();
-        entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with(&*name))
+    ["", "dri/"].iter().any(|folder| match std::fs::read_dir(devices.join(folder)) {
+        Ok(entries) => entries.flatten().any(|entry| {
+            let file = format!("{folder}{}", entry.file_name().to_string_lossy());
+            CARD_FILES.iter().any(|start| file.starts_with(start))
+        }),
+        Err(error) => error.kind() != ErrorKind::NotFound,
     })
 }
 
@@ -153,5 +154,14 @@ mod tests {
             fs::write(devices.path().join(file), "").unwrap();
             assert!(has_card_file(devices.path()), "{file}");
         }
+    }
+
+    #[test]
+    fn what_cannot_be_listed_may_hold_a_card_and_what_is_not_there_holds_none() {
+        let devices = tempfile::tempdir().unwrap();
+        assert!(!has_card_file(&devices.path().join("none")), "no folder of devices");
+        assert!(!has_card_file(devices.path()), "no folder of cards");
+        fs::write(devices.path().join("dri"), "").unwrap();
+        assert!(has_card_file(devices.path()), "one that cannot be listed");
     }
 }
