@@ -18,6 +18,9 @@ pub(super) const MIN_VARIANCE: f32 = 0.03;
 /// Columns that one task filters.
 const STRIP: usize = 128;
 
+/// Rows that are filtered together: a step waits for the one before it, and meanwhile the other row's is computed.
+const TOGETHER: usize = 2;
+
 /// Beyond this number of box radii the filter's response is below a millionth: `e^(−√6 · 6)`.
 #[cfg(feature = "gpu")]
 pub(super) const REACH_RADII: f32 = 6.0;
@@ -111,47 +114,71 @@ impl NullaryFnOnce for FillWeights<'_> {
 }
 
 fn along_rows([red, green, blue]: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
-    let width = surface.width;
-    let arch = Arch::new();
-    red.par_chunks_mut(width)
-        .zip(green.par_chunks_mut(width))
-        .zip(blue.par_chunks_mut(width))
+    let (width, arch) = (surface.width, Arch::new());
+    let pair = TOGETHER * width;
+    red.par_chunks_mut(pair)
+        .zip(green.par_chunks_mut(pair))
+        .zip(blue.par_chunks_mut(pair))
         .enumerate()
         .for_each_init(
-            || vec![0.0; width],
-            |weights, (y, ((red, green), blue))| {
-                let ((alpha, coc), last) = (surface.row(y), width - 1);
-                let (neighbours, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
-                if arch.dispatch(FillWeights { weights: &mut weights[1..], neighbours, here, radius_per_coc })
-                {
-                    arch.dispatch(SmoothRow { row: [red, green, blue], weights });
+            || [(); TOGETHER].map(|()| vec![0.0; width]),
+            |weights, (pair, ((red, green), blue))| {
+                let rows = red.chunks_mut(width).zip(green.chunks_mut(width)).zip(blue.chunks_mut(width));
+                let mut blurred = Vec::with_capacity(TOGETHER);
+                for (i, (((red, green), blue), weights)) in rows.zip(weights).enumerate() {
+                    let ((alpha, coc), last) = (surface.row(pair * TOGETHER + i), width - 1);
+                    let (neighbours, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
+                    let fill = FillWeights { weights: &mut weights[1..], neighbours, here, radius_per_coc };
+                    if arch.dispatch(fill) {
+                        blurred.push(Row { color: [red, green, blue], weights });
+                    }
+                }
+                match <[Row<'_>; TOGETHER]>::try_from(blurred) {
+                    Ok(rows) => arch.dispatch(SmoothRows { rows }),
+                    Err(rows) => rows.into_iter().for_each(|row| arch.dispatch(SmoothRows { rows: [row] })),
                 }
             },
         );
 }
 
-/// Both directions over one row; `weights[x]` is the weight between `x − 1` and `x`.
-struct SmoothRow<'a> {
-    row: [&'a mut [f32]; 3],
+/// A row; `weights[x]` is the weight between `x − 1` and `x`.
+struct Row<'a> {
+    color: [&'a mut [f32]; 3],
     weights: &'a [f32],
 }
 
-impl NullaryFnOnce for SmoothRow<'_> {
+impl Row<'_> {
+    /// Moves the colour of column `x` towards `last` by the weight of column `weighted`, and `last` to it.
+    #[inline(always)]
+    fn step(&mut self, x: usize, last: &mut [f32; 3], weighted: usize) {
+        let [red, green, blue] = &mut self.color;
+        *last = mixed([red[x], green[x], blue[x]], *last, self.weights[weighted]);
+        [red[x], green[x], blue[x]] = *last;
+    }
+}
+
+/// Both directions over rows of one width.
+struct SmoothRows<'a, const N: usize> {
+    rows: [Row<'a>; N],
+}
+
+impl<const N: usize> NullaryFnOnce for SmoothRows<'_, N> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { row: [red, green, blue], weights } = self;
-        let width = weights.len();
-        let (red, green, blue) = (&mut red[..width], &mut green[..width], &mut blue[..width]);
-        let mut last = [red[0], green[0], blue[0]];
+        let mut rows = self.rows;
+        let width = rows[0].weights.len();
+        let mut last = rows.each_ref().map(|row| row.color.each_ref().map(|channel| channel[0]));
         for x in 1..width {
-            last = mixed([red[x], green[x], blue[x]], last, weights[x]);
-            [red[x], green[x], blue[x]] = last;
+            for (row, last) in rows.iter_mut().zip(&mut last) {
+                row.step(x, last, x);
+            }
         }
         for x in (0..width - 1).rev() {
-            last = mixed([red[x], green[x], blue[x]], last, weights[x + 1]);
-            [red[x], green[x], blue[x]] = last;
+            for (row, last) in rows.iter_mut().zip(&mut last) {
+                row.step(x, last, x + 1);
+            }
         }
     }
 }
