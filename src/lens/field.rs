@@ -23,6 +23,7 @@ impl Field {
     }
 
     /// `place`, in pixels from the picture's corner, as an offset from the axis that has length 1 in the frame's corners.
+    #[inline]
     pub(crate) fn height(&self, place: Vec2) -> Vec2 {
         (place - self.axis_px) / self.half_diagonal_px
     }

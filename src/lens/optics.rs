@@ -213,6 +213,7 @@ impl Optics {
 
     /// Signed distance from the barrel's edge of the ray through `lens`, seen from position `height` of the field, in aperture radii;
     /// negative where the ray does not pass.
+    #[inline]
     pub(crate) fn within_barrel(&self, lens: Vec2, height: Vec2) -> f32 {
         1.0 - (lens - self.cats_eye * height).length()
     }

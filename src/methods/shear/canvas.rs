@@ -46,6 +46,7 @@ impl Barrel<'_> {
     }
 
     /// Share of the view through `lens` that the barrel lets pass to pixel `x, y`.
+    #[inline(always)]
     pub(super) fn passing(&self, lens: Vec2, x: usize, y: usize) -> f32 {
         let height = self.field.height(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
         (self.optics.within_barrel(lens, height) / self.softness + 0.5).clamp(0.0, 1.0)

@@ -2,6 +2,7 @@
 
 use crate::image::MARGIN;
 use pulp::Simd;
+use std::ops::Range;
 
 /// Lanes of a chunk: pixels that are processed together.
 pub(super) const LANES: usize = MARGIN;
@@ -15,7 +16,19 @@ pub(super) type Mask = u16;
 pub(super) struct Chunk(pub(super) [f32; LANES]);
 
 impl Chunk {
+    /// `value(lane)` in each lane.
+    #[inline(always)]
+    pub(super) fn from_fn(value: impl Fn(usize) -> f32) -> Self {
+        // `std::array::from_fn` calls a function for it, which is compiled for one instruction set.
+        let mut chunk = Self::default();
+        for lane in 0..LANES {
+            chunk.0[lane] = value(lane);
+        }
+        chunk
+    }
+
     /// Adds `other`, pixel by pixel.
+    #[inline(always)]
     pub(super) fn add(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, other)| *sum += other);
     }
@@ -30,6 +43,20 @@ pub(super) static LANE_BITS: [u32; LANES] =
 pub(super) fn lanes<S: Simd>(simd: S, mask: Mask, i: usize) -> S::m32s {
     let bits = S::as_simd_u32s(&LANE_BITS).0[i];
     simd.equal_u32s(simd.and_u32s(simd.splat_u32s(u32::from(mask)), bits), bits)
+}
+
+/// The chunks that have any of `columns`, which are not empty.
+#[inline(always)]
+pub(super) fn chunks_of(columns: &Range<usize>) -> Range<usize> {
+    columns.start / LANES..(columns.end - 1) / LANES + 1
+}
+
+/// The lanes of chunk `chunk` that are among `columns`, of which it has some.
+#[inline(always)]
+pub(super) fn lanes_of(columns: &Range<usize>, chunk: usize) -> Mask {
+    let [start, past] =
+        [columns.start, columns.end - 1].map(|x| x.clamp(chunk * LANES, chunk * LANES + LANES - 1));
+    Mask::MAX << (start % LANES) & Mask::MAX >> (LANES - 1 - past % LANES)
 }
 
 /// Whether `mask` has bit `lane`.

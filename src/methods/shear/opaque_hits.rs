@@ -8,9 +8,9 @@
 //! Memory: a hit and what it hits for each pixel at most, as each has one ray.
 
 use super::canvas::Canvas;
-use super::lanes::{Chunk, LANES, Mask};
+use super::lanes::{LANES, Mask, chunks_of};
 use super::sums::Sums;
-use super::values::{ONES, Source, Weights, add_weighted};
+use super::values::{Hit, Source, add_opaque};
 use pulp::Simd;
 use std::ops::Range;
 
@@ -21,18 +21,17 @@ pub(super) struct OpaqueHits {
     hits: Vec<Hit>,
     /// Number of hits.
     count: usize,
-    /// What they hit.
-    sources: Vec<Source>,
+    /// What they hit, each with the number of hits up to its last one.
+    sources: Vec<(Source, usize)>,
 }
 
-/// Rays of a chunk that hit something.
-#[derive(Debug, Clone, Copy, Default)]
-struct Hit {
-    /// An index of [`OpaqueHits::sources`].
-    source: u32,
-    chunk: u32,
-    /// The lanes of the rays.
-    lanes: Mask,
+/// What [`OpaqueHits::note`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Noted {
+    /// Number of chunks of which no ray is left.
+    pub(super) ended: usize,
+    /// Whether attenuated rays are left at its columns.
+    pub(super) are_left: bool,
 }
 
 impl OpaqueHits {
@@ -43,50 +42,53 @@ impl OpaqueHits {
         Self { hits, count: 0, sources: Vec::new() }
     }
 
-    /// Notes what of `source` rays hit at `columns` that are not `occluded`, and occludes them. Returns the number of chunks of which no ray
-    /// is left.
+    /// Notes what of `source` rays hit at `columns` that are neither `occluded` nor `attenuated`, and occludes them.
     #[inline(always)]
-    pub(super) fn note(&mut self, occluded: &mut [Mask], columns: &Range<usize>, source: Source) -> usize {
-        let (first, last) = (columns.start / LANES, (columns.end - 1) / LANES);
+    pub(super) fn note(
+        &mut self,
+        occluded: &mut [Mask],
+        attenuated: &[Mask],
+        columns: &Range<usize>,
+        source: Source,
+    ) -> Noted {
+        let chunks = chunks_of(columns);
+        let (first, between) = (chunks.start, chunks.len() - 1);
         let start = Mask::MAX << (columns.start % LANES);
         let end = Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
-        let occluded = &mut occluded[first..=last];
+        let (occluded, attenuated) = (&mut occluded[chunks.clone()], &attenuated[chunks]);
         let hits = &mut self.hits[self.count..][..occluded.len()];
-        let index = self.sources.len();
-        let (mut count, mut ended) = (0, 0);
-        let mut note = |i: usize, occluded: &mut Mask, inside: Mask| {
-            let lanes = inside & !*occluded;
-            let now = *occluded | inside;
-            *occluded = now;
-            hits[count] = Hit { source: index as u32, chunk: (first + i) as u32, lanes };
+        let (mut count, mut ended, mut left) = (0, 0, 0);
+        let mut note = |i: usize, inside: Mask| {
+            let free = inside & !occluded[i];
+            let lanes = free & !attenuated[i];
+            let now = occluded[i] | lanes;
+            occluded[i] = now;
+            hits[count] = Hit { chunk: (first + i) as u32, lanes };
             count += usize::from(lanes != 0);
             ended += usize::from((lanes != 0) & (now == Mask::MAX));
+            left |= free & attenuated[i];
         };
-        let between = occluded.len() - 1;
         if between == 0 {
-            note(0, &mut occluded[0], start & end);
+            note(0, start & end);
         } else {
-            note(0, &mut occluded[0], start);
-            for (i, occluded) in occluded[..between].iter_mut().enumerate().skip(1) {
-                note(i, occluded, Mask::MAX);
-            }
-            note(between, &mut occluded[between], end);
+            note(0, start);
+            (1..between).for_each(|i| note(i, Mask::MAX));
+            note(between, end);
         }
         self.count += count;
-        self.sources.push(source);
-        self.sources.truncate(index + usize::from(count > 0));
-        ended
+        let sources = self.sources.len();
+        self.sources.push((source, self.count));
+        self.sources.truncate(sources + usize::from(count > 0));
+        Noted { ended, are_left: left != 0 }
     }
 
     /// Adds all hits to `sums` and forgets them.
     #[inline(always)]
     pub(super) fn add_to<S: Simd>(&mut self, simd: S, sums: &mut Sums, canvas: &Canvas<'_>) {
-        let mut repeated = [Chunk::default(); 4];
-        for hit in &self.hits[..self.count] {
-            let source = &self.sources[hit.source as usize];
-            let (chunk, block) = (hit.chunk as usize, &canvas.bins.blocks()[usize::from(source.block)]);
-            let values = source.values(canvas.layers, chunk, &mut repeated);
-            add_weighted(simd, (sums, chunk), block, &values, Weights { passing: &ONES, lanes: hit.lanes });
+        let mut first = 0;
+        for &(source, end) in &self.sources {
+            add_opaque(simd, sums, canvas, &source, &self.hits[first..end]);
+            first = end;
         }
         self.count = 0;
         self.sources.clear();
@@ -105,25 +107,37 @@ mod tests {
     fn each_ray_is_hit_once_by_the_first_span_that_covers_its_column() {
         let span = Span { start: 0, end: 1, layer: 0, opaque: true, changes_peel: false };
         let (mut hits, mut occluded) = (OpaqueHits::new(CHUNKS), vec![0; CHUNKS]);
+        // Rays that are not noted: one among others, and a chunk's all.
+        let mut attenuated = vec![0; CHUNKS];
+        (attenuated[1], attenuated[4]) = (1 << 4, Mask::MAX);
+        let is_attenuated = |x: usize| attenuated[x / LANES] >> (x % LANES) & 1 == 1;
         let mut first_block = vec![None; CHUNKS * LANES];
         // One column at either end of a chunk, a whole chunk, several, all, and nothing that is left.
         for (block, covered) in [15..16, 16..17, 32..48, 3..52, 39..80, 0..80, 7..9].into_iter().enumerate() {
             let source = Source::new(&span, block as u16, 0, SourceColumn::Shifted(0));
             let full = |occluded: &[Mask]| occluded.iter().filter(|&&mask| mask == Mask::MAX).count();
             let before = full(&occluded);
-            let ended = hits.note(&mut occluded, &covered, source);
-            assert_eq!(ended, full(&occluded) - before, "chunks ended by {covered:?}");
-            covered.for_each(|x| first_block[x] = first_block[x].or(Some(block as u16)));
+            let noted = hits.note(&mut occluded, &attenuated, &covered, source);
+            assert_eq!(noted.ended, full(&occluded) - before, "chunks ended by {covered:?}");
+            assert_eq!(noted.are_left, covered.clone().any(is_attenuated), "rays left at {covered:?}");
+            covered
+                .filter(|&x| !is_attenuated(x))
+                .for_each(|x| first_block[x] = first_block[x].or(Some(block as u16)));
         }
-        assert_eq!(occluded, [Mask::MAX; CHUNKS]);
+        assert_eq!(occluded, [Mask::MAX, !(1 << 4), Mask::MAX, Mask::MAX, 0]);
         let mut hit_by = vec![None; CHUNKS * LANES];
-        for hit in &hits.hits[..hits.count] {
-            for lane in (0..LANES).filter(|lane| hit.lanes >> lane & 1 == 1) {
-                let block = hits.sources[hit.source as usize].block;
-                let before = hit_by[hit.chunk as usize * LANES + lane].replace(block);
-                assert_eq!(before, None, "one hit a ray");
+        let mut noted = hits.hits[..hits.count].iter();
+        for (already, (source, end)) in
+            hits.sources.iter().scan(0, |end, of| Some((std::mem::replace(end, of.1), of)))
+        {
+            for hit in noted.by_ref().take(end - already) {
+                for lane in (0..LANES).filter(|lane| hit.lanes >> lane & 1 == 1) {
+                    let before = hit_by[hit.chunk as usize * LANES + lane].replace(source.block);
+                    assert_eq!(before, None, "one hit a ray");
+                }
             }
         }
+        assert_eq!(noted.len(), 0, "every hit has its source");
         assert_eq!(hit_by, first_block);
         assert_eq!(hits.sources.len(), 6, "what nothing hits is not kept");
     }

@@ -19,7 +19,7 @@
 
 use super::bins::Block;
 use super::canvas::{BinsInReach, Canvas, Shear, Step};
-use super::lanes::{Chunk, LANES, Mask, has, lanes};
+use super::lanes::{Chunk, LANES, Mask, chunks_of, has, lanes, lanes_of};
 use super::mirrors::Noted;
 use super::row_sums::RowSums;
 use super::spans::Span;
@@ -131,23 +131,25 @@ struct PlacedSpan<'a> {
 
 impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
-    fn paint_view<'s>(&mut self, canvas: &Canvas<'_>, y: usize, shear: &'s Shear, in_reach: &BinsInReach) {
+    fn paint_view(&mut self, canvas: &Canvas<'_>, y: usize, shear: &Shear, in_reach: &BinsInReach) {
         let last_row = canvas.spans.height() as i32 - 1;
-        let place = |step: &'s Step| {
-            let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
-            (step, row, canvas.spans.of_block(row, step.block.into()))
-        };
         // The spans of the next step are looked up before this one is painted, so that the processor does not wait for them.
-        let mut places = shear.steps_in_reach(in_reach).flatten().map(place);
-        let mut next = places.next();
-        while let Some((step, row, spans)) = next {
-            next = places.next();
-            let block = &canvas.bins.blocks()[usize::from(step.block)];
-            let start = Plane::row_start(self.row.width, row) as i64;
-            for span in spans {
-                self.paint_span(canvas, &PlacedSpan { row, start, span, step, block });
+        let mut steps = shear.steps_in_reach(in_reach).flatten();
+        let mut placed = None;
+        loop {
+            let next = steps.next().map(|step| {
+                let row = (y as i32 + step.shift.rows).clamp(0, last_row) as usize;
+                (step, row, canvas.spans.of_block(row, step.block.into()))
+            });
+            let is_last = next.is_none();
+            if let Some((step, row, spans)) = std::mem::replace(&mut placed, next) {
+                let block = &canvas.bins.blocks()[usize::from(step.block)];
+                let start = Plane::row_start(self.row.width, row) as i64;
+                for span in spans {
+                    self.paint_span(canvas, &PlacedSpan { row, start, span, step, block });
+                }
             }
-            if self.active_chunks == 0 {
+            if is_last || self.active_chunks == 0 {
                 return;
             }
         }
@@ -184,20 +186,17 @@ impl<S: Simd> Painter<'_, S> {
         }
         let columns = columns.start as usize..columns.end as usize;
         let part = Source::new(source.span, source.step.block, source.start, column);
-        if source.span.opaque && !self.row.attenuates && canvas.mirrors.is_none() {
-            self.note_opaque(&columns, part);
+        if source.span.opaque && canvas.mirrors.is_none() && !self.note_opaque(&columns, part) {
             return;
         }
-        for chunk in columns.start / LANES..=(columns.end - 1) / LANES {
-            let inside = columns.start.max(chunk * LANES)..columns.end.min((chunk + 1) * LANES);
-            let free = !self.row.occluded[chunk]
-                & Mask::MAX << (inside.start % LANES)
-                & Mask::MAX >> (LANES - 1 - (inside.end - 1) % LANES);
+        for chunk in chunks_of(&columns) {
+            let free = !self.row.occluded[chunk] & lanes_of(&columns, chunk);
             if free == 0 {
                 continue;
             }
             if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
                 self.note_mirrors(canvas, chunk, (source, column), (free, None));
+                let inside = columns.start.max(chunk * LANES)..columns.end.min((chunk + 1) * LANES);
                 self.note_opaque(&inside, part);
             } else {
                 self.composite(canvas, chunk, (source, column, part), free);
@@ -206,11 +205,14 @@ impl<S: Simd> Painter<'_, S> {
         }
     }
 
-    /// Notes what rays hit of `part`, which is opaque, at `columns`, and occludes them; none of them is attenuated.
+    /// Notes what rays hit of `part`, which is opaque, at `columns`, and occludes them, unless they are attenuated. Returns whether such
+    /// rays are left.
     #[inline(always)]
-    fn note_opaque(&mut self, columns: &Range<usize>, part: Source) {
-        let RowSums { opaque_hits, occluded, .. } = &mut *self.row;
-        self.active_chunks -= opaque_hits.note(occluded, columns, part);
+    fn note_opaque(&mut self, columns: &Range<usize>, part: Source) -> bool {
+        let RowSums { opaque_hits, occluded, attenuated, .. } = &mut *self.row;
+        let noted = opaque_hits.note(occluded, attenuated, columns, part);
+        self.active_chunks -= noted.ended;
+        noted.are_left
     }
 
     /// Notes the rays of the lanes in `free` that `source` stops with a mirror; they have `passing` left, or all.
@@ -285,7 +287,6 @@ impl<S: Simd> Painter<'_, S> {
             *transmittance = simd.select_f32s(lanes(simd, free, i), after, before);
         }
         self.row.attenuated[chunk] |= free;
-        self.row.attenuates = true;
         let spent = transmittance
             .iter()
             .enumerate()

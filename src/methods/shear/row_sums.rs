@@ -1,7 +1,7 @@
 //! One output row: sums over views, and the rays of the view that is being painted.
 
 use super::canvas::{Barrel, Shear};
-use super::lanes::{Chunk, LANES, Mask, has};
+use super::lanes::{Chunk, LANES, Mask, chunks_of, has, lanes_of};
 use super::mirrors::Noted;
 use super::opaque_hits::OpaqueHits;
 use super::picture;
@@ -36,8 +36,6 @@ pub(super) struct RowSums {
     pub(super) occluded: Vec<Mask>,
     /// Rays of transmittance below 1, which `transmittance` has.
     pub(super) attenuated: Vec<Mask>,
-    /// Whether there may be such rays in the current view.
-    pub(super) attenuates: bool,
     /// Undefined for rays that are not attenuated.
     pub(super) transmittance: Vec<Chunk>,
     pub(super) hits: TranslucentHits,
@@ -68,7 +66,6 @@ impl RowSums {
             flushed: Sums::blank(chunks, near),
             occluded: vec![0; chunks],
             attenuated: vec![0; chunks],
-            attenuates: false,
             transmittance: vec![Chunk::default(); chunks],
             hits: TranslucentHits::default(),
             opaque_hits: OpaqueHits::new(chunks),
@@ -118,7 +115,7 @@ impl RowSums {
     #[inline(always)]
     pub(super) fn means(&self, chunk: usize, lost_rays: LostRays) -> Means {
         let hidden = &self.hidden[chunk * LANES..][..LANES];
-        let views = std::array::from_fn(|lane| self.views as f32 - hidden[lane]);
+        let views = Chunk::from_fn(|lane| self.views as f32 - hidden[lane]);
         self.flushed.means(&self.sums, chunk, &views, lost_rays)
     }
 
@@ -137,36 +134,52 @@ impl RowSums {
     pub(super) fn start_view(&mut self) -> usize {
         self.occluded.copy_from_slice(&self.skipped);
         self.attenuated.fill(0);
-        self.attenuates = false;
         self.active_chunks()
     }
 
     /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks
     /// that have such rays.
+    #[inline(always)]
     pub(super) fn start_view_through(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
         let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
         let [[first, end], [first_whole, end_whole]] = barrel
             .columns(lens, y)
             .map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
-        self.hidden[..first].iter_mut().for_each(|hidden| *hidden += 1.0);
-        self.hidden[end..].iter_mut().for_each(|hidden| *hidden += 1.0);
-        for (chunk, (occluded, skipped)) in self.occluded.iter_mut().zip(&self.skipped).enumerate() {
-            let lanes_before = |x: usize| (1u32 << x.saturating_sub(chunk * LANES).min(LANES)) - 1;
-            *occluded = skipped | (lanes_before(first) | !lanes_before(end)) as Mask;
-        }
+        self.occluded.copy_from_slice(&self.skipped);
         self.attenuated.fill(0);
-        self.attenuates = true;
+        for hidden in [0..first, end..self.hidden.len()] {
+            self.hidden[hidden.clone()].iter_mut().for_each(|views| *views += 1.0);
+            mark(&mut self.occluded, &hidden);
+        }
         let [first_whole, end_whole] =
             if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
-        for x in (first..first_whole).chain(end_whole..end) {
-            let passing = barrel.passing(lens, x, y);
-            self.hidden[x] += 1.0 - passing;
-            self.attenuated[x / LANES] |= 1 << (x % LANES);
-            self.transmittance[x / LANES].0[x % LANES] = passing;
+        for fading in [first..first_whole, end_whole..end] {
+            mark(&mut self.attenuated, &fading);
+            self.attenuate(barrel, (lens, y), &fading);
         }
         self.active_chunks()
     }
 
+    /// Attenuates the rays of the view through `lens` of row `y` at the columns `fading` by what `barrel` stops of them.
+    #[inline(always)]
+    fn attenuate(&mut self, barrel: &Barrel<'_>, (lens, y): (Vec2, usize), fading: &Range<usize>) {
+        if fading.is_empty() {
+            return;
+        }
+        for chunk in chunks_of(fading) {
+            let hidden = self.hidden[chunk * LANES..][..LANES].iter_mut();
+            let (first, lanes) = (chunk * LANES, lanes_of(fading, chunk));
+            let transmittance = &mut self.transmittance[chunk].0;
+            for (lane, (transmittance, hidden)) in transmittance.iter_mut().zip(hidden).enumerate() {
+                let passing = barrel.passing(lens, first + lane, y);
+                let fades = has(lanes, lane);
+                *transmittance = if fades { passing } else { *transmittance };
+                *hidden += if fades { 1.0 - passing } else { 0.0 };
+            }
+        }
+    }
+
+    #[inline(always)]
     pub(super) fn active_chunks(&self) -> usize {
         self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
     }
@@ -228,6 +241,17 @@ impl NullaryFnOnce for WriteRow<'_, '_> {
                     }
                 }
             }
+        }
+    }
+}
+
+/// Sets the lanes of `columns` in `masks`.
+#[inline(always)]
+fn mark(masks: &mut [Mask], columns: &Range<usize>) {
+    if !columns.is_empty() {
+        let chunks = chunks_of(columns);
+        for (chunk, mask) in chunks.clone().zip(&mut masks[chunks]) {
+            *mask |= lanes_of(columns, chunk);
         }
     }
 }

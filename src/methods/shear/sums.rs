@@ -1,6 +1,6 @@
 //! Sums over the views of an output row, and the means that they give.
 
-use super::lanes::{Chunk, LANES};
+use super::lanes::Chunk;
 use crate::methods::contract::LostRays;
 
 /// No more than this number of a pixel's rays, weighted by coverage, is rounding.
@@ -37,10 +37,13 @@ pub(super) struct NearSums {
 
 impl NearSums {
     /// Adds the sums of `other`.
+    #[inline(always)]
     fn add(&mut self, other: &Self) {
         self.share.add(&other.share);
         self.radius_px.add(&other.radius_px);
-        self.color.iter_mut().zip(&other.color).for_each(|(sum, other)| sum.add(other));
+        for (sum, other) in self.color.iter_mut().zip(&other.color) {
+            sum.add(other);
+        }
     }
 }
 
@@ -95,51 +98,46 @@ impl Sums {
     /// The means of chunk `chunk` over these sums and those of `others`, which have `views` views together at each pixel; lost rays count
     /// as `lost_rays` says.
     #[inline(always)]
-    pub(super) fn means(
-        &self,
-        others: &Self,
-        chunk: usize,
-        views: &[f32; LANES],
-        lost_rays: LostRays,
-    ) -> Means {
-        let total = |of: fn(&Self, usize) -> &Chunk| {
-            let (one, other) = (of(self, chunk), of(others, chunk));
-            Chunk(std::array::from_fn(|lane| one.0[lane] + other.0[lane]))
+    pub(super) fn means(&self, others: &Self, chunk: usize, views: &Chunk, lost_rays: LostRays) -> Means {
+        let total = |mut sum: Chunk, other: &Chunk| {
+            sum.add(other);
+            sum
         };
-        let transparent = total(|sums, chunk| &sums.transparent[chunk]);
-        let lost = total(|sums, chunk| &sums.lost[chunk]);
-        let focused = total(|sums, chunk| &sums.focused[chunk]);
-        let known = std::array::from_fn(|lane| views[lane] - lost.0[lane]);
-        let weight: [f32; LANES] = match lost_rays {
-            LostRays::LeftOut => known,
+        let transparent = total(self.transparent[chunk], &others.transparent[chunk]);
+        let lost = total(self.lost[chunk], &others.lost[chunk]);
+        let focused = total(self.focused[chunk], &others.focused[chunk]);
+        let weight = match lost_rays {
+            LostRays::LeftOut => Chunk::from_fn(|lane| views.0[lane] - lost.0[lane]),
             LostRays::Black => *views,
         };
-        let covered: [f32; LANES] = std::array::from_fn(|lane| weight[lane] - transparent.0[lane]);
+        let covered = Chunk::from_fn(|lane| weight.0[lane] - transparent.0[lane]);
         // Light without alpha has colour where nothing is covered.
-        let mean_where = |enough: &[f32; LANES], sum: &[f32; LANES]| {
-            let value = |lane: usize| sum[lane] / weight[lane];
-            Chunk(std::array::from_fn(|lane| if enough[lane] > MIN_HIT_VIEWS { value(lane) } else { 0.0 }))
+        let mean_where = |enough: &Chunk, sum: &Chunk| {
+            Chunk::from_fn(|lane| {
+                let mean = sum.0[lane] / weight.0[lane];
+                if enough.0[lane] > MIN_HIT_VIEWS { mean } else { 0.0 }
+            })
         };
-        let mean = |sum: &[f32; LANES]| mean_where(&weight, sum);
+        let mean = |sum: &Chunk| mean_where(&weight, sum);
         let mut near = NearSums::default();
-        for sums in [self, others].into_iter().filter(|sums| !sums.near.is_empty()) {
-            near.add(&sums.near[chunk]);
+        for sums in [self, others] {
+            if let Some(sums) = sums.near.get(chunk) {
+                near.add(sums);
+            }
         }
-        let color = |mut rest: Chunk, channel: usize| {
-            rest.add(&near.color[channel]);
-            mean(&rest.0)
-        };
+        let [red, green, blue] = &near.color;
+        let (color, other) = (&self.color[chunk], &others.color[chunk]);
         [
-            color(total(|sums, chunk| &sums.color[chunk][0]), 0),
-            color(total(|sums, chunk| &sums.color[chunk][1]), 1),
-            color(total(|sums, chunk| &sums.color[chunk][2]), 2),
+            mean(&total(total(color[0], &other[0]), red)),
+            mean(&total(total(color[1], &other[1]), green)),
+            mean(&total(total(color[2], &other[2]), blue)),
             mean_where(&covered, &covered),
-            Chunk(std::array::from_fn(|lane| focused.0[lane] / views[lane].max(MIN_HIT_VIEWS))),
-            mean(&near.share.0),
-            mean(&near.radius_px.0),
-            mean(&near.color[0].0),
-            mean(&near.color[1].0),
-            mean(&near.color[2].0),
+            Chunk::from_fn(|lane| focused.0[lane] / views.0[lane].max(MIN_HIT_VIEWS)),
+            mean(&near.share),
+            mean(&near.radius_px),
+            mean(red),
+            mean(green),
+            mean(blue),
         ]
     }
 }

@@ -1,6 +1,7 @@
 //! The values that an output chunk reads of a source row, and how they are added to sums.
 
 use super::bins::Block;
+use super::canvas::Canvas;
 use super::lanes::{Chunk, LANES, Mask, lanes};
 use super::spans::Span;
 use super::sums::Sums;
@@ -27,6 +28,14 @@ pub(super) struct Source {
     /// Whether every column has the same value.
     repeats: bool,
     opaque: bool,
+}
+
+/// Rays of a chunk that hit something.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Hit {
+    pub(super) chunk: u32,
+    /// The lanes of the rays.
+    pub(super) lanes: Mask,
 }
 
 /// The alpha of opaque fragments, and the transmittance of rays that passed nothing.
@@ -64,6 +73,99 @@ impl Source {
         let at = (self.at + (chunk * LANES) as i64) as usize;
         let alpha = if self.opaque { &ONES.0 } else { layer.alpha.padded(at) };
         [red.padded(at), green.padded(at), blue.padded(at), alpha]
+    }
+}
+
+/// Adds what whole rays hit of `source`, which is opaque, to their `sums`.
+#[inline(always)]
+pub(super) fn add_opaque<S: Simd>(
+    simd: S,
+    sums: &mut Sums,
+    canvas: &Canvas<'_>,
+    source: &Source,
+    hits: &[Hit],
+) {
+    let block = &canvas.bins.blocks()[usize::from(source.block)];
+    let planes = &canvas.layers[usize::from(source.layer)].color;
+    if source.repeats {
+        let at = source.at as usize;
+        let [red, green, blue] = planes.each_ref().map(|plane| [plane.padded(at)[0]; LANES]);
+        add_hits(simd, sums, block, hits, |_| [&red, &green, &blue]);
+    } else {
+        let [red, green, blue] = planes;
+        add_hits(simd, sums, block, hits, |chunk| {
+            let at = (source.at + (chunk * LANES) as i64) as usize;
+            [red.padded(at), green.padded(at), blue.padded(at)]
+        });
+    }
+}
+
+/// Adds what whole rays hit of an opaque fragment of `block`, of which `colors(chunk)` are the colours, to their `sums`. The bits are those
+/// of [`add_weighted`].
+#[inline(always)]
+fn add_hits<'a, S: Simd>(
+    simd: S,
+    sums: &mut Sums,
+    block: &Block,
+    hits: &[Hit],
+    colors: impl Fn(usize) -> [&'a [f32]; 3],
+) {
+    let near = if sums.near.is_empty() { 0.0 } else { block.near };
+    if near == 0.0 {
+        for hit in hits {
+            let chunk = hit.chunk as usize;
+            add_where(simd, &mut sums.color[chunk], colors(chunk), hit.lanes, |value| value);
+        }
+    } else {
+        let (far, near_share) = (simd.splat_f32s(1.0 - near), simd.splat_f32s(near));
+        let radius_px = near * block.radius_px;
+        for hit in hits {
+            let chunk = hit.chunk as usize;
+            if near < 1.0 {
+                add_where(simd, &mut sums.color[chunk], colors(chunk), hit.lanes, |value| {
+                    simd.mul_f32s(value, far)
+                });
+            }
+            let sums = &mut sums.near[chunk];
+            add_where(simd, &mut sums.color, colors(chunk), hit.lanes, |value| {
+                simd.mul_f32s(value, near_share)
+            });
+            add_constant(simd, &mut sums.share, near, hit.lanes);
+            add_constant(simd, &mut sums.radius_px, radius_px, hit.lanes);
+        }
+    }
+    if block.focus > 0.0 {
+        for hit in hits {
+            add_constant(simd, &mut sums.focused[hit.chunk as usize], block.focus, hit.lanes);
+        }
+    }
+}
+
+/// Adds `weighted(value)` of `values` to `sums` in `lanes`.
+#[inline(always)]
+fn add_where<S: Simd>(
+    simd: S,
+    sums: &mut [Chunk; 3],
+    values: [&[f32]; 3],
+    mask: Mask,
+    weighted: impl Fn(S::f32s) -> S::f32s,
+) {
+    let zero = simd.splat_f32s(0.0);
+    for (sum, values) in sums.iter_mut().zip(values) {
+        let sums = S::as_mut_simd_f32s(&mut sum.0).0.iter_mut();
+        for (i, (sum, &value)) in sums.zip(S::as_simd_f32s(values).0).enumerate() {
+            // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
+            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, mask, i), weighted(value), zero));
+        }
+    }
+}
+
+/// Adds `value` to `sum` in `lanes`.
+#[inline(always)]
+fn add_constant<S: Simd>(simd: S, sum: &mut Chunk, value: f32, mask: Mask) {
+    let (value, zero) = (simd.splat_f32s(value), simd.splat_f32s(0.0));
+    for (i, sum) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().enumerate() {
+        *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, mask, i), value, zero));
     }
 }
 
