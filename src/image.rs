@@ -112,10 +112,10 @@ impl Plane {
         y * width + MARGIN
     }
 
-    /// [`MARGIN`] values from place `at` on; column `x` of a row is at [`Plane::row_start`] + `x`.
+    /// All values and the margins around them; column `x` of a row is at [`Plane::row_start`] + `x`.
     #[inline(always)]
-    pub(crate) fn padded(&self, at: usize) -> &[f32] {
-        &self.padded[at..][..MARGIN]
+    pub(crate) fn padded(&self) -> &[f32] {
+        &self.padded
     }
 
     /// All values, to write.

@@ -5,6 +5,7 @@ use super::canvas::Canvas;
 use super::lanes::{Chunk, LANES, Mask, lanes};
 use super::spans::Span;
 use super::sums::Sums;
+use crate::image::Plane;
 use crate::scene::Layer;
 use pulp::Simd;
 
@@ -20,7 +21,7 @@ pub(super) enum SourceColumn {
 /// A part of a span, as it lies under output columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Source {
-    /// Where planes have its value for output column 0, or for every one: see [`Plane::padded`](crate::image::Plane::padded).
+    /// Where planes have its value for output column 0, or for every one: see [`Plane::padded`].
     at: i64,
     layer: u16,
     /// An index of [`super::bins::Bins::blocks`].
@@ -65,18 +66,49 @@ impl Source {
         let [red, green, blue] = &layer.color;
         if self.repeats {
             for (repeated, plane) in repeated.iter_mut().zip([red, green, blue, &layer.alpha]) {
-                repeated.0 = [plane.padded(self.at as usize)[0]; LANES];
+                repeated.0 = [plane.padded()[self.at as usize]; LANES];
             }
             let [red, green, blue, alpha] = &*repeated;
             return [&red.0, &green.0, &blue.0, if self.opaque { &ONES.0 } else { &alpha.0 }];
         }
         let at = (self.at + (chunk * LANES) as i64) as usize;
-        let alpha = if self.opaque { &ONES.0 } else { layer.alpha.padded(at) };
-        [red.padded(at), green.padded(at), blue.padded(at), alpha]
+        let alpha = if self.opaque { &ONES.0 } else { &layer.alpha.padded()[at..][..LANES] };
+        [&red.padded()[at..][..LANES], &green.padded()[at..][..LANES], &blue.padded()[at..][..LANES], alpha]
+    }
+
+    /// Where `planes` have its values. `repeated` is memory.
+    #[inline(always)]
+    fn places<'a>(&self, planes: [&'a Plane; 3], repeated: &'a mut [Chunk; 3]) -> Places<'a> {
+        if self.repeats {
+            for (repeated, plane) in repeated.iter_mut().zip(planes) {
+                repeated.0 = [plane.padded()[self.at as usize]; LANES];
+            }
+            let [red, green, blue] = &*repeated;
+            Places { planes: [&red.0, &green.0, &blue.0], first: 0, step: 0 }
+        } else {
+            Places { planes: planes.map(Plane::padded), first: self.at, step: LANES as i64 }
+        }
     }
 }
 
-/// Adds what whole rays hit of `source`, which is opaque, to their `sums`.
+/// Where the colours of chunks are.
+#[derive(Clone, Copy)]
+struct Places<'a> {
+    planes: [&'a [f32]; 3],
+    /// The place of those of chunk 0, and the way from one chunk's to the next's.
+    first: i64,
+    step: i64,
+}
+
+impl<'a> Places<'a> {
+    /// Those of chunk `chunk` in plane `k`.
+    #[inline(always)]
+    fn of(&self, k: usize, chunk: usize) -> &'a [f32] {
+        &self.planes[k][(self.first + chunk as i64 * self.step) as usize..][..LANES]
+    }
+}
+
+/// Adds what whole rays hit of `source`, which is opaque, to their `sums`. The bits are those of [`add_weighted`].
 #[inline(always)]
 pub(super) fn add_opaque<S: Simd>(
     simd: S,
@@ -86,50 +118,20 @@ pub(super) fn add_opaque<S: Simd>(
     hits: &[Hit],
 ) {
     let block = &canvas.bins.blocks()[usize::from(source.block)];
-    let planes = &canvas.layers[usize::from(source.layer)].color;
-    if source.repeats {
-        let at = source.at as usize;
-        let [red, green, blue] = planes.each_ref().map(|plane| [plane.padded(at)[0]; LANES]);
-        add_hits(simd, sums, block, hits, |_| [&red, &green, &blue]);
-    } else {
-        let [red, green, blue] = planes;
-        add_hits(simd, sums, block, hits, |chunk| {
-            let at = (source.at + (chunk * LANES) as i64) as usize;
-            [red.padded(at), green.padded(at), blue.padded(at)]
-        });
-    }
-}
-
-/// Adds what whole rays hit of an opaque fragment of `block`, of which `colors(chunk)` are the colours, to their `sums`. The bits are those
-/// of [`add_weighted`].
-#[inline(always)]
-fn add_hits<'a, S: Simd>(
-    simd: S,
-    sums: &mut Sums,
-    block: &Block,
-    hits: &[Hit],
-    colors: impl Fn(usize) -> [&'a [f32]; 3],
-) {
+    let mut repeated = [Chunk::default(); 3];
+    let places = source.places(canvas.layers[usize::from(source.layer)].color.each_ref(), &mut repeated);
     let near = if sums.near.is_empty() { 0.0 } else { block.near };
-    if near == 0.0 {
+    if near < 1.0 {
+        let share = simd.splat_f32s(1.0 - near);
         for hit in hits {
-            let chunk = hit.chunk as usize;
-            add_where(simd, &mut sums.color[chunk], colors(chunk), hit.lanes, |value| value);
+            add_where(simd, &mut sums.color[hit.chunk as usize], (&places, hit), share);
         }
-    } else {
-        let (far, near_share) = (simd.splat_f32s(1.0 - near), simd.splat_f32s(near));
-        let radius_px = near * block.radius_px;
+    }
+    if near > 0.0 {
+        let (share, radius_px) = (simd.splat_f32s(near), near * block.radius_px);
         for hit in hits {
-            let chunk = hit.chunk as usize;
-            if near < 1.0 {
-                add_where(simd, &mut sums.color[chunk], colors(chunk), hit.lanes, |value| {
-                    simd.mul_f32s(value, far)
-                });
-            }
-            let sums = &mut sums.near[chunk];
-            add_where(simd, &mut sums.color, colors(chunk), hit.lanes, |value| {
-                simd.mul_f32s(value, near_share)
-            });
+            let sums = &mut sums.near[hit.chunk as usize];
+            add_where(simd, &mut sums.color, (&places, hit), share);
             add_constant(simd, &mut sums.share, near, hit.lanes);
             add_constant(simd, &mut sums.radius_px, radius_px, hit.lanes);
         }
@@ -141,21 +143,16 @@ fn add_hits<'a, S: Simd>(
     }
 }
 
-/// Adds `weighted(value)` of `values` to `sums` in `lanes`.
+/// Adds the share `share` of the values that rays `hit` to their `sums`.
 #[inline(always)]
-fn add_where<S: Simd>(
-    simd: S,
-    sums: &mut [Chunk; 3],
-    values: [&[f32]; 3],
-    mask: Mask,
-    weighted: impl Fn(S::f32s) -> S::f32s,
-) {
+fn add_where<S: Simd>(simd: S, sums: &mut [Chunk; 3], (places, hit): (&Places<'_>, &Hit), share: S::f32s) {
     let zero = simd.splat_f32s(0.0);
-    for (sum, values) in sums.iter_mut().zip(values) {
-        let sums = S::as_mut_simd_f32s(&mut sum.0).0.iter_mut();
-        for (i, (sum, &value)) in sums.zip(S::as_simd_f32s(values).0).enumerate() {
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let values = S::as_simd_f32s(places.of(k, hit.chunk as usize)).0;
+        for (i, (sum, &value)) in S::as_mut_simd_f32s(&mut sum.0).0.iter_mut().zip(values).enumerate() {
             // Selected, not multiplied: a lane outside the span may hold any value, NaN included.
-            *sum = simd.add_f32s(*sum, simd.select_f32s(lanes(simd, mask, i), weighted(value), zero));
+            let value = simd.select_f32s(lanes(simd, hit.lanes, i), simd.mul_f32s(value, share), zero);
+            *sum = simd.add_f32s(*sum, value);
         }
     }
 }
