@@ -297,6 +297,10 @@ impl Sampler for ShearSampler<'_> {
             PaintLayers::Prepared(prepared, saved) => prepared.for_views((&saved, &mirrors), &frame, views),
         };
         let whole = prepared.whole.take();
+        if highlights.is_empty() && mirrors.is_none() {
+            // Only discs and reflections need the depth of what is painted.
+            prepared.layers.iter_mut().for_each(|layer| layer.coc_px = Plane::default());
+        }
         let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
         prepared.draw_discs(&mut image, &highlights, &frame);
         // Resolving needs memory of its own, and none of this.
