@@ -235,6 +235,16 @@ impl Prepared {
             .collect()
     }
 
+    /// Frees what only discs and reflections need, and painting does not: CoC radii, and alpha where all that there is is opaque.
+    fn keep_painted(&mut self) {
+        for (number, Layer { alpha, coc_px, .. }) in self.layers.iter_mut().enumerate() {
+            *coc_px = Plane::default();
+            if !self.spans.has_translucent(number) {
+                *alpha = Plane::default();
+            }
+        }
+    }
+
     /// Adds the discs of `highlights` to `image`.
     fn draw_discs(&self, image: &mut Image, highlights: &[Highlight], frame: &Frame<'_>) {
         highlights::draw(image, highlights, (frame.plan, frame.field), (&self.layers, &self.bins));
@@ -298,8 +308,7 @@ impl Sampler for ShearSampler<'_> {
         };
         let whole = prepared.whole.take();
         if highlights.is_empty() && mirrors.is_none() {
-            // Only discs and reflections need the depth of what is painted.
-            prepared.layers.iter_mut().for_each(|layer| layer.coc_px = Plane::default());
+            prepared.keep_painted();
         }
         let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
         prepared.draw_discs(&mut image, &highlights, &frame);

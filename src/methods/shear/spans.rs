@@ -46,14 +46,16 @@ struct StripSpans {
     /// For each row and block, where its spans begin in `spans`; after the last one, where they end.
     starts: Vec<u32>,
     spans: Vec<Span>,
+    /// For each layer, whether a span of it is translucent.
+    translucent: Vec<bool>,
 }
 
 impl StripSpans {
-    /// No rows yet of `rows`.
-    fn new(rows: usize, bins: &Bins) -> Self {
+    /// No rows yet of `rows` of `layers` layers.
+    fn new((layers, rows): (usize, usize), bins: &Bins) -> Self {
         let mut starts = Vec::with_capacity(rows * bins.blocks().len() + 1);
         starts.push(0);
-        Self { starts, spans: Vec::new() }
+        Self { starts, spans: Vec::new(), translucent: vec![false; layers] }
     }
 
     /// Appends a row with the spans `found`, each with its bin, in the order of layers and columns.
@@ -186,6 +188,11 @@ impl Spans {
         self.strips[row / STRIP].spans_at(row % STRIP * self.blocks + block)
     }
 
+    /// Whether layer `layer` has a translucent fragment.
+    pub(super) fn has_translucent(&self, layer: usize) -> bool {
+        self.strips.iter().any(|strip| strip.translucent[layer])
+    }
+
     /// Whether bin `bin` has a span in any of `rows`; rows past the border count as the border row.
     pub(super) fn occurs(&self, bin: usize, rows: RangeInclusive<i32>) -> bool {
         let last = self.height as i32 - 1;
@@ -212,13 +219,15 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
     let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
     let of_strip = |rows: Range<usize>| {
         let keys = Keys::new(layers, bins, extent, rows.clone());
-        let mut strip = StripSpans::new(rows.len(), bins);
+        let mut strip = StripSpans::new((layers.len(), rows.len()), bins);
         let (mut row, mut found, mut scratch) = (KeyRow::new(width), Vec::new(), Scratch::default());
         for y in rows {
             found.clear();
             for layer in 0..layers.len() {
+                let first = found.len();
                 keys.fill((layer, y), &mut row);
                 scan(&row.keys, layer as u16, &mut found);
+                strip.translucent[layer] |= found[first..].iter().any(|(_, span): &(u16, Span)| !span.opaque);
             }
             strip.push_row(&found, bins, &mut scratch);
         }

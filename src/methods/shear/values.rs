@@ -65,7 +65,9 @@ impl Source {
         let layer = &layers[usize::from(self.layer)];
         let [red, green, blue] = &layer.color;
         if self.repeats {
-            for (repeated, plane) in repeated.iter_mut().zip([red, green, blue, &layer.alpha]) {
+            // Where all is opaque there is no alpha to read.
+            let alpha = if self.opaque { red } else { &layer.alpha };
+            for (repeated, plane) in repeated.iter_mut().zip([red, green, blue, alpha]) {
                 repeated.0 = [plane.padded()[self.at as usize]; LANES];
             }
             let [red, green, blue, alpha] = &*repeated;
