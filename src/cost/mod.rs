@@ -32,14 +32,21 @@ pub struct Prediction {
 
 /// The cost terms of `plan` on a scene with the statistics `stats`; `None` for a method without a cost model.
 pub fn terms(stats: &SceneStats, plan: &Plan) -> Option<Cost> {
-    let workload = Workload { stats, rays: plan.views.unwrap_or(0) * plan.optics.ray_sets() };
+    let rays = plan.views.unwrap_or(0) * plan.optics.ray_sets();
+    let shows_background = plan.does(EffectKind::TransparentBackground);
+    let workload = Workload { stats, rays, shows_background };
     if plan.does(EffectKind::Blur) { plan.method.cost(plan, &workload) } else { Some(pinhole(&workload)) }
 }
 
 /// The cost of a picture without a lens.
 fn pinhole(workload: &Workload<'_>) -> Cost {
-    let samples = workload.pixels() * workload.supersample().powi(2);
-    Cost::new(WorkKind::Planes, [term("samples of the picture", 20.795, samples)])
+    Cost::new(
+        WorkKind::Planes,
+        [
+            term("pixels", 0.908, workload.pixels()),
+            term("samples to composite", 17.123, workload.composited()),
+        ],
+    )
 }
 
 /// The predicted time of `plan` on a scene with the statistics `stats`, on the machine of `calibration`: that of the blur alone,
@@ -179,8 +186,8 @@ mod tests {
 
     #[test]
     fn a_picture_of_twice_the_height_costs_twice_as_much() {
-        // The width is the same, so that the blocks have the same size.
-        let scene = calibration::test_scene((512, 144));
+        // Neither is higher than wide, so that the blocks have the same size; surfaces reach from one half into the other, so the halves are high.
+        let scene = calibration::test_scene((512, 256));
         let (once, twice) = (scene.analyze(), doubled(&scene).analyze());
         for (a, b) in plans(&once).zip(plans(&twice)) {
             let ratio = cpu_seconds(&twice, &b) / cpu_seconds(&once, &a);

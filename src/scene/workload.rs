@@ -4,6 +4,7 @@
 
 use super::bright::bright_step_floor;
 use super::merge::max_merged_layers;
+use super::peel_stats::PeelStats;
 use super::spread::{Block, Blocks, COC_STEPS, coc_step};
 use super::stats::SceneStats;
 use std::f64::consts::PI;
@@ -16,6 +17,8 @@ pub struct Workload<'a> {
     pub stats: &'a SceneStats,
     /// Lens rays per pixel, over all colours where each colour has its own rays; 0 where the lens is not sampled.
     pub rays: usize,
+    /// Whether rays may end in a transparent background.
+    pub shows_background: bool,
 }
 
 /// Intervals of CoC depth in front of the visible surface, means over the picture's pixels.
@@ -56,6 +59,18 @@ impl<'a> Workload<'a> {
     /// Pixels of the picture.
     pub fn pixels(&self) -> f64 {
         self.size()[0] * self.size()[1]
+    }
+
+    /// Pixels of the picture where some rays may end in a transparent background, or 0.
+    pub fn pixels_before_background(&self) -> f64 {
+        if self.shows_background { self.pixels() } else { 0.0 }
+    }
+
+    /// Number of samples where the nearest layer does not hide all others; all of them unless it does everywhere.
+    pub fn composited(&self) -> f64 {
+        let hides = |peel: &PeelStats| peel.covered >= 1.0 && peel.translucent <= 0.0;
+        let is_one_layer = self.stats.supersample == 1 && self.stats.peels.first().is_some_and(hides);
+        if is_one_layer { 0.0 } else { self.pixels() * self.supersample().powi(2) }
     }
 
     /// Number of layers of the stack.
@@ -204,6 +219,23 @@ impl<'a> Workload<'a> {
         sum * self.pixels() / blocks.len().max(1) as f64
     }
 
+    /// Number of pixels that rays pass to something behind their nearest fragment: they lie as near to it as CoC radii differ.
+    pub fn pixels_over_hidden(&self) -> f64 {
+        let Blocks { side_px, ref blocks, .. } = *self.blocks();
+        let [near, far] = self.stats.coc_range_px.map(f64::from);
+        let (mut over, mut front) = (0.0, 0.0);
+        for (at, block) in blocks.iter().enumerate().filter(|(_, block)| block.front > 0.0) {
+            let own = block.front_coc_px / block.front;
+            let shares = self.around(at, far - near).map(|(other, gap)| {
+                let behind = f64::from(other.far_px) - own - gap;
+                (behind / side_px as f64).clamp(0.0, 1.0)
+            });
+            over += block.front * shares.fold(0.0, f64::max);
+            front += block.front;
+        }
+        if front > 0.0 { self.pixels() * over / front } else { 0.0 }
+    }
+
     /// Number of rows of the picture, in whole blocks, with a CoC radius within `span`.
     pub fn rows_with(&self, span: [f64; 2]) -> f64 {
         let rows = self.row_ranges();
@@ -282,6 +314,9 @@ fn position(coc_px: f64, width_px: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
+    use crate::scene::{Layer, Scene};
+    use crate::stack::StackKind;
 
     #[test]
     fn the_share_of_an_interval_inside_is_its_mean_over_all_centres() {
@@ -291,6 +326,31 @@ mod tests {
             let expected = mean / (2.0 * reach);
             assert!((share_inside(reach, side) - expected).abs() < 1e-4, "{reach} on {side}: {expected}");
         }
+    }
+
+    #[test]
+    fn pixels_over_hidden_ones_lie_as_near_to_an_edge_as_coc_radii_differ() {
+        let (width, height) = (512, 64);
+        let scene = |near_px: f32, far_px: f32| {
+            let coc_px = Plane::from_fn(width, height, |x, _| if x < 256 { near_px } else { far_px });
+            let color = std::array::from_fn(|_| Plane::zeros(width, height));
+            let layer = Layer { color, alpha: Plane::filled(width, height, 1.0), coc_px };
+            Scene::new(vec![layer], StackKind::PointSampled, 1, 20.0).analyze()
+        };
+        let over_hidden = |near_px, far_px| {
+            let stats = scene(near_px, far_px);
+            Workload { stats: &stats, rays: 1, shows_background: false }.pixels_over_hidden()
+        };
+        assert_eq!(over_hidden(3.0, 3.0), 0.0, "one surface hides nothing");
+        assert_eq!(over_hidden(4.0, -4.0), over_hidden(-4.0, 4.0), "whichever side is near");
+        for jump_px in [4.0, 8.0, 30.0] {
+            let expected = f64::from(jump_px) * height as f64;
+            // A block is 16 pixels wide, and an edge may lie anywhere in it.
+            let found = over_hidden(-0.5 * jump_px, 0.5 * jump_px);
+            assert!((found - expected).abs() <= 8.0 * height as f64, "{jump_px} px: {found}, not {expected}");
+        }
+        let farther = [2.0, 4.0, 8.0, 16.0, 32.0].map(|jump_px| over_hidden(-jump_px, 0.0));
+        assert!(farther.is_sorted() && farther[4] > farther[3], "{farther:?}");
     }
 
     #[test]

@@ -14,11 +14,11 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 4.212, workload.samples()),
-            term("rays", 56.017, rays),
-            term("rays × layers", 1.716, rays * workload.layers()),
-            term("samples passed", 1.684, cells),
-            term("samples passed × layers", 0.063, cells * workload.layers()),
+            term("samples", 12.332, workload.samples()),
+            term("rays", 204.758, rays),
+            term("rays × layers", 7.473, rays * workload.layers()),
+            term("samples passed", 1.928, cells),
+            term("samples passed × layers", 0.214, cells * workload.layers()),
         ],
     )
 }

@@ -17,19 +17,22 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     let discs = plan
         .strength(EffectKind::Highlights)
         .map_or_else(Discs::default, |threshold| workload.discs(threshold));
-    let fill = if plan.does(EffectKind::Fill) { workload.pixels() } else { 0.0 };
+    let fills = plan.does(EffectKind::Fill);
+    let [filled, over_hidden] =
+        if fills { [workload.pixels(), workload.pixels_over_hidden()] } else { [0.0; 2] };
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels × layers", 18.173, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 23.505, workload.merged()),
-            term("pixels to fill", 221.605, fill),
-            term("pixels × views", 0.738, workload.pixels() * views),
-            term("translucent fragments × views", 24.582, translucent * views),
-            term("rows × slices × views", 3.462, workload.row_slices(width_px) * views),
-            term("spans × views", 15.656, spans * views),
-            term("highlights", 10644.557, discs.count),
-            term("rows of highlights", 1163.577, discs.rows),
+            term("pixels × layers", 37.982, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 30.294, workload.merged()),
+            term("pixels to fill", 167.568, filled),
+            term("pixels to fill over hidden ones", 1601.588, over_hidden),
+            term("pixels × views", 0.673, workload.pixels() * views),
+            term("translucent fragments × views", 135.019, translucent * views),
+            term("rows × slices × views", 21.431, workload.row_slices(width_px) * views),
+            term("spans × views", 32.967, spans * views),
+            term("highlights", 301022.842, discs.count),
+            term("rows of highlights", 0.000, discs.rows),
         ],
     )
 }

@@ -12,11 +12,12 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 16.097, pixels),
-            term("pixels × layers", 2.996, pixels * workload.merged_layers()),
-            term("samples to merge", 18.234, workload.merged()),
-            term("pixels × levels", 3.650, pixels * levels),
-            term("pixels × layers × levels", 1.572, pixels * workload.merged_layers() * levels),
+            term("pixels", 33.078, pixels),
+            term("pixels × layers", 0.216, pixels * workload.merged_layers()),
+            term("samples to merge", 25.349, workload.merged()),
+            term("pixels × levels", 5.944, pixels * levels),
+            term("pixels × layers × levels", 2.806, pixels * workload.merged_layers() * levels),
+            term("pixels before a background", 189.750, workload.pixels_before_background()),
         ],
     )
 }

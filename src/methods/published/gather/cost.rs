@@ -18,11 +18,12 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 30.065, pixels),
-            term("pixels × layers", 2.067, pixels * workload.merged_layers()),
-            term("samples to merge", 21.452, workload.merged()),
-            term("pixels × near levels", 4.943, pixels * levels),
-            term("pixels visited", 1.080, workload.reached(visited)),
+            term("pixels", 34.166, pixels),
+            term("pixels × layers", 5.020, pixels * workload.merged_layers()),
+            term("samples to merge", 26.299, workload.merged()),
+            term("pixels × near levels", 6.024, pixels * levels),
+            term("pixels visited", 4.039, workload.reached(visited)),
+            term("pixels before a background", 775.627, workload.pixels_before_background()),
         ],
     )
 }

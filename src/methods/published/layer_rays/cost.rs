@@ -17,12 +17,13 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 47.692, workload.samples()),
-            term("samples in cones", 8.059, workload.samples() * cones),
-            term("pixels × depth layers", 30.370, bundles),
-            term("rays", 81.775, rays),
-            term("rays with cones", 28.264, rays * cones),
-            term("rays × iterations", 5.978, rays * parameters.iterations as f64),
+            term("samples", 60.446, workload.samples()),
+            term("samples in cones", 14.423, workload.samples() * cones),
+            term("pixels × depth layers", 48.822, bundles),
+            term("rays", 132.422, rays),
+            term("rays with cones", 44.988, rays * cones),
+            term("rays × iterations", 10.462, rays * parameters.iterations as f64),
+            term("pixels before a background", 4.045, workload.pixels_before_background()),
         ],
     )
 }

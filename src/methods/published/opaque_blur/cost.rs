@@ -13,10 +13,11 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 7.764, workload.pixels()),
-            term("pixels × layers", 2.365, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 19.818, workload.merged()),
-            term("pixels × sub-images", 10.943, composited),
+            term("pixels", 0.000, workload.pixels()),
+            term("pixels × layers", 3.617, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 28.518, workload.merged()),
+            term("pixels × sub-images", 18.306, composited),
+            term("pixels before a background", 152.881, workload.pixels_before_background()),
         ],
     )
 }

@@ -15,11 +15,12 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 26.684, workload.samples()),
-            term("pixels", 37.500, workload.pixels()),
-            term("rays", 62.218, rays),
-            term("binary steps", 2.588, rays * (parameters.binary_steps as f64).min(steps)),
-            term("linear steps", 3.861, rays * steps),
+            term("samples", 27.806, workload.samples()),
+            term("pixels", 87.884, workload.pixels()),
+            term("rays", 89.592, rays),
+            term("binary steps", 4.135, rays * (parameters.binary_steps as f64).min(steps)),
+            term("linear steps", 6.087, rays * steps),
+            term("pixels before a background", 48.671, workload.pixels_before_background()),
         ],
     )
 }

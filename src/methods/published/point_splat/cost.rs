@@ -23,11 +23,12 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 380.626, workload.pixels()),
-            term("samples to merge", 17.460, workload.merged()),
-            term("pixels to look behind", 33.764, hidden),
-            term("area of sprites", 8.214, visible),
-            term("rows of sprites", 33.553, rows),
+            term("pixels", 842.159, workload.pixels()),
+            term("samples to merge", 27.823, workload.merged()),
+            term("pixels to look behind", 47.425, hidden),
+            term("area of sprites", 18.747, visible),
+            term("rows of sprites", 53.416, rows),
+            term("pixels before a background", 692.071, workload.pixels_before_background()),
         ],
     )
 }

@@ -14,10 +14,11 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 16.145, workload.pixels()),
-            term("pixels × layers", 3.388, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 21.806, workload.merged()),
-            term("area of pyramids", 25.156, blurred),
+            term("pixels", 26.830, workload.pixels()),
+            term("pixels × layers", 4.074, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 29.397, workload.merged()),
+            term("area of pyramids", 35.467, blurred),
+            term("pixels before a background", 213.233, workload.pixels_before_background()),
         ],
     )
 }

@@ -28,10 +28,11 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels × layers", 3.243, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 18.948, workload.merged()),
-            term("pixels × depth layers", 21.912, workload.pixels() * blurred),
-            term("pixels matted × layers", 5.163, matted * workload.merged_layers()),
+            term("pixels × layers", 11.873, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 20.923, workload.merged()),
+            term("pixels × depth layers", 41.852, workload.pixels() * blurred),
+            term("pixels matted × layers", 12.151, matted * workload.merged_layers()),
+            term("pixels before a background", 323.532, workload.pixels_before_background()),
         ],
     )
 }

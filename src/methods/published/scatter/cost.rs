@@ -17,12 +17,13 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 40.954, pixels),
-            term("pixels × layers", 1.789, pixels * workload.merged_layers()),
-            term("samples to merge", 19.318, workload.merged()),
-            term("rows of sprites", 2.297, rows),
-            term("rows of spans", 68.013, spans / front * rows),
-            term("pixels × slices", 0.247, pixels * slices),
+            term("pixels", 27.127, pixels),
+            term("pixels × layers", 4.103, pixels * workload.merged_layers()),
+            term("samples to merge", 26.445, workload.merged()),
+            term("rows of sprites", 4.567, rows),
+            term("rows of spans", 170.223, spans / front * rows),
+            term("pixels × slices", 0.696, pixels * slices),
+            term("pixels before a background", 593.468, workload.pixels_before_background()),
         ],
     )
 }
