@@ -25,13 +25,13 @@ pub(super) struct OpaqueHits {
     sources: Vec<(Source, usize)>,
 }
 
-/// What [`OpaqueHits::note`] did.
+/// What [`OpaqueHits::note`] leaves of the rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Noted {
-    /// Number of chunks of which no ray is left.
-    pub(super) ended: usize,
-    /// Whether attenuated rays are left at its columns.
-    pub(super) are_left: bool,
+pub(super) struct RaysLeft {
+    /// Number of chunks that had rays and have none.
+    pub(super) ended_chunks: usize,
+    /// Whether there are attenuated rays at its columns.
+    pub(super) attenuated: bool,
 }
 
 impl OpaqueHits {
@@ -50,14 +50,14 @@ impl OpaqueHits {
         attenuated: &[Mask],
         columns: &Range<usize>,
         source: Source,
-    ) -> Noted {
+    ) -> RaysLeft {
         let chunks = chunks_of(columns);
         let (first, between) = (chunks.start, chunks.len() - 1);
         let start = Mask::MAX << (columns.start % LANES);
         let end = Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
         let (occluded, attenuated) = (&mut occluded[chunks.clone()], &attenuated[chunks]);
         let hits = &mut self.hits[self.count..][..occluded.len()];
-        let (mut count, mut ended, mut left) = (0, 0, 0);
+        let (mut count, mut ended_chunks, mut left) = (0, 0, 0);
         let mut note = |i: usize, inside: Mask| {
             let free = inside & !occluded[i];
             let lanes = free & !attenuated[i];
@@ -65,7 +65,7 @@ impl OpaqueHits {
             occluded[i] = now;
             hits[count] = Hit { chunk: (first + i) as u32, lanes };
             count += usize::from(lanes != 0);
-            ended += usize::from((lanes != 0) & (now == Mask::MAX));
+            ended_chunks += usize::from((lanes != 0) & (now == Mask::MAX));
             left |= free & attenuated[i];
         };
         if between == 0 {
@@ -79,7 +79,7 @@ impl OpaqueHits {
         let sources = self.sources.len();
         self.sources.push((source, self.count));
         self.sources.truncate(sources + usize::from(count > 0));
-        Noted { ended, are_left: left != 0 }
+        RaysLeft { ended_chunks, attenuated: left != 0 }
     }
 
     /// Adds all hits to `sums` and forgets them.
@@ -117,9 +117,9 @@ mod tests {
             let source = Source::new(&span, block as u16, 0, SourceColumn::Shifted(0));
             let full = |occluded: &[Mask]| occluded.iter().filter(|&&mask| mask == Mask::MAX).count();
             let before = full(&occluded);
-            let noted = hits.note(&mut occluded, &attenuated, &covered, source);
-            assert_eq!(noted.ended, full(&occluded) - before, "chunks ended by {covered:?}");
-            assert_eq!(noted.are_left, covered.clone().any(is_attenuated), "rays left at {covered:?}");
+            let left = hits.note(&mut occluded, &attenuated, &covered, source);
+            assert_eq!(left.ended_chunks, full(&occluded) - before, "chunks ended by {covered:?}");
+            assert_eq!(left.attenuated, covered.clone().any(is_attenuated), "rays left at {covered:?}");
             covered
                 .filter(|&x| !is_attenuated(x))
                 .for_each(|x| first_block[x] = first_block[x].or(Some(block as u16)));

@@ -210,9 +210,9 @@ impl<S: Simd> Painter<'_, S> {
     #[inline(always)]
     fn note_opaque(&mut self, columns: &Range<usize>, part: Source) -> bool {
         let RowSums { opaque_hits, occluded, attenuated, .. } = &mut *self.row;
-        let noted = opaque_hits.note(occluded, attenuated, columns, part);
-        self.active_chunks -= noted.ended;
-        noted.are_left
+        let left = opaque_hits.note(occluded, attenuated, columns, part);
+        self.active_chunks -= left.ended_chunks;
+        left.attenuated
     }
 
     /// Notes the rays of the lanes in `free` that `source` stops with a mirror; they have `passing` left, or all.

@@ -265,3 +265,46 @@ pub(super) fn blended(before: f32, value: f32, weight: f32) -> f32 {
         _ => before + weight * (value - before),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::{Aperture, Field, Optics};
+
+    /// Neither a multiple of [`LANES`].
+    const SIZE: (usize, usize) = (83, 47);
+
+    #[test]
+    fn a_view_through_the_barrel_has_the_rays_that_pass_it_and_hides_the_rest_of_itself() {
+        let optics = Optics { cats_eye: 1.2, ..Optics::from_aperture(Aperture::DISC) };
+        let barrel =
+            Barrel { optics: &optics, field: Field::from_picture_size(SIZE.0, SIZE.1), softness: 0.3 };
+        let (mut whole, mut fading, mut stopped) = (0, 0, 0);
+        for lens in [Vec2::new(0.7, 0.5), Vec2::new(-0.9, 0.1), Vec2::new(0.0, -0.97), Vec2::ZERO] {
+            for y in 0..SIZE.1 {
+                let mut row = RowSums::new(SIZE.0, false);
+                let chunks = row.start_view_through(&barrel, lens, y);
+                assert_eq!(chunks, row.occluded.iter().filter(|&&mask| mask != Mask::MAX).count());
+                for x in 0..row.hidden.len() {
+                    let place = (lens, x, y);
+                    let (chunk, lane) = (x / LANES, x % LANES);
+                    let is_left = !has(row.occluded[chunk], lane);
+                    if x >= SIZE.0 {
+                        assert!(!is_left, "{place:?} is past the row's end");
+                        continue;
+                    }
+                    let is_attenuated = has(row.attenuated[chunk], lane);
+                    let left = if is_attenuated { row.transmittance[chunk].0[lane] } else { 1.0 };
+                    let left = if is_left { left } else { 0.0 };
+                    let passing = barrel.passing(lens, x, y);
+                    assert!((left - passing).abs() < 1e-4, "{place:?}: {left}, not {passing}");
+                    assert!((row.hidden[x] - (1.0 - passing)).abs() < 1e-4, "{place:?}: {}", row.hidden[x]);
+                    whole += usize::from(passing == 1.0);
+                    stopped += usize::from(passing == 0.0);
+                    fading += usize::from(0.0 < passing && passing < 1.0);
+                }
+            }
+        }
+        assert!(whole > 500 && fading > 500 && stopped > 500, "{whole}, {fading}, {stopped}");
+    }
+}
