@@ -186,7 +186,8 @@ mod tests {
 
     #[test]
     fn a_picture_of_twice_the_height_costs_twice_as_much() {
-        // Neither is higher than wide, so that the blocks have the same size; surfaces reach from one half into the other, so the halves are high.
+        // Neither is higher than wide, so that the blocks have the same size. Surfaces reach from one half into the other, which counts less
+        // the higher the halves are.
         let scene = calibration::test_scene((512, 256));
         let (once, twice) = (scene.analyze(), doubled(&scene).analyze());
         for (a, b) in plans(&once).zip(plans(&twice)) {

@@ -271,7 +271,7 @@ mod tests {
     use super::*;
     use crate::lens::{Aperture, Field, Optics};
 
-    /// Neither a multiple of [`LANES`].
+    /// Width and height; the width is no multiple of [`LANES`].
     const SIZE: (usize, usize) = (83, 47);
 
     #[test]
