@@ -220,7 +220,7 @@ impl<'a> Workload<'a> {
     }
 
     /// Number of pixels past which rays reach something behind their nearest fragment: those as near to it as CoC radii differ. From blocks, which
-    /// miss up to half of them where CoC radii differ by less than a block is wide.
+    /// miss about half of them where CoC radii differ by less than a block is wide.
     pub fn pixels_over_hidden(&self) -> f64 {
         let Blocks { side_px, ref blocks, .. } = *self.blocks();
         let [near, far] = self.stats.coc_range_px.map(f64::from);
