@@ -56,6 +56,7 @@ use crate::lens::{Field, ThinLens};
 pub use crate::stack::Antialiasing;
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
+use pulp::Arch;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -245,20 +246,26 @@ fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthSc
     if width == 0 {
         return 0;
     }
-    let [x0, _] = frame.data_origin_from_centre();
+    let ([x0, _], arch) = (frame.data_origin_from_centre(), Arch::new());
     let rows = peel.depth.values_mut().par_chunks_mut(width).zip(peel.alpha.values().par_chunks(width));
     rows.enumerate()
         .map(|(y, (depth, alpha))| {
             scale.planar_row(depth, frame.row_from_centre(y as f32), x0);
-            let mut limited = 0;
-            for (depth, &alpha) in depth.iter_mut().zip(alpha) {
-                let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
-                limited += usize::from(coc.abs() > limit);
-                *depth = coc.clamp(-limit, limit);
-            }
-            limited
+            arch.dispatch(|| planar_to_coc(depth, alpha, lens, limit))
         })
         .sum()
+}
+
+/// Turns a row of planar depths into CoC radii and returns how many exceeded the limit.
+#[inline(always)]
+fn planar_to_coc(depth: &mut [f32], alpha: &[f32], lens: &ThinLens, limit: f32) -> usize {
+    let mut limited = 0_u32;
+    for (depth, &alpha) in depth.iter_mut().zip(alpha) {
+        let coc = if alpha > 0.0 { lens.coc_radius_px(*depth) } else { 0.0 };
+        limited += u32::from(coc.abs() > limit);
+        *depth = coc.clamp(-limit, limit);
+    }
+    limited as usize
 }
 
 #[cfg(test)]

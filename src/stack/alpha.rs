@@ -8,6 +8,7 @@
 use super::Peel;
 use crate::finding::Finding;
 use crate::image::Plane;
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Least difference of the alphas of two neighbours that says something.
@@ -69,11 +70,11 @@ pub(super) fn doubt(peels: &[Peel]) -> Option<Finding> {
 
 /// How the two readings fit the neighbours of one peel, summed in the order of rows.
 fn fit_of(peel: &Peel) -> Fit {
-    let (width, height) = (peel.alpha.width(), peel.alpha.height());
+    let (width, height, arch) = (peel.alpha.width(), peel.alpha.height(), Arch::new());
     // Pairs count only where one of them is neither empty nor opaque.
     let is_between = |y: usize| {
         let between = |alpha: &f32| (LEAST_ALPHA..=1.0 - ALPHA_STEP).contains(alpha);
-        peel.alpha.row(y).iter().fold(false, |any, alpha| any | between(alpha))
+        arch.dispatch(|| peel.alpha.row(y).iter().fold(false, |any, alpha| any | between(alpha)))
     };
     let of_row = |y: usize| {
         let mut fit = Fit::default();

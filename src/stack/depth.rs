@@ -74,6 +74,22 @@ impl FarDepth {
             value + self.offset
         }
     }
+
+    /// Fills `far` with the numbers of a row of `values`.
+    pub(super) fn fill_row(&self, values: &[f32], far: &mut [f32]) {
+        let Range { start, end } = self.foreground;
+        let known = |value: f32, number: f32| {
+            if (value >= start) & (value < end) { number } else { f32::INFINITY }
+        };
+        let row = far.iter_mut().zip(values);
+        // One loop for each, without branches inside, so that both are vectorized.
+        if self.is_inverse {
+            row.for_each(|(far, &value)| *far = known(value, value.recip()));
+        } else {
+            let offset = self.offset;
+            row.for_each(|(far, &value)| *far = known(value, value + offset));
+        }
+    }
 }
 
 impl DepthScale {

@@ -11,6 +11,7 @@ use super::{Peel, Source};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Depths are the same up to this share of the distance.
@@ -134,7 +135,7 @@ pub(super) fn check(
 /// The counts of every peel.
 fn against(peels: &[Peel], far: &FarDepth) -> Vec<Against> {
     let (width, height) = peels.first().map_or((0, 0), |peel| (peel.depth.width(), peel.depth.height()));
-    let none = || vec![Against::default(); peels.len()];
+    let (none, arch) = (|| vec![Against::default(); peels.len()], Arch::new());
     let joined = |mut sum: Vec<Against>, row: Vec<Against>| {
         for (sum, row) in sum.iter_mut().zip(row) {
             sum.both += row.both;
@@ -146,25 +147,41 @@ fn against(peels: &[Peel], far: &FarDepth) -> Vec<Against> {
     let of_row = |y: usize| {
         // Depth of the last fragment so far; infinite where there is none, or background.
         let mut last = vec![f32::INFINITY; width];
+        let mut depth = vec![0.0; width];
         let of_peel = |peel: &Peel| {
-            let mut found = Against::default();
-            for ((last, &alpha), &depth) in last.iter_mut().zip(peel.alpha.row(y)).zip(peel.depth.row(y)) {
-                let depth = far.of(depth);
-                if alpha <= 0.0 || depth == f32::INFINITY {
-                    continue;
-                }
-                if *last < f32::INFINITY {
-                    found.both += 1;
-                    found.same += u64::from((depth - *last).abs() <= SAME * depth);
-                    found.nearer += u64::from(depth < *last * (1.0 - NEARER));
-                }
-                *last = depth;
-            }
-            found
+            far.fill_row(peel.depth.row(y), &mut depth);
+            let (last, alpha, depth) = (&mut last[..], peel.alpha.row(y), &depth[..]);
+            arch.dispatch(CountRow { last, alpha, depth })
         };
         peels.iter().map(of_peel).collect()
     };
     (0..height).into_par_iter().map(of_row).reduce(none, joined)
+}
+
+/// Counts a row of a peel of these depths ([`FarDepth`]) against `last`, the depth of the last fragment so far, and updates it; compiled for
+/// each instruction set.
+struct CountRow<'a> {
+    last: &'a mut [f32],
+    alpha: &'a [f32],
+    depth: &'a [f32],
+}
+
+impl NullaryFnOnce for CountRow<'_> {
+    type Output = Against;
+
+    #[inline(always)]
+    fn call(self) -> Against {
+        let [mut both, mut same, mut nearer] = [0_u32; 3];
+        for (last, (&alpha, &depth)) in self.last.iter_mut().zip(self.alpha.iter().zip(self.depth)) {
+            let present = (alpha > 0.0) & (depth < f32::INFINITY);
+            let has_both = present & (*last < f32::INFINITY);
+            both += u32::from(has_both);
+            same += u32::from(has_both & ((depth - *last).abs() <= SAME * depth));
+            nearer += u32::from(has_both & (depth < *last * (1.0 - NEARER)));
+            *last = if present { depth } else { *last };
+        }
+        Against { both: both.into(), same: same.into(), nearer: nearer.into() }
+    }
 }
 
 #[cfg(test)]

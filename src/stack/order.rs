@@ -7,6 +7,7 @@ use super::Peel;
 use super::depth::{FarDepth, foreground};
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// A fragment is in order up to this much nearer than one before it, as a share of its distance: half floats round depth.
@@ -98,13 +99,38 @@ fn disorder_of_row(
     // Depth of the farthest fragment so far, in front of everything where there is none.
     let mut farthest = vec![f32::NEG_INFINITY; width];
     let mut is_disordered = vec![false; width];
-    let counts = peels.iter().map(|peel| {
-        let (mut both, mut nearer) = (0u32, 0u32);
-        let samples = peel.alpha.row(y).iter().zip(peel.depth.row(y));
-        for ((farthest, disordered), (&alpha, &depth)) in
-            farthest.iter_mut().zip(&mut is_disordered).zip(samples)
-        {
-            let (present, depth) = (alpha > 0.0, far.of(depth));
+    let mut depth = vec![0.0; width];
+    let of_peel = |peel: &Peel| {
+        far.fill_row(peel.depth.row(y), &mut depth);
+        let (farthest, is_disordered) = (&mut farthest[..], &mut is_disordered[..]);
+        Arch::new().dispatch(CountRow { farthest, is_disordered, alpha: peel.alpha.row(y), depth: &depth })
+    };
+    let counts: Vec<Behind> = peels.iter().map(of_peel).collect();
+    if counts.iter().all(|behind| behind.nearer == 0) {
+        return (counts, Vec::new());
+    }
+    let pixels = is_disordered.iter().enumerate().filter(|(_, disordered)| **disordered).map(|(x, _)| (x, y));
+    (counts, pixels.collect())
+}
+
+/// Counts a row of a peel of these depths ([`FarDepth`]) against the `farthest` fragments so far, and updates them; compiled for each
+/// instruction set.
+struct CountRow<'a> {
+    farthest: &'a mut [f32],
+    is_disordered: &'a mut [bool],
+    alpha: &'a [f32],
+    depth: &'a [f32],
+}
+
+impl NullaryFnOnce for CountRow<'_> {
+    type Output = Behind;
+
+    #[inline(always)]
+    fn call(self) -> Behind {
+        let (mut both, mut nearer) = (0_u32, 0_u32);
+        let so_far = self.farthest.iter_mut().zip(self.is_disordered);
+        for ((farthest, disordered), (&alpha, &depth)) in so_far.zip(self.alpha.iter().zip(self.depth)) {
+            let present = alpha > 0.0;
             let swapped = present & (depth < *farthest * (1.0 - DEPTH_ROUNDING));
             both += u32::from(present & (*farthest > f32::NEG_INFINITY));
             nearer += u32::from(swapped);
@@ -112,10 +138,7 @@ fn disorder_of_row(
             *farthest = if present & (depth > *farthest) { depth } else { *farthest };
         }
         Behind { both: both as usize, nearer: nearer as usize }
-    });
-    let counts = counts.collect();
-    let pixels = is_disordered.iter().enumerate().filter(|(_, disordered)| **disordered).map(|(x, _)| (x, y));
-    (counts, pixels.collect())
+    }
 }
 
 /// Sorts the fragments of one pixel by depth, within the peels that have one.

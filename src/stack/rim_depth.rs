@@ -13,6 +13,7 @@ use super::depth::foreground;
 use super::silhouettes::{ALPHA_ROUNDING, RIM_SAMPLES};
 use crate::finding::Finding;
 use crate::settings::DepthConvention;
+use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -65,11 +66,16 @@ fn depthless(peel: &Peel, foreground: &Range<f32>) -> Vec<(usize, usize)> {
     let is_depthless = |alpha: f32, depth: f32| {
         (alpha > 0.0) & (alpha < 1.0 - ALPHA_ROUNDING) & !foreground.contains(&depth)
     };
+    let arch = Arch::new();
+    let row = |y: usize| peel.alpha.row(y).iter().zip(peel.depth.row(y));
+    // Most rows have none: one loop without branches says so.
+    let any = |y: usize| row(y).fold(false, |any, (alpha, depth)| any | is_depthless(*alpha, *depth));
     let of_row = |y: usize| {
-        let row = peel.alpha.row(y).iter().zip(peel.depth.row(y)).enumerate();
-        row.filter(|(_, (alpha, depth))| is_depthless(**alpha, **depth)).map(move |(x, _)| (x, y))
+        let found = row(y).enumerate().filter(|(_, (alpha, depth))| is_depthless(**alpha, **depth));
+        found.map(move |(x, _)| (x, y))
     };
-    (0..peel.alpha.height()).into_par_iter().flat_map_iter(of_row).collect()
+    let rows = (0..peel.alpha.height()).into_par_iter().filter(|&y| arch.dispatch(|| any(y)));
+    rows.flat_map_iter(of_row).collect()
 }
 
 /// Adds the opaque fragments of background depth to `sky`, which has one entry for each sample.

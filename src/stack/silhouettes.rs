@@ -13,7 +13,9 @@ use super::antialiasing::Antialiasing;
 use super::depth::FarDepth;
 use super::evidence::{Weighing, shares, smooth_step};
 use super::{Peel, StackKind};
+use crate::image::Plane;
 use crate::settings::DepthConvention;
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Alpha within this distance of 0 or 1 is not fractional: half floats and lossy codecs round.
@@ -32,7 +34,7 @@ const WEIGHING: Weighing = Weighing { against: 0.5, enough: 3.0, saturation: [0.
 /// Which colours of `peels`, all of one size and with depths in `convention`, are averages over the pixel.
 pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antialiasing {
     let Some(first) = peels.first() else { return StackKind::PointSampled.into() };
-    if peels.iter().all(|peel| peel.alpha.values().par_iter().all(|&alpha| fractional(alpha) == 0.0)) {
+    if peels.iter().all(|peel| is_whole(&peel.alpha)) {
         return Antialiasing::POINT_SAMPLES;
     }
     let (width, height) = (first.alpha.width(), first.alpha.height());
@@ -45,8 +47,15 @@ pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antia
     Antialiasing::by_pixel(shares([&rims, &hard], [width, height], &WEIGHING))
 }
 
+/// Whether no alpha is fractional.
+fn is_whole(alpha: &Plane) -> bool {
+    let (rows, arch) = (alpha.values().par_chunks(alpha.width().max(1)), Arch::new());
+    let is_whole_row = |row: &[f32]| row.iter().fold(true, |all, &alpha| all & (fractional(alpha) == 0.0));
+    rows.into_par_iter().all(|row| arch.dispatch(|| is_whole_row(row)))
+}
+
 /// How fractional an alpha is, 0 … 1.
-#[inline]
+#[inline(always)]
 fn fractional(alpha: f32) -> f32 {
     let inside = alpha.min(1.0 - alpha);
     ((inside - ALPHA_ROUNDING) / (ALPHA_FRACTIONAL - ALPHA_ROUNDING)).clamp(0.0, 1.0)
