@@ -7,6 +7,7 @@
 
 use super::{near, resolve};
 use crate::scene::surface::SAME_HIT_PX;
+use pulp::{Arch, NullaryFnOnce};
 use std::ops::Range;
 
 /// Width of the bins in focus, in picture pixels.
@@ -132,6 +133,7 @@ impl Scale {
 const CELLS_PER_PX: [(f32, f32); 3] = [(0.0, 128.0), (1.25, 64.0), (4.0, 16.0)];
 
 /// The position of CoC radius `c` on a scale of cells.
+#[inline(always)]
 fn cell_position(c: f32) -> f32 {
     let [(_, fine), (medium_px, medium), (coarse_px, coarse)] = CELLS_PER_PX;
     let size = c.abs();
@@ -218,6 +220,14 @@ impl Bins {
         &self.centers_px
     }
 
+    /// Whether the centres of neighbours are less than `width_px` apart, from the first to the last of `bins`.
+    pub(super) fn are_within(&self, width_px: f32, [first, last]: [u16; 2]) -> bool {
+        let centers_px = &self.centers_px[first.into()..=last.into()];
+        let mut gaps_px = centers_px.windows(2).map(|pair| pair[1] - pair[0]);
+        // They grow away from focus, so that one of the outer two is the largest.
+        gaps_px.next().into_iter().chain(gaps_px.next_back()).all(|gap_px| gap_px < width_px)
+    }
+
     /// Whether some of them count as near, at least in part: see [`near::share`].
     pub(super) fn have_near(&self) -> bool {
         self.centers_px.first().is_some_and(|&coc_px| near::share(coc_px) > 0.0)
@@ -246,10 +256,50 @@ impl Bins {
 
     /// The bin of CoC radius `c`, which lies in the range.
     pub(super) fn index(&self, c: f32) -> u16 {
+        self.index_from(self.cell(c), c)
+    }
+
+    /// Fills `indices` with the bins of the radii `coc_px`, which lie in the range, or have any bin.
+    pub(super) fn fill_indices(&self, coc_px: &[f32], indices: &mut [u16]) {
+        Arch::new().dispatch(FillIndices { bins: self, coc_px, indices });
+    }
+
+    /// The cell of CoC radius `c`, see [`Bins::first_in_cell`].
+    #[inline(always)]
+    fn cell(&self, c: f32) -> u32 {
         // 32 bits, to which processors convert in one instruction.
-        let cell = (cell_position(c) - self.start) as u32 as usize;
-        let bin = self.first_in_cell[cell.min(self.first_in_cell.len() - 1)];
-        bin + u16::from(c >= self.ends_px[bin as usize])
+        ((cell_position(c) - self.start) as u32).min(self.first_in_cell.len() as u32 - 1)
+    }
+
+    /// The bin of CoC radius `c` in `cell`.
+    #[inline(always)]
+    fn index_from(&self, cell: u32, c: f32) -> u16 {
+        let bin = self.first_in_cell[cell as usize];
+        bin + u16::from(c >= self.ends_px[usize::from(bin)])
+    }
+}
+
+/// See [`Bins::fill_indices`]; compiled for each instruction set.
+struct FillIndices<'a> {
+    bins: &'a Bins,
+    coc_px: &'a [f32],
+    indices: &'a mut [u16],
+}
+
+impl NullaryFnOnce for FillIndices<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        /// Cells that are computed together before their bins are looked up.
+        const TOGETHER: usize = 64;
+        let mut cells = [0; TOGETHER];
+        for (coc_px, indices) in self.coc_px.chunks(TOGETHER).zip(self.indices.chunks_mut(TOGETHER)) {
+            cells.iter_mut().zip(coc_px).for_each(|(cell, &c)| *cell = self.bins.cell(c));
+            for ((index, &cell), &c) in indices.iter_mut().zip(&cells).zip(coc_px) {
+                *index = self.bins.index_from(cell, c);
+            }
+        }
     }
 }
 
@@ -302,6 +352,18 @@ mod tests {
                 let off = (f32::from(bins.index(c)) - expected).abs();
                 assert!(off <= 0.501, "c = {c}: bin {}, position {expected}", bins.index(c));
             }
+        }
+    }
+
+    #[test]
+    fn radii_have_the_same_bins_one_by_one_and_together() {
+        let bins = Bins::new([-40.0, 100.0], 0.25);
+        let coc_px: Vec<f32> = (0..1000).map(|i| -40.0 + 0.14 * i as f32).collect();
+        for count in [0, 1, 63, 64, 65, 1000] {
+            let mut indices = vec![EMPTY; count];
+            bins.fill_indices(&coc_px[..count], &mut indices);
+            let expected: Vec<u16> = coc_px[..count].iter().map(|&c| bins.index(c)).collect();
+            assert_eq!(indices, expected, "{count} radii");
         }
     }
 

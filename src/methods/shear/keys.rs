@@ -8,6 +8,7 @@
 //! bins counts it once (see [`super::translucent_hits`]), for which a key says whether its surface continues in another peel.
 
 use super::bins::{Bins, EMPTY};
+use super::shown::Shown;
 use crate::scene::surface::{self, JOIN_PX, MAX_JOIN_PX};
 use crate::scene::{Layer, OPAQUE_ALPHA};
 use pulp::{Arch, NullaryFnOnce};
@@ -80,8 +81,8 @@ struct Padded {
 }
 
 impl Padded {
-    /// Those of `rows`, and of the rows within [`PAD`] of them.
-    fn new(layer: &Layer, bins: &Bins, rows: Range<usize>) -> Self {
+    /// Those of `rows` of layer `number`, and of the rows within [`PAD`] of them, as far as the keys of what is `shown` depend on them.
+    fn new((number, layer): (usize, &Layer), bins: &Bins, shown: &Shown, rows: Range<usize>) -> Self {
         let (width, height) = (layer.width(), layer.height());
         let stride = width + 2 * PAD;
         let mut indices = vec![EMPTY; stride * (rows.len() + 2 * PAD)];
@@ -89,11 +90,16 @@ impl Padded {
         let places = indices.par_chunks_mut(stride).zip(coc_px.par_chunks_mut(stride));
         places.enumerate().for_each(|(place, (indices, coc_px))| {
             let Some(y) = (rows.start + place).checked_sub(PAD).filter(|&y| y < height) else { return };
-            let fragments = layer.alpha.row(y).iter().zip(layer.coc_px.row(y));
-            let places = indices[PAD..].iter_mut().zip(&mut coc_px[PAD..]);
-            for ((index, place), (&alpha, &coc)) in places.zip(fragments) {
-                if alpha > 0.0 {
-                    (*index, *place) = (bins.index(coc), coc);
+            for columns in shown.around(number, y) {
+                let places = PAD + columns.start..PAD + columns.end;
+                let (indices, coc_px) = (&mut indices[places.clone()], &mut coc_px[places]);
+                let [alpha, coc] = [&layer.alpha, &layer.coc_px].map(|plane| &plane.row(y)[columns.clone()]);
+                bins.fill_indices(coc, indices);
+                let places = indices.iter_mut().zip(coc_px);
+                for ((index, place), (&alpha, &coc)) in places.zip(alpha.iter().zip(coc)) {
+                    let present = alpha > 0.0;
+                    *index = if present { *index } else { EMPTY };
+                    *place = if present { coc } else { f32::NAN };
                 }
             }
         });
@@ -109,15 +115,21 @@ impl Padded {
 }
 
 impl<'a> Keys<'a> {
-    /// The keys of the fragments in `rows` of `layers`, which extend by `extent` in `bins`.
-    pub(super) fn new(layers: &'a [Layer], bins: &Bins, extent: Extent, rows: Range<usize>) -> Self {
-        let padded = layers.iter().map(|layer| Padded::new(layer, bins, rows.clone())).collect();
+    /// The keys of the fragments in `rows` of `layers` that are `shown`, which extend by `extent` in `bins`.
+    pub(super) fn new(
+        layers: &'a [Layer],
+        bins: &Bins,
+        (extent, shown): (Extent, &Shown),
+        rows: Range<usize>,
+    ) -> Self {
+        let padded =
+            layers.iter().enumerate().map(|layer| Padded::new(layer, bins, shown, rows.clone())).collect();
         Self { layers, padded, last_bin: (bins.count() - 1) as u16, extent, arch: Arch::new() }
     }
 
-    /// Fills `row` with the keys of row `y` of layer `layer`.
-    pub(super) fn fill(&self, (layer, y): (usize, usize), row: &mut KeyRow) {
-        self.arch.dispatch(RowKeys { keys: self, layer, y, row });
+    /// Fills `row` with the keys of `columns` of row `y` of layer `layer`.
+    pub(super) fn fill(&self, (layer, y): (usize, usize), columns: Range<usize>, row: &mut KeyRow) {
+        self.arch.dispatch(RowKeys { keys: self, layer, y, columns, row });
     }
 }
 
@@ -135,24 +147,29 @@ pub(super) struct KeyRow {
 }
 
 impl KeyRow {
-    /// Memory for `width` samples.
-    pub(super) fn new(width: usize) -> Self {
-        let zeros = || vec![0; width];
-        Self {
-            keys: vec![NO_KEY; width],
-            nearer: [zeros(), zeros()],
-            farther: [zeros(), zeros()],
-            found: zeros(),
-            changes_peel: zeros(),
+    /// No keys.
+    pub(super) fn new() -> Self {
+        let [nearer, farther] = [(); 2].map(|()| [Vec::new(), Vec::new()]);
+        Self { keys: Vec::new(), nearer, farther, found: Vec::new(), changes_peel: Vec::new() }
+    }
+
+    /// Makes room for `count` keys, without neighbours.
+    fn clear(&mut self, count: usize) {
+        self.keys.resize(count, NO_KEY);
+        self.found.resize(count, 0);
+        for bins in self.nearer.iter_mut().chain(&mut self.farther).chain([&mut self.changes_peel]) {
+            bins.clear();
+            bins.resize(count, 0);
         }
     }
 }
 
-/// Fills `row` for row `y` of layer `layer`; compiled for each instruction set.
+/// Fills `row` for `columns` of row `y` of layer `layer`; compiled for each instruction set.
 struct RowKeys<'a, 'b> {
     keys: &'a Keys<'b>,
     layer: usize,
     y: usize,
+    columns: Range<usize>,
     row: &'a mut KeyRow,
 }
 
@@ -161,17 +178,15 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { keys: Keys { layers, padded, last_bin, extent, .. }, layer, y, row } = self;
-        let (own, alphas) = (&padded[layer], layers[layer].alpha.row(y));
+        let Self { keys: Keys { layers, padded, last_bin, extent, .. }, layer, y, columns, row } = self;
+        let (own, alphas) = (&padded[layer], &layers[layer].alpha.row(y)[columns.clone()]);
+        row.clear(columns.len());
         if !alphas.iter().fold(false, |any, &alpha| any | (alpha > 0.0)) {
             return row.keys.fill(NO_KEY);
         }
-        let width = row.keys.len();
-        row.nearer.iter_mut().chain(&mut row.farther).for_each(|bins| bins.fill(0));
-        row.changes_peel.fill(0);
         let part = |peel: &Padded, side: [isize; 2]| {
-            let start = peel.start(y, side);
-            start..start + width
+            let start = peel.start(y, side) + columns.start;
+            start..start + columns.len()
         };
         let here = Samples::of(own, part(own, [0, 0]));
         for (axis, [dx, dy]) in

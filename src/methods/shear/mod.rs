@@ -13,7 +13,9 @@
 //! | merge | [`Scene::merged`] | samples of a supersampled stack → coverage layers, as many as the pixels need |
 //! | disocclusion fill | [`Scene::filled`] | an estimated surface where the stack has none |
 //! | reflections | [`mirrors`] | removes what mirrors show, which each ray looks up |
-//! | bins, keys, spans | [`bins`], [`keys`], [`spans`] | ranges of fragments that move together |
+//! | bins | [`bins`] | slices of CoC radius |
+//! | shown | [`shown`] | finds the fragments that some view may show, and leaves out the others |
+//! | keys, spans | [`keys`], [`spans`] | ranges of fragments that move together |
 //! | prefilter | [`prefilter`] | closes the gaps between lens samples |
 //! | paint | [`canvas`], [`mod@paint`], [`sums`] | accumulates the views |
 //! | near light | [`near`] | closes these gaps at the edges of strongly blurred near surfaces |
@@ -52,6 +54,7 @@ mod row_sums;
 mod row_views;
 mod sampler;
 mod saved;
+mod shown;
 mod softening;
 mod spans;
 mod sparks;

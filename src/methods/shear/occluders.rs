@@ -7,6 +7,7 @@
 use super::bins::Bins;
 use super::hidden::{Affine, Hidden};
 use super::keys::Extent;
+use super::shown::Shown;
 use super::spans::{self, Span, Spans};
 use crate::scene::Layer;
 use glam::Vec2;
@@ -75,7 +76,7 @@ impl<'a> Occluders<'a> {
     /// The occluders in `layers`, whose CoC radii `bins` cover.
     pub(super) fn new(layers: &'a [Layer], bins: &'a Bins) -> Self {
         let width = layers.first().map_or(0, Layer::width);
-        Self { width, spans: spans::find(layers, bins, Extent::Occluder), bins, layers }
+        Self { width, spans: spans::find(layers, bins, Extent::Occluder, &Shown::all(layers)), bins, layers }
     }
 
     /// Replaces `found` by the spans that may hide from `disc_row` what lies between the corners `light` of a rectangle, in picture pixels.

@@ -302,6 +302,7 @@ mod tests {
     use crate::methods::contract::LostRays;
     use crate::methods::shear::bins::Bins;
     use crate::methods::shear::keys::Extent;
+    use crate::methods::shear::shown::Shown;
     use crate::methods::shear::spans;
     use crate::scene::Layer;
 
@@ -330,7 +331,7 @@ mod tests {
     fn with_canvas<T>(paint: impl Fn(&Canvas<'_>, &[Shear]) -> T) -> T {
         let layers = layers();
         let bins = Bins::new([-16.0, 2.0], 0.5);
-        let spans = spans::find(&layers, &bins, Extent::HalfWay);
+        let spans = spans::find(&layers, &bins, Extent::HalfWay, &Shown::all(&layers));
         let shears: Vec<Shear> =
             views(64, Aperture::DISC).iter().map(|view| Shear::new(view, &bins)).collect();
         paint(

@@ -65,6 +65,7 @@ mod tests {
     use crate::image::Plane;
     use crate::methods::contract::LostRays;
     use crate::methods::shear::keys::Extent;
+    use crate::methods::shear::shown::Shown;
     use crate::methods::shear::spans;
     use crate::scene::Layer;
 
@@ -80,7 +81,7 @@ mod tests {
         };
         let layers = [layer(0.0, &|_, _| true), layer(10.0, &at_fragment)];
         let bins = Bins::new([0.0, 10.0], 0.5);
-        let spans = spans::find(&layers, &bins, Extent::HalfWay);
+        let spans = spans::find(&layers, &bins, Extent::HalfWay, &Shown::all(&layers));
         let reach = Reach::from_spans(&spans, &bins, (width, height));
         let canvas = Canvas {
             layers: &layers,

@@ -14,6 +14,7 @@ use super::resolve::Resolve;
 use super::row_sums::{RowSums, blended};
 use super::row_views::{Painting, RowViews};
 use super::saved::SavedColors;
+use super::shown::Shown;
 use super::spans::{self, Spans};
 use super::sums::FOCUSED;
 use crate::image::{Image, Plane, neighbours};
@@ -107,7 +108,8 @@ impl Prepared {
     /// Prepares `layers` for `views` views.
     fn new(source: (Vec<Layer>, &Option<Mirrors>), frame: &Frame<'_>, views: usize) -> Self {
         let bins = bins(frame.plan, views);
-        let spans = spans::find(&source.0, &bins, Extent::HalfWay);
+        let shown = Shown::new(&source.0, &bins);
+        let spans = spans::find(&source.0, &bins, Extent::HalfWay, &shown);
         Self::with_spans(source, (bins, spans), frame, views)
     }
 

@@ -9,6 +9,7 @@ use super::keys::{
     BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Extent, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT,
     NO_KEY, OPAQUE,
 };
+use super::shown::Shown;
 use crate::scene::Layer;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
@@ -214,19 +215,21 @@ impl Spans {
     }
 }
 
-/// Finds the spans of `layers`, whose fragments extend by `extent`.
-pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
-    let (width, height) = layers.first().map_or((0, 0), |s| (s.width(), s.height()));
+/// Finds the spans of the fragments of `layers` that are `shown`, which extend by `extent`.
+pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent, shown: &Shown) -> Spans {
+    let height = layers.first().map_or(0, Layer::height);
     let of_strip = |rows: Range<usize>| {
-        let keys = Keys::new(layers, bins, extent, rows.clone());
+        let keys = Keys::new(layers, bins, (extent, shown), rows.clone());
         let mut strip = StripSpans::new((layers.len(), rows.len()), bins);
-        let (mut row, mut found, mut scratch) = (KeyRow::new(width), Vec::new(), Scratch::default());
+        let (mut row, mut found, mut scratch) = (KeyRow::new(), Vec::new(), Scratch::default());
         for y in rows {
             found.clear();
             for layer in 0..layers.len() {
                 let first = found.len();
-                keys.fill((layer, y), &mut row);
-                scan(&row.keys, layer as u16, &mut found);
+                for columns in shown.columns(layer, y) {
+                    keys.fill((layer, y), columns.clone(), &mut row);
+                    scan(&row.keys, (columns.start, layer as u16), &mut found);
+                }
                 strip.translucent[layer] |= found[first..].iter().any(|(_, span): &(u16, Span)| !span.opaque);
             }
             strip.push_row(&found, bins, &mut scratch);
@@ -243,17 +246,17 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent) -> Spans {
     spans
 }
 
-/// Appends the spans of one row of keys to `found`, each with its bin.
-fn scan(keys: &[Key], layer: u16, found: &mut Vec<(u16, Span)>) {
+/// Appends the spans of the keys of a row from column `first` on to `found`, each with its bin.
+fn scan(keys: &[Key], (first, layer): (usize, u16), found: &mut Vec<(u16, Span)>) {
     let mut open = OpenSpans { first: 0, starts: [0; MAX_BINS_OF_FRAGMENT], count: 0, flags: OPAQUE };
     let mut last = NO_KEY;
     for (x, &key) in keys.iter().enumerate() {
         if key != last {
-            open.change(key, x as u32, layer, found);
+            open.change(key, (first + x) as u32, layer, found);
             last = key;
         }
     }
-    open.change(NO_KEY, keys.len() as u32, layer, found);
+    open.change(NO_KEY, (first + keys.len()) as u32, layer, found);
 }
 
 /// The spans that are open at a column: those of the fragment's bin and of the bins it joins.
@@ -312,9 +315,10 @@ impl OpenSpans {
 mod tests {
     use super::*;
     use crate::image::Plane;
+    use crate::scene::surface;
 
     fn find(layers: &[Layer], bins: &Bins) -> Spans {
-        super::find(layers, bins, Extent::HalfWay)
+        super::find(layers, bins, Extent::HalfWay, &Shown::all(layers))
     }
 
     fn layer(alpha: &[f32], coc: &[f32]) -> Layer {
@@ -351,11 +355,37 @@ mod tests {
     }
 
     #[test]
+    fn four_samples_of_one_surface_in_a_square_share_a_bin() {
+        let bins = Bins::new([-4.0, 4.0], 0.5);
+        let steps = [-0.45_f32, -0.21, 0.0, 0.04, 0.3, 0.49];
+        for i in 0..6 * 6 * 6 {
+            let [right, below, across] = [i % 6, i / 6 % 6, i / 36].map(|i| steps[i]);
+            for start in [-3.0, -0.1, 0.4] {
+                let coc = [start, start + right, start + below, start + right.min(below) + across];
+                let sides = [(0, 1), (0, 2), (1, 3), (2, 3)];
+                if !sides.iter().all(|&(one, other)| surface::joins(coc[one], coc[other])) {
+                    continue;
+                }
+                let plane = |values: [f32; 4]| Plane::from_values(2, 2, &values);
+                let layer = Layer {
+                    color: [(); 3].map(|()| plane([1.0; 4])),
+                    alpha: plane([1.0; 4]),
+                    coc_px: plane(coc),
+                };
+                let spans = find(&[layer], &bins);
+                let holds = |bin: usize| (0..2).all(|y| spans.of_block(y, bin) == [span(0, 2, true)]);
+                assert!((0..bins.count()).any(holds), "{coc:?}");
+            }
+        }
+    }
+
+    #[test]
     fn no_occluder_is_in_a_nearer_bin_than_its_own() {
         let bins = Bins::new([0.0, 3.0], 0.5);
         let coc = [0.0, 1.0, 2.0, 3.0];
         for alpha in [1.0, 0.5] {
-            let spans = super::find(&[layer(&[alpha; 4], &coc)], &bins, Extent::Occluder);
+            let layers = [layer(&[alpha; 4], &coc)];
+            let spans = super::find(&layers, &bins, Extent::Occluder, &Shown::all(&layers));
             for (x, coc) in coc.into_iter().enumerate() {
                 let own = usize::from(bins.index(coc));
                 let holds = |bin: usize| {

@@ -96,10 +96,10 @@ impl<'a> BandBuffers<'a> {
         let width = picture.size.0;
         for first in (0..layers.len()).step_by(LAYERS_PER_TEXEL) {
             gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, |y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
-                let mut row = KeyRow::new(width);
+                let mut row = KeyRow::new();
                 texels.fill([NO_KEY; LAYERS_PER_TEXEL]);
                 for layer in first..layers.len().min(first + LAYERS_PER_TEXEL) {
-                    keys.fill((layer, source.start + y), &mut row);
+                    keys.fill((layer, source.start + y), 0..width, &mut row);
                     texels.iter_mut().zip(&row.keys).for_each(|(texel, &key)| texel[layer - first] = key);
                 }
             })?;

@@ -11,6 +11,7 @@ use crate::methods::shear::mirrors::Mirrors;
 use crate::methods::shear::picture::{NearFilter, PLANES};
 use crate::methods::shear::row_views::RowViews;
 use crate::methods::shear::sampler::{self, barrel_softness, bins};
+use crate::methods::shear::shown::Shown;
 use crate::methods::shear::{near, prefilter, resolve};
 use crate::scene::{Background, EffectKind, Layer, Scene};
 use std::ops::Range;
@@ -73,7 +74,7 @@ impl<'a> Frame<'a> {
         let reflecting = ReflectingBuffers::new(gpu, mirrors.as_ref().map(Mirrors::reflected))?;
         let mirror_weights = gpu.upload("weights of mirrors", &mirror_weights(layers, mirrors.as_ref()))?;
         let row_views = RowViews::new(plan, &picture.antialiasing, &bins, views);
-        let keys = Keys::new(layers, &bins, Extent::HalfWay, 0..picture.size.1);
+        let keys = Keys::new(layers, &bins, (Extent::HalfWay, &Shown::all(layers)), 0..picture.size.1);
         let params = params(&picture, layers.len(), &bins, views);
         let near = NearFilter::new(plan, &bins, views);
         Ok(Self {
