@@ -5,6 +5,9 @@ use crate::methods::contract::Progress;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// Most rows that a thread takes at a time: with more, others wait at the end for the one whose rows are dear.
+const ROWS_PER_TASK: usize = 8;
+
 /// Computes `N` planes of one size row by row, rows in parallel, with progress. `row(scratch, y, planes)` writes row `y` of each
 /// plane; `scratch` makes the scratch memory of a thread.
 pub(in crate::methods) fn planes_from_rows<const N: usize, T>(
@@ -39,5 +42,6 @@ pub(in crate::methods) fn fill_rows<T>(
         std::iter::from_fn(next_row).take_while(|rows| !rows.is_empty()).collect();
     rows.into_par_iter()
         .enumerate()
+        .with_max_len(ROWS_PER_TASK)
         .for_each_init(scratch, |scratch, (y, mut planes)| row(scratch, y, &mut planes));
 }
