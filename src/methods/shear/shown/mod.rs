@@ -4,12 +4,12 @@
 //! **Law.** A view moves bin `b` by whole pixels `s_b`; where bins are narrower than a pixel, the shifts of neighbouring bins differ by a
 //! pixel at most along each axis. Take a square of the first peel in which all samples are opaque and each belongs to one surface with its
 //! neighbours. Two by two samples then have a bin in common ([`super::keys`]), so that the samples, in each bin that they cover, are the
-//! vertices of a surface without holes. A view maps the faces of that surface to
-//! squares of a pixel's size (four samples in a bin) and to parallelograms no larger than these (two samples from one bin to the next), and
-//! no centre of a pixel lies inside any of them. Let `F` be a fragment behind the middle of the square, none of whose bins is nearer than
-//! the square's farthest, and let the square reach farther to all sides than any view moves its bins against those of `F`. Then its border
-//! goes once around the pixel on which a view puts `F`, so that a vertex of the surface lies on that pixel too. The ray ends there before
-//! it comes to `F`. Past the picture's border the border's samples are repeated, and the same holds of them.
+//! vertices of a surface without holes. A view maps the faces of that surface to squares of a pixel's size (four samples in a bin) and to
+//! parallelograms no larger than these (two samples from one bin to the next), and no centre of a pixel lies inside any of them. Let `F` be
+//! a fragment behind the middle of the square, none of whose bins is nearer than the square's farthest, and let the square reach farther to
+//! all sides than any view moves its bins against those of `F`. Then its border goes once around the pixel on which a view puts `F`, so that
+//! a vertex of the surface lies on that pixel too. The ray ends there before it comes to `F`. Past the picture's border the border's samples
+//! are repeated, and the same holds of them.
 //!
 //! Squares are made of blocks of samples, so that some of what no view shows is kept. What is left out changes no bit of the picture.
 //!
