@@ -66,28 +66,25 @@ impl FarDepth {
     /// A number that grows with the distance of `value`; `+∞` for background.
     #[inline]
     pub(super) fn of(&self, value: f32) -> f32 {
-        if !self.foreground.contains(&value) {
-            f32::INFINITY
-        } else if self.is_inverse {
-            value.recip()
-        } else {
-            value + self.offset
-        }
+        self.known(value, if self.is_inverse { value.recip() } else { value + self.offset })
+    }
+
+    /// The number `number` of `value`, or that of background.
+    #[inline(always)]
+    fn known(&self, value: f32, number: f32) -> f32 {
+        let Range { start, end } = self.foreground;
+        if (value >= start) & (value < end) { number } else { f32::INFINITY }
     }
 
     /// Fills `far` with the numbers of a row of `values`.
     pub(super) fn fill_row(&self, values: &[f32], far: &mut [f32]) {
-        let Range { start, end } = self.foreground;
-        let known = |value: f32, number: f32| {
-            if (value >= start) & (value < end) { number } else { f32::INFINITY }
-        };
         let row = far.iter_mut().zip(values);
-        // One loop for each, without branches inside, so that both are vectorized.
+        // A copy, and one loop for each without branches inside, so that both are vectorized.
+        let copy = self.clone();
         if self.is_inverse {
-            row.for_each(|(far, &value)| *far = known(value, value.recip()));
+            row.for_each(|(far, &value)| *far = copy.known(value, value.recip()));
         } else {
-            let offset = self.offset;
-            row.for_each(|(far, &value)| *far = known(value, value + offset));
+            row.for_each(|(far, &value)| *far = copy.known(value, value + copy.offset));
         }
     }
 }
@@ -163,6 +160,20 @@ mod tests {
 
     fn scale(convention: DepthConvention) -> DepthScale {
         DepthScale { convention, near_clip: 0.5, near_far: [2.0, 12.0], focal_px: 30.0 }
+    }
+
+    #[test]
+    fn a_row_has_the_numbers_of_its_values_one_by_one() {
+        let values =
+            [f32::NAN, -1.0, -0.0, 0.0, 1e-40, 1e-9, 0.5, 1.0, 7.0, BACKGROUND, f32::MAX, f32::INFINITY];
+        for convention in ALL {
+            let far = FarDepth::new(convention);
+            let mut row = [f32::NAN; 12];
+            far.fill_row(&values, &mut row);
+            assert_eq!(row, values.map(|value| far.of(value)), "{convention:?}");
+            let background = values.map(|value| is_background(convention, value));
+            assert_eq!(row.map(|number| number == f32::INFINITY), background, "{convention:?}");
+        }
     }
 
     #[test]

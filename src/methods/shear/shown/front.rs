@@ -18,7 +18,7 @@ const NARROW_PX: f32 = 0.99;
 /// A square of blocks of the first peel.
 #[derive(Debug, Clone, Copy)]
 struct Square {
-    /// Whether a sample in it is not opaque, or does not belong to one surface with the next one to the right, below or across.
+    /// Whether a sample in it is not opaque, or does not belong to one surface with the next one to the right or below.
     has_holes: bool,
     /// The least and the largest CoC radius of its samples, in pixels.
     coc_px: [f32; 2],
@@ -102,22 +102,16 @@ fn holes(layer: &Layer, row: usize) -> Vec<bool> {
     let (width, top, arch) = (layer.width(), row * BLOCK, Arch::new());
     let count = BLOCK.min(layer.height() - top);
     let samples = Samples::new(layer, top..top + count);
-    // For each column, whether all samples of the block's rows and of the next one are joined to the next beside them, and all samples of
-    // the block's rows, here and in one column more, to the next below.
-    let (mut beside, mut below) = (vec![1; width], vec![1; width + 1]);
-    for y in 0..=count {
-        let along = [0, 1, 2, 3].map(|x| samples.row([x, y + 1], width));
-        arch.dispatch(Join { along, joined: &mut beside });
-    }
+    // For each column, 1 while every sample is joined to its next ones.
+    let mut joined = vec![1; width];
     for y in 0..count {
-        let along = [0, 1, 2, 3].map(|down| samples.row([1, y + down], width + 1));
-        arch.dispatch(Join { along, joined: &mut below });
+        let beside = [0, 1, 2, 3].map(|x| samples.row([x, y + 1], width));
+        let below = [0, 1, 2, 3].map(|down| samples.row([1, y + down], width));
+        for along in [beside, below] {
+            arch.dispatch(Join { along, joined: &mut joined });
+        }
     }
-    let block = |first: usize| {
-        let last = (first + BLOCK).min(width);
-        beside[first..last].iter().chain(&below[first..=last]).any(|&joined| joined == 0)
-    };
-    (0..width).step_by(BLOCK).map(block).collect()
+    joined.chunks(BLOCK).map(|joined| joined.contains(&0)).collect()
 }
 
 /// CoC radii of some rows of the first peel, with one row more before them and two after, one column more before and two after; past the
