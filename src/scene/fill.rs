@@ -9,7 +9,11 @@ use super::smooth::{Guess, Row, Smooth};
 use super::unmixing::{Unmixed, replace_blurred};
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
+use pulp::Arch;
 use rayon::prelude::*;
+
+/// Rows that are estimated together.
+const STRIP: usize = 16;
 
 impl Scene {
     /// The scene at one sample per pixel, with estimated surfaces as its last layers.
@@ -39,8 +43,13 @@ fn estimated_layers(
     let Some(nearest) = layers.first() else { return Vec::new() };
     let (width, height) = (nearest.width(), nearest.height());
     let behind = Behind::new(layers, nearest, unmixed, background);
-    let plates: Vec<[Row; PLATES]> =
-        (0..height).into_par_iter().map_init(Vec::new, |last_px, y| behind.row(y, last_px)).collect();
+    let arch = Arch::new();
+    let strips = (0..height)
+        .into_par_iter()
+        .step_by(STRIP)
+        .map_init(Vec::new, |last_px, first| behind.rows(first..(first + STRIP).min(height), last_px, arch));
+    let plates: Vec<Vec<[Row; PLATES]>> = strips.collect();
+    let plates: Vec<[Row; PLATES]> = plates.into_iter().flatten().collect();
     let plates = (0..PLATES).map(|plate| plates.iter().map(|rows| rows[plate].as_slice()).collect());
     plates
         .filter(|rows: &Vec<&[_]>| rows.iter().any(|row| !row.is_empty()))

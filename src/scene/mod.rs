@@ -3,6 +3,7 @@
 //! In coordinates `(x, y, c)` a lens ray through picture point `p` and lens sample `u` is the straight line
 //! `(p + c·u, c)`. Visibility along lens rays can therefore be computed in this space, and no method needs depth.
 
+mod around;
 mod background;
 mod border;
 mod bright;
@@ -27,6 +28,7 @@ mod spread;
 pub(crate) mod surface;
 mod surroundings;
 mod unmixing;
+mod vector;
 mod ways;
 mod workload;
 

@@ -9,27 +9,26 @@
 //!
 //! The estimate fades where the pixel shows the background ([`Background`]): nothing is behind its fragments there.
 //!
-//! Cost: the pixels that rays pass to something behind them. Memory: the estimated fragments.
+//! Neighbouring pixels are estimated at once, in vectors. Cost: the pixels that rays pass to something behind them. Memory: the
+//! estimated fragments.
 
+use super::around::{Around, COUNTS_TO, Surface, sort};
 use super::smooth::{Guess, Row};
-use super::surface::{CELL_PX, CELL_SHARE};
+use super::surface::CELL_PX;
 use super::surroundings::{FADE_PX, LANES, Surroundings};
 use super::unmixing::Unmixed;
+use super::vector::Vector;
 use super::ways::{WAYS, Ways};
 use super::{Background, Layer};
 use crate::stack::LIGHT_ALPHA;
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
 /// Number of surfaces that are estimated behind one another.
 pub(super) const PLATES: usize = 2;
 
-/// Shares of what is around a pixel, of surfaces not behind a plate: transparent up to the first, opaque from the second on.
-const CLEAR: [f32; 2] = [0.5, 0.9];
-
 /// A fragment brighter than this multiple of the median of its surface around a pixel is a light.
 pub(super) const LIGHT: f32 = 2.0;
-
-/// A fragment does not count from this multiple of the distance of the nearest on.
-const COUNTS_TO: f32 = 3.0;
 
 /// What the estimate is made from.
 pub(super) struct Behind<'a> {
@@ -52,37 +51,24 @@ impl<'a> Behind<'a> {
         Self { layers, nearest, unmixed, background, surroundings: Surroundings::new(nearest) }
     }
 
-    /// The estimated fragments of row `y`, by plate; `last_px` is memory for it.
-    pub(super) fn row(&self, y: usize, last_px: &mut Vec<f32>) -> [Row; PLATES] {
+    /// The estimated fragments of `rows`, by plate, with the instructions of `arch`; `last_px` is memory for it.
+    ///
+    /// Pixels above one another look at much the same fragments, and follow one another, so that these are still in the cache.
+    pub(super) fn rows(&self, rows: Range<usize>, last_px: &mut Vec<f32>, arch: Arch) -> Vec<[Row; PLATES]> {
+        let width = self.nearest.width().next_multiple_of(LANES);
         last_px.clear();
-        last_px.resize(self.nearest.width().next_multiple_of(LANES), f32::INFINITY);
-        self.last_cocs(y, last_px);
-        let mut rows = [const { Row::new() }; PLATES];
-        for (group, last_px) in last_px.as_chunks::<LANES>().0.iter().enumerate() {
-            let from = (group * LANES, y);
-            let farthest_px = self.surroundings.farthest_in_reach(from, last_px, CELL_PX);
-            let is_in_reach = |lane: usize| farthest_px[lane] > f32::NEG_INFINITY;
-            if !(0..LANES).any(is_in_reach) {
-                continue;
-            }
-            let of_lane = |lane, value, other| if is_in_reach(lane) { value } else { other };
-            let limit_px = std::array::from_fn(|lane| of_lane(lane, last_px[lane] + CELL_PX, f32::INFINITY));
-            let distance_px = std::array::from_fn(|lane| {
-                of_lane(lane, farthest_px[lane] - last_px[lane] + FADE_PX[1], 0.0)
-            });
-            let seen = self.surroundings.first_seen(from, limit_px, distance_px);
-            for lane in (0..LANES).filter(|&lane| is_in_reach(lane)) {
-                let Some(ways) = seen.ways(lane) else { continue };
-                let x = from.0 + lane;
-                let plates = self.plates((x, y), ways, last_px[lane], farthest_px[lane]);
-                for (row, guess) in rows.iter_mut().zip(plates) {
-                    if guess.alpha > 0.0 {
-                        row.push((x, guess));
-                    }
-                }
+        last_px.resize(rows.len() * width, f32::INFINITY);
+        for (y, last_px) in rows.clone().zip(last_px.chunks_mut(width.max(1))) {
+            self.last_cocs(y, last_px);
+        }
+        let mut estimated: Vec<_> = rows.clone().map(|_| [const { Row::new() }; PLATES]).collect();
+        for x in (0..width).step_by(LANES) {
+            for ((y, last_px), rows) in rows.clone().zip(last_px.chunks(width)).zip(&mut estimated) {
+                let last_px = last_px[x..].first_chunk().expect("rows have whole groups");
+                arch.dispatch(Estimate { behind: self, from: (x, y), last_px, rows });
             }
         }
-        rows
+        estimated
     }
 
     /// Writes the CoC radii of the last fragments of row `y` that hide something; `∞` where nothing is hidden.
@@ -100,169 +86,253 @@ impl<'a> Behind<'a> {
         }
     }
 
-    /// The estimated fragments at a place, nearest first, behind the last fragment of CoC radius `last_px`: the `ways` have come to what is
-    /// first seen behind it. The largest CoC radius of fragments in reach is `farthest_px`.
-    fn plates(
-        &self,
-        (x, y): (usize, usize),
-        mut ways: Ways,
-        last_px: f32,
-        farthest_px: f32,
-    ) -> [Guess; PLATES] {
-        let mut plates = [Guess::default(); PLATES];
-        let hidden = self.background.map_or(1.0, |background| 1.0 - background.share().get(x, y));
-        let mut limit_px = last_px + CELL_PX;
-        for (i, plate) in plates.iter_mut().enumerate() {
-            // Without a fragment in reach behind the limit, the estimate is transparent.
-            if farthest_px <= limit_px {
-                break;
-            }
-            let Some(around) = self.look(&mut ways, limit_px) else { break };
-            let Some(middle_px) = around.middle_px() else { break };
-            let surface = Surface { coc_px: middle_px, cell_px: cell_px(middle_px - last_px) };
-            let clear = if i + 1 < PLATES { surface.clear(&around) } else { 1.0 };
-            let separate = ((middle_px - last_px) / CELL_PX - 1.0).min(1.0);
-            let alpha = hidden * clear * separate * around.within_reach(last_px);
-            if alpha > 0.0 {
-                self.surroundings.follow(&mut ways, limit_px.max(surface.coc_px - surface.cell_px));
-                *plate = Guess { alpha, ..self.mean(&surface, &ways, around.nearest_px) };
-            }
-            limit_px = surface.coc_px + surface.cell_px;
-        }
-        plates
-    }
-
-    /// What is seen behind `limit_px`; `None` if all ways end without a fragment.
-    fn look(&self, ways: &mut Ways, limit_px: f32) -> Option<Around> {
-        self.surroundings.follow(ways, limit_px);
-        let nearest_px = ways.distances_px().into_iter().fold(f32::INFINITY, f32::min);
-        if nearest_px.is_infinite() {
-            return None;
-        }
-        ways.extend(COUNTS_TO * nearest_px);
-        self.surroundings.follow(ways, limit_px);
-        Some(Around::new(ways, nearest_px))
-    }
-
     /// The unpremultiplied colour of the first layer's fragment at a place.
     fn color(&self, (x, y): (usize, usize)) -> [f32; 3] {
         let unmixed = self.unmixed.and_then(|unmixed| unmixed.get(x, y));
         unmixed.unwrap_or_else(|| self.nearest.unpremultiplied_at(x, y))
     }
+}
 
-    /// The mean of the fragments of `surface` that the ways have come to, where the nearest of all is at `nearest_px`.
-    fn mean(&self, surface: &Surface, ways: &Ways, nearest_px: f32) -> Guess {
-        let around = Around::new(ways, nearest_px);
-        let weights: [f32; WAYS] =
-            std::array::from_fn(|way| surface.share(around.coc_px[way]) * around.weights[way]);
-        let counting = || (0..WAYS).filter(|&way| weights[way] > 0.0);
-        let (mut colors, mut brightness, mut count) = ([[0.0; 3]; WAYS], [f32::INFINITY; WAYS], 0);
-        for way in counting() {
-            colors[way] = self.color(ways.place(way));
-            brightness[count] = luminance(colors[way]);
-            count += 1;
+/// The estimate for [`LANES`] pixels from a place on, to be compiled for each instruction set.
+struct Estimate<'a> {
+    behind: &'a Behind<'a>,
+    from: (usize, usize),
+    /// CoC radii of the last fragments of the pixels.
+    last_px: &'a [f32; LANES],
+    /// The estimated fragments, by plate, which get those of these pixels.
+    rows: &'a mut [Row; PLATES],
+}
+
+impl WithSimd for Estimate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { behind, from: (x, y), last_px, rows } = self;
+        let farthest_px = behind.surroundings.farthest_in_reach((x, y), last_px, CELL_PX);
+        let mut hidden = [1.0; LANES];
+        if let Some(background) = behind.background {
+            for (hidden, &share) in hidden.iter_mut().zip(&background.share().row(y)[x..]) {
+                *hidden = 1.0 - share;
+            }
         }
-        brightness.sort_unstable_by(f32::total_cmp);
-        let most = LIGHT * brightness[count.saturating_sub(1) / 2];
-        let (mut guess, mut total) = (Guess { distance_px: f32::INFINITY, ..Guess::default() }, 0.0);
-        for way in counting() {
-            let own = colors[way];
+        for first in (0..LANES).step_by(S::F32_LANES) {
+            let [last_px, farthest_px, hidden] =
+                [last_px, &farthest_px, &hidden].map(|values| Vector::load(simd, &values[first..]));
+            if farthest_px.most() > f32::NEG_INFINITY {
+                let pixels = Pixels { simd, behind, from: (x + first, y), last_px, farthest_px, hidden };
+                pixels.estimate(rows);
+            }
+        }
+    }
+}
+
+/// Neighbouring pixels of a row.
+struct Pixels<'a, S: Simd> {
+    simd: S,
+    behind: &'a Behind<'a>,
+    from: (usize, usize),
+    /// CoC radii of their last fragments.
+    last_px: Vector<S>,
+    /// The largest CoC radii of fragments in reach; `−∞` without any.
+    farthest_px: Vector<S>,
+    /// The shares of the pixels that do not show the background.
+    hidden: Vector<S>,
+}
+
+/// Estimated fragments of neighbouring pixels; 0 where there is none.
+struct Guesses<S: Simd> {
+    color: [Vector<S>; 3],
+    coc_px: Vector<S>,
+    distance_px: Vector<S>,
+}
+
+impl<S: Simd> Pixels<'_, S> {
+    #[inline(always)]
+    fn all(&self, value: f32) -> Vector<S> {
+        Vector::all(self.simd, value)
+    }
+
+    /// Appends the fragments behind the last ones, nearest first, to `rows`.
+    #[inline(always)]
+    fn estimate(&self, rows: &mut [Row; PLATES]) {
+        let (simd, surroundings, last_px) = (self.simd, &self.behind.surroundings, self.last_px);
+        let [zero, cell_px, infinity] = [0.0, CELL_PX, f32::INFINITY].map(|value| self.all(value));
+        let size = (self.behind.nearest.width(), self.behind.nearest.height());
+        let mut ways = Ways::new(simd, self.from, size);
+        ways.extend((self.farthest_px - last_px + self.all(FADE_PX[1])).larger(zero));
+        // Nothing more is looked for from where it becomes `∞`.
+        let mut limit_px = last_px + cell_px;
+        for (plate, row) in rows.iter_mut().enumerate() {
+            // Without a fragment in reach behind the limit, the estimate is transparent.
+            limit_px = limit_px.is_below(self.farthest_px).select(limit_px, infinity);
+            ways.follow(surroundings, limit_px);
+            let nearest_px = ways.nearest_px();
+            ways.extend(self.all(COUNTS_TO) * nearest_px);
+            ways.follow(surroundings, limit_px);
+            let around = Around::new(simd, &ways, nearest_px);
+            let middle_px = around.middle_px();
+            limit_px = middle_px.is_below(infinity).select(limit_px, infinity);
+            if limit_px.least() == f32::INFINITY {
+                return;
+            }
+            let surface = Surface::new(simd, middle_px, last_px);
+            let clear = if plate + 1 < PLATES { surface.clear(&around) } else { self.all(1.0) };
+            let separate = ((middle_px - last_px) / cell_px - self.all(1.0)).smaller(self.all(1.0));
+            let alpha = self.hidden * clear * separate * around.within_reach(last_px);
+            let alpha = limit_px.is_below(infinity).select(alpha.larger(zero), zero);
+            let nearer_px = (surface.coc_px - surface.cell_px).larger(limit_px);
+            ways.follow(surroundings, alpha.is_above(zero).select(nearer_px, infinity));
+            let guesses = self.mean(&surface, &ways, (nearest_px, alpha));
+            guesses.push(self.from.0, alpha, row);
+            limit_px = limit_px.is_below(infinity).select(surface.coc_px + surface.cell_px, infinity);
+        }
+    }
+
+    /// The means of the fragments of `surface` that the ways have come to, where `alpha` is not 0 and the nearest of all are at `nearest_px`.
+    #[inline(always)]
+    fn mean(
+        &self,
+        surface: &Surface<S>,
+        ways: &Ways<S>,
+        (nearest_px, alpha): (Vector<S>, Vector<S>),
+    ) -> Guesses<S> {
+        let [zero, one, infinity] = [0.0, 1.0, f32::INFINITY].map(|value| self.all(value));
+        let around = Around::new(self.simd, ways, nearest_px);
+        let (mut weights, mut colors) = ([zero; WAYS], [[zero; 3]; WAYS]);
+        let (mut luminances, mut count) = ([infinity; WAYS], zero);
+        for way in 0..WAYS {
+            let weight = surface.share(around.coc_px[way]) * around.weights[way];
+            weights[way] = alpha.is_above(zero).select(weight, zero);
+            let counts = weights[way].is_above(zero);
+            colors[way] = self.colors(ways.places(way), weights[way]);
+            luminances[way] = counts.select(luminance(colors[way]).larger(zero), infinity);
+            count = count + counts.select(one, zero);
+        }
+        let most = self.lights_from(luminances, count);
+        let (mut color, mut coc_px, mut distance_px, mut total) = ([zero; 3], zero, infinity, zero);
+        for way in 0..WAYS {
+            let counts = weights[way].is_above(zero);
             // A light counts less the brighter it is, and not as more than the limit.
-            let dimmed = (most / luminance(own).max(most).max(f32::MIN_POSITIVE)).min(1.0);
-            let weight = weights[way] * dimmed.max(f32::EPSILON);
-            guess.color.iter_mut().zip(own).for_each(|(sum, value)| *sum += weight * dimmed * value);
-            guess.coc_px += weight * around.coc_px[way];
-            guess.distance_px = guess.distance_px.min(around.distance_px[way]);
-            total += weight;
+            let brightest = luminances[way].larger(most).larger(self.all(f32::MIN_POSITIVE));
+            let dimmed = (most / brightest).smaller(one);
+            let weight = weights[way] * dimmed.larger(self.all(f32::EPSILON));
+            for (sum, value) in color.iter_mut().zip(colors[way]) {
+                *sum = counts.select(*sum + weight * dimmed * value, *sum);
+            }
+            coc_px = counts.select(coc_px + weight * around.coc_px[way], coc_px);
+            distance_px = counts.select(around.distance_px[way].smaller(distance_px), distance_px);
+            total = counts.select(total + weight, total);
         }
-        if total <= 0.0 {
-            return Guess::default();
+        let is_any = total.is_above(zero);
+        for sum in &mut color {
+            *sum = is_any.select(*sum / total, zero);
         }
-        Guess { color: guess.color.map(|sum| sum / total), coc_px: guess.coc_px / total, ..guess }
+        Guesses {
+            color,
+            coc_px: is_any.select(coc_px / total, zero),
+            distance_px: is_any.select(distance_px, zero),
+        }
+    }
+
+    /// The colours at the places of the pixels whose weight is not 0.
+    #[inline(always)]
+    fn colors(&self, place: impl Fn(usize) -> (usize, usize), weights: Vector<S>) -> [Vector<S>; 3] {
+        let (mut colors, mut weight_of) = ([[0.0; LANES]; 3], [0.0; LANES]);
+        weights.store(&mut weight_of);
+        for lane in (0..S::F32_LANES).filter(|&lane| weight_of[lane] > 0.0) {
+            let color = self.behind.color(place(lane));
+            colors.iter_mut().zip(color).for_each(|(channel, value)| channel[lane] = value);
+        }
+        colors.map(|channel| Vector::load(self.simd, &channel))
+    }
+
+    /// The luminance from which a fragment is a light: [`LIGHT`] times the median of the `count` smallest of the `luminances`.
+    #[inline(always)]
+    fn lights_from(&self, luminances: [Vector<S>; WAYS], count: Vector<S>) -> Vector<S> {
+        let mut sorted = [luminances];
+        sort(&mut sorted);
+        let [luminances] = sorted;
+        let mut median = luminances[0];
+        for (i, luminance) in luminances.into_iter().enumerate() {
+            // The lower one of two in the middle.
+            median = self.all(2.0 * i as f32).is_below(count).select(luminance, median);
+        }
+        self.all(LIGHT) * median
     }
 }
 
-/// The fragments that the ways from a pixel have come to, and how much each counts.
-struct Around {
-    /// `−∞` without a fragment.
-    coc_px: [f32; WAYS],
-    /// `∞` without a fragment.
-    distance_px: [f32; WAYS],
-    /// 0 for a fragment that does not count, or none.
-    weights: [f32; WAYS],
-    /// Distance of the nearest.
-    nearest_px: f32,
-}
-
-impl Around {
-    /// Fragments count less the farther away they are, and nothing from [`COUNTS_TO`] times `nearest_px` on: what an edge hides depends
-    /// on what is near it.
-    fn new(ways: &Ways, nearest_px: f32) -> Self {
-        let inverse_square = |distance_px: f32| (distance_px * distance_px).recip();
-        let distance_px = ways.distances_px();
-        let none = inverse_square(COUNTS_TO * nearest_px);
-        let weights = distance_px.map(|distance_px| (inverse_square(distance_px) - none).max(0.0));
-        Self { coc_px: *ways.coc_px(), distance_px, weights, nearest_px }
-    }
-
-    /// The CoC radius up to which half of what is seen lies, by weight.
-    fn middle_px(&self) -> Option<f32> {
-        let mut order: [(f32, f32); WAYS] = std::array::from_fn(|way| {
-            let counts = self.weights[way] > 0.0;
-            (if counts { self.coc_px[way] } else { f32::INFINITY }, self.weights[way])
+impl<S: Simd> Guesses<S> {
+    /// Appends those of `alpha` above 0 to `row`; the first is in column `first`.
+    #[inline(always)]
+    fn push(&self, first: usize, alpha: Vector<S>, row: &mut Row) {
+        let [red, green, blue] = self.color;
+        let values = [red, green, blue, self.coc_px, self.distance_px, alpha].map(|quantity| {
+            let mut values = [0.0; LANES];
+            quantity.store(&mut values);
+            values
         });
-        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let half = 0.5 * order.iter().map(|(_, weight)| weight).sum::<f32>();
-        let mut sum = 0.0;
-        let found = order.iter().find(|(_, weight)| {
-            sum += weight;
-            sum >= half
-        });
-        found.map(|(coc_px, _)| *coc_px).filter(|coc_px| coc_px.is_finite())
-    }
-
-    /// How far rays that pass a fragment of CoC radius `coc_px` reach what is seen, 0 … 1: at a depth they are as far away as CoC radii
-    /// differ.
-    fn within_reach(&self, coc_px: f32) -> f32 {
-        let counting = (0..WAYS).filter(|&way| self.weights[way] > 0.0);
-        let missing = counting.map(|way| self.distance_px[way] - (self.coc_px[way] - coc_px));
-        let [all, none] = FADE_PX;
-        ((none - missing.fold(f32::INFINITY, f32::min)) / (none - all)).clamp(0.0, 1.0)
-    }
-}
-
-/// A surface among those around a pixel.
-struct Surface {
-    coc_px: f32,
-    /// Difference in CoC radius from which a fragment is of another surface.
-    cell_px: f32,
-}
-
-impl Surface {
-    /// How far a fragment of this CoC radius is one of the surface, 0 … 1.
-    fn share(&self, coc_px: f32) -> f32 {
-        (1.0 - (coc_px - self.coc_px).abs() / self.cell_px).max(0.0)
-    }
-
-    /// How far the surface is opaque, 0 … 1: by the share of what is around that does not lie behind it.
-    fn clear(&self, around: &Around) -> f32 {
-        let (mut nearer, mut total) = (0.0, 0.0);
-        for (coc_px, weight) in around.coc_px.into_iter().zip(around.weights) {
-            let behind = ((coc_px - self.coc_px) / self.cell_px - 1.0).clamp(0.0, 1.0);
-            nearer += weight * (1.0 - behind);
-            total += weight;
+        for lane in 0..S::F32_LANES {
+            let [red, green, blue, coc_px, distance_px, alpha] = values.map(|values| values[lane]);
+            if alpha > 0.0 {
+                row.push((first + lane, Guess { color: [red, green, blue], coc_px, alpha, distance_px }));
+            }
         }
-        let t = ((nearer / total - CLEAR[0]) / (CLEAR[1] - CLEAR[0])).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
     }
 }
 
-/// Difference in CoC radius from which fragments around a pixel are of two surfaces, `behind_px` behind the pixel's own.
-fn cell_px(behind_px: f32) -> f32 {
-    CELL_PX.max(CELL_SHARE * behind_px)
+/// Sum of the channels.
+#[inline(always)]
+fn luminance<S: Simd>([red, green, blue]: [Vector<S>; 3]) -> Vector<S> {
+    red + green + blue
 }
 
-/// Sum of the channels; 0 for negative light.
-fn luminance(color: [f32; 3]) -> f32 {
-    color.iter().sum::<f32>().max(0.0)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    /// Slats of many depths with gaps, lights and empty samples, of which some show the background, before a slope.
+    fn layer(width: usize, height: usize) -> Layer {
+        let noise = |x: usize, y: usize| (x * 7919 + y * 104_729 + x * y * 31) % 1009;
+        let plane = |value: &dyn Fn(usize, usize) -> f32| Plane::from_fn(width, height, value);
+        let coc = |x: usize, y: usize| match (x / 5 + y / 9) % 4 {
+            0 => -12.0 + (x / 20) as f32,
+            1 => -3.0 + 0.01 * noise(x, y) as f32,
+            _ => 4.0 + 0.1 * x as f32,
+        };
+        let light = |x: usize, y: usize| if noise(y, x) < 20 { 400.0 } else { 0.0 };
+        Layer {
+            color: std::array::from_fn(|k| plane(&|x, y| (noise(x + k, y) % 97) as f32 / 97.0 + light(x, y))),
+            alpha: plane(&|x, y| [1.0, 1.0, 0.6, 0.0][noise(x, y + 3) % 4]),
+            coc_px: plane(&coc),
+        }
+    }
+
+    /// By plate, the estimated fragments of all rows: columns, and bits of all values.
+    fn estimated(layers: &[Layer], arch: Arch) -> Vec<Vec<(usize, [u32; 6])>> {
+        let behind = Behind::new(layers, &layers[0], None, None);
+        let rows = behind.rows(0..layers[0].height(), &mut Vec::new(), arch);
+        let values = |(x, guess): &(usize, Guess)| {
+            let [red, green, blue] = guess.color;
+            (*x, [red, green, blue, guess.coc_px, guess.alpha, guess.distance_px].map(f32::to_bits))
+        };
+        rows.iter().flatten().map(|row| row.iter().map(values).collect()).collect()
+    }
+
+    #[test]
+    fn every_instruction_set_estimates_the_same_bits() {
+        // Pictures narrower than a vector, and with a rest.
+        for (width, height) in [(1, 1), (7, 40), (16, 30), (53, 40), (130, 70)] {
+            let layers = [layer(width, height)];
+            let scalar = estimated(&layers, Arch::Scalar);
+            let count = scalar.iter().map(Vec::len).sum::<usize>();
+            assert_eq!(count > 0, width > 1, "{count} fragments in {width} columns");
+            #[cfg(target_arch = "x86_64")]
+            if let Some(v3) = pulp::x86::V3::try_new() {
+                assert_eq!(estimated(&layers, Arch::V3(v3)), scalar, "AVX2 and scalar, {width} columns");
+            }
+            assert_eq!(estimated(&layers, Arch::new()), scalar, "this machine's and scalar, {width} columns");
+        }
+    }
 }

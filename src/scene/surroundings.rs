@@ -1,6 +1,6 @@
 //! What is around a pixel, behind its own surface: the largest CoC radii of squares of pixels.
 //!
-//! Squares of [`TILE`] pixels without a fragment behind a limit are skipped when one looks for it; squares of 2 to 512 pixels with those
+//! Squares of pixels ([`Tiles`]) without a fragment behind a limit are skipped when one looks for it; squares of 2 to 512 pixels with those
 //! around them say whether a fragment behind a pixel's surface is in reach of its rays. Cost: three passes over the layer. Memory: a
 //! plane of CoC radii, and two thirds of one.
 
@@ -18,11 +18,32 @@ const GROUP_LEVEL: usize = LANES.ilog2() as usize - 1;
 /// Levels of the maxima: the last has cells of 512 pixels.
 const LEVELS: usize = 9;
 
-/// The level whose cells are skipped where nothing in them lies behind the limit.
-const TILE_LEVEL: usize = 3;
+/// The levels whose cells are skipped where nothing in them lies behind the limit.
+const COARSE_LEVEL: usize = 5;
+const FINE_LEVEL: usize = 3;
 
-/// Side of such a cell in pixels.
-pub(super) const TILE: usize = 1 << TILE_LEVEL;
+/// The largest CoC radius in each square of `TILE` pixels and those right of it that [`LANES`] pixels meet on as many steps.
+pub(super) struct Tiles<const TILE: usize>(Plane);
+
+impl<const TILE: usize> Tiles<TILE> {
+    /// From the largest one in each square.
+    fn new(mut squares: Plane) -> Self {
+        let most = (LANES + 2 * TILE - 3) / TILE + 1;
+        let width = squares.width().max(1);
+        squares.values_mut().par_chunks_mut(width).for_each(|row| {
+            for x in 0..row.len() {
+                row[x] = row[x..(x + most).min(row.len())].iter().copied().fold(f32::NEG_INFINITY, larger);
+            }
+        });
+        Self(squares)
+    }
+
+    /// That of the square of column `x`, row `y`; left of the picture, of the first one.
+    #[inline(always)]
+    pub(super) fn from(&self, x: isize, y: usize) -> f32 {
+        self.0.get(x.max(0) as usize / TILE, y / TILE)
+    }
+}
 
 /// How much farther away a fragment may be than the rays through its edge reach, in picture pixels: between the two it fades.
 pub(super) const FADE_PX: [f32; 2] = [1.0, 2.0];
@@ -31,8 +52,8 @@ pub(super) const FADE_PX: [f32; 2] = [1.0, 2.0];
 pub(super) struct Surroundings {
     /// CoC radii in picture pixels; `−∞` without a fragment, and where light without alpha is all.
     pub(super) coc_px: Plane,
-    /// Largest CoC radius in each square of [`TILE`] pixels.
-    pub(super) tiles: Plane,
+    pub(super) coarse_tiles: Tiles<{ 1 << COARSE_LEVEL }>,
+    pub(super) fine_tiles: Tiles<{ 1 << FINE_LEVEL }>,
     /// Largest CoC radius in each cell of 2, 4, 8 … pixels and the eight cells around it.
     around: Vec<Plane>,
 }
@@ -52,13 +73,14 @@ impl Surroundings {
             levels.push(next);
         }
         let around = levels.iter().map(dilated).collect();
-        let tiles = levels.swap_remove(TILE_LEVEL - 1);
-        Self { coc_px, tiles, around }
+        let [coarse, fine] = [COARSE_LEVEL, FINE_LEVEL].map(|level| std::mem::take(&mut levels[level - 1]));
+        Self { coc_px, coarse_tiles: Tiles::new(coarse), fine_tiles: Tiles::new(fine), around }
     }
 
     /// For [`LANES`] pixels from `x, y` on, whose last fragments have CoC radii `last_px`: the largest CoC radius of fragments that lie more
     /// than `gap_px` behind and may be as near as rays reach that pass the last fragment there; `−∞` without such fragments. `x` is a
     /// multiple of [`LANES`].
+    #[inline(always)]
     pub(super) fn farthest_in_reach(
         &self,
         (x, y): (usize, usize),

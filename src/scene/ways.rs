@@ -1,12 +1,13 @@
-//! Ways from a pixel in eight directions, each followed until a fragment lies behind a limit.
+//! Ways from pixels in eight directions, each followed until a fragment lies behind a limit.
 //!
-//! The first fragments are looked for from [`LANES`] neighbouring pixels at once, in vectors; a way that goes on is followed alone. Both
-//! skip squares of [`TILE`] pixels without a fragment behind the limit. Cost: the length of the ways, or an eighth of it where nothing is
+//! Neighbouring pixels look around at once, in vectors: after as many steps in a direction they are neighbours again. Squares of
+//! pixels ([`Tiles`]) without a fragment behind the limit are skipped. Cost: the length of the ways, or a thirtieth of it where nothing is
 //! behind.
 
-use super::surroundings::{LANES, Surroundings, TILE};
+use super::surroundings::{Surroundings, Tiles};
+use super::vector::Vector;
 use crate::image::MARGIN;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::Simd;
 
 /// Number of directions.
 pub(super) const WAYS: usize = 8;
@@ -15,230 +16,154 @@ pub(super) const WAYS: usize = 8;
 const DIRECTIONS: [(isize, isize); WAYS] =
     [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)];
 
-/// The ways from a pixel, up to where they have been followed.
+/// The ways from neighbouring pixels of a row, by direction, up to where they have been followed.
 #[derive(Debug)]
-pub(super) struct Ways {
+pub(super) struct Ways<S: Simd> {
+    simd: S,
+    /// Place of the first of the pixels.
     from: (usize, usize),
     /// CoC radius of the fragment that each way has come to; `−∞` at its end.
-    coc_px: [f32; WAYS],
-    /// The steps to that fragment, or one more than the way's.
-    step: [usize; WAYS],
+    coc_px: [Vector<S>; WAYS],
+    /// The steps up to there.
+    step: [Vector<S>; WAYS],
     /// Length of each way in steps.
-    steps: [usize; WAYS],
+    steps: [Vector<S>; WAYS],
     /// The steps to the border.
-    most: [usize; WAYS],
+    most: [Vector<S>; WAYS],
 }
 
-impl Ways {
-    /// Makes the ways `distance_px` long, where they are shorter and the picture goes on.
-    pub(super) fn extend(&mut self, distance_px: f32) {
+impl<S: Simd> Ways<S> {
+    /// The ways from the pixels from `x, y` on, of no length, in a picture of `width` × `height` pixels.
+    #[inline(always)]
+    pub(super) fn new(simd: S, (x, y): (usize, usize), (width, height): (usize, usize)) -> Self {
+        let [nothing, none] = [f32::NEG_INFINITY, 0.0].map(|value| [Vector::all(simd, value); WAYS]);
+        let mut most = none;
+        for (most, (dx, dy)) in most.iter_mut().zip(DIRECTIONS) {
+            let rows = steps_inside(y, dy, height);
+            let mut of_pixels = [0.0; MARGIN];
+            for (lane, steps) in of_pixels.iter_mut().enumerate() {
+                *steps = rows.min(steps_inside(x + lane, dx, width)) as f32;
+            }
+            *most = Vector::load(simd, &of_pixels);
+        }
+        Self { simd, from: (x, y), coc_px: nothing, step: none, steps: none, most }
+    }
+
+    /// Makes the ways of each pixel `distance_px` long, where they are shorter and the picture goes on.
+    #[inline(always)]
+    pub(super) fn extend(&mut self, distance_px: Vector<S>) {
         for (way, direction) in DIRECTIONS.into_iter().enumerate() {
-            let steps = (distance_px / length(direction)) as usize;
-            self.steps[way] = self.steps[way].max(steps).min(self.most[way]);
+            let wanted = distance_px / Vector::all(self.simd, length(direction));
+            self.steps[way] = wanted.smaller(self.most[way]).larger(self.steps[way]);
         }
     }
 
     /// CoC radii of the fragments that the ways have come to; `−∞` at their ends.
-    pub(super) fn coc_px(&self) -> &[f32; WAYS] {
-        &self.coc_px
+    #[inline(always)]
+    pub(super) fn coc_px(&self) -> [Vector<S>; WAYS] {
+        self.coc_px
     }
 
     /// Distances of these fragments in pixels; `∞` at the ends.
-    pub(super) fn distances_px(&self) -> [f32; WAYS] {
-        std::array::from_fn(|way| {
-            let distance_px = self.step[way] as f32 * length(DIRECTIONS[way]);
-            if self.coc_px[way] > f32::NEG_INFINITY { distance_px } else { f32::INFINITY }
-        })
-    }
-
-    /// The place of the fragment that a way has come to.
-    pub(super) fn place(&self, way: usize) -> (usize, usize) {
-        let ((x, y), (dx, dy), step) = (self.from, DIRECTIONS[way], self.step[way] as isize);
-        (x.wrapping_add_signed(step * dx), y.wrapping_add_signed(step * dy))
-    }
-}
-
-/// The first fragments seen from [`LANES`] neighbouring pixels.
-pub(super) struct FirstSeen {
-    /// Place of the first of the pixels.
-    from: (usize, usize),
-    /// Width and height of the picture.
-    size: (usize, usize),
-    /// How far each pixel looks.
-    distance_px: [f32; LANES],
-    /// Their CoC radii by direction and pixel; `−∞` without a fragment.
-    coc_px: [[f32; LANES]; WAYS],
-    /// Their distances in steps.
-    step: [[f32; LANES]; WAYS],
-}
-
-impl FirstSeen {
-    /// The ways from a pixel up to these fragments; `None` without any.
-    pub(super) fn ways(&self, lane: usize) -> Option<Ways> {
-        let coc_px = self.coc_px.map(|coc_px| coc_px[lane]);
-        if coc_px.iter().all(|coc_px| coc_px.is_infinite()) {
-            return None;
+    #[inline(always)]
+    pub(super) fn distances_px(&self) -> [Vector<S>; WAYS] {
+        let [nothing, infinity] =
+            [f32::NEG_INFINITY, f32::INFINITY].map(|value| Vector::all(self.simd, value));
+        let mut distances_px = self.step;
+        for (way, distance_px) in distances_px.iter_mut().enumerate() {
+            let length = Vector::all(self.simd, length(DIRECTIONS[way]));
+            *distance_px = self.coc_px[way].is_above(nothing).select(*distance_px * length, infinity);
         }
-        let (x, y) = (self.from.0 + lane, self.from.1);
-        let (width, height) = self.size;
-        let most =
-            DIRECTIONS.map(|(dx, dy)| steps_inside(x, dx, width).min(steps_inside(y, dy, height)) as usize);
-        let mut ways = Ways { from: (x, y), coc_px, step: [1; WAYS], steps: [0; WAYS], most };
-        ways.extend(self.distance_px[lane]);
-        ways.step = std::array::from_fn(|way| match coc_px[way] {
-            f32::NEG_INFINITY => ways.steps[way] + 1,
-            _ => self.step[way][lane] as usize,
-        });
-        Some(ways)
-    }
-}
-
-impl Surroundings {
-    /// The first fragments behind `limit_px` that are seen from [`LANES`] pixels from `x, y` on, of which each looks as far as
-    /// `distance_px`. A pixel whose limit is `∞` sees nothing.
-    pub(super) fn first_seen(
-        &self,
-        from: (usize, usize),
-        limit_px: [f32; LANES],
-        distance_px: [f32; LANES],
-    ) -> FirstSeen {
-        let size = (self.coc_px.width(), self.coc_px.height());
-        let (coc_px, step) = ([[f32::NEG_INFINITY; LANES]; WAYS], [[0.0; LANES]; WAYS]);
-        let mut seen = FirstSeen { from, size, distance_px, coc_px, step };
-        Arch::new().dispatch(Look { surroundings: self, limit_px, seen: &mut seen });
-        seen
+        distances_px
     }
 
-    /// Follows each of the `ways` whose fragment is not behind `limit_px` to the next one that is.
-    pub(super) fn follow(&self, ways: &mut Ways, limit_px: f32) {
+    /// Distance in pixels of the nearest of these fragments; `∞` without any.
+    #[inline(always)]
+    pub(super) fn nearest_px(&self) -> Vector<S> {
+        let infinity = Vector::all(self.simd, f32::INFINITY);
+        self.distances_px().into_iter().fold(infinity, Vector::smaller)
+    }
+
+    /// For each of the pixels, the place of the fragment that its way in a direction has come to.
+    #[inline(always)]
+    pub(super) fn places(&self, way: usize) -> impl Fn(usize) -> (usize, usize) {
+        let mut step = [0.0; MARGIN];
+        self.step[way].store(&mut step);
+        let ((x, y), (dx, dy)) = (self.from, DIRECTIONS[way]);
+        move |lane| {
+            let step = step[lane] as isize;
+            ((x + lane).wrapping_add_signed(step * dx), y.wrapping_add_signed(step * dy))
+        }
+    }
+
+    /// Follows each way whose fragment is not behind the limit of its pixel to the next one of the `surroundings` that is. The ways of a
+    /// pixel whose limit is `∞` stay as they are; such are all past the picture's border.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, surroundings: &Surroundings, limit_px: Vector<S>) {
         for way in 0..WAYS {
-            if ways.coc_px[way] <= limit_px {
-                self.follow_one(ways, way, limit_px);
-            }
+            self.follow_one(surroundings, way, limit_px);
         }
     }
 
-    fn follow_one(&self, ways: &mut Ways, way: usize, limit_px: f32) {
-        let ((dx, dy), steps) = (DIRECTIONS[way], ways.steps[way]);
-        let (coc_px, tiles) = (self.coc_px.values(), self.tiles.values());
-        let stride = dy * self.coc_px.width() as isize + dx;
-        ways.coc_px[way] = f32::NEG_INFINITY;
-        while ways.step[way] <= steps {
-            let (x, y) = ways.place(way);
-            let end = ways.step[way]
-                + steps_in_tile(x, dx).min(steps_in_tile(y, dy)).min(steps + 1 - ways.step[way]);
-            if tiles[y / TILE * self.tiles.width() + x / TILE] > limit_px {
-                let mut at = y * self.coc_px.width() + x;
-                for step in ways.step[way]..end {
-                    if coc_px[at] > limit_px {
-                        (ways.step[way], ways.coc_px[way]) = (step, coc_px[at]);
-                        return;
-                    }
-                    at = at.wrapping_add_signed(stride);
-                }
-            }
-            ways.step[way] = end;
-        }
-    }
-}
-
-/// Looks for the first fragments seen from neighbouring pixels.
-struct Look<'a> {
-    surroundings: &'a Surroundings,
-    limit_px: [f32; LANES],
-    seen: &'a mut FirstSeen,
-}
-
-impl NullaryFnOnce for Look<'_> {
-    type Output = ();
-
+    /// Follows the ways in one direction.
     #[inline(always)]
-    fn call(self) {
-        let longest_px =
-            self.seen.distance_px.iter().fold(0.0, |longest, px| if *px > longest { *px } else { longest });
-        for (way, direction) in DIRECTIONS.into_iter().enumerate() {
-            self.surroundings.look(direction, (self.limit_px, longest_px), self.seen, way);
+    fn follow_one(&mut self, surroundings: &Surroundings, way: usize, limit_px: Vector<S>) {
+        let (simd, (x, y), (dx, dy)) = (self.simd, self.from, DIRECTIONS[way]);
+        let [nothing, none, infinity] =
+            [f32::NEG_INFINITY, 0.0, f32::INFINITY].map(|value| Vector::all(simd, value));
+        let (behind, until) = (self.step[way], self.steps[way]);
+        let goes_on = self.coc_px[way].is_at_most(limit_px) & limit_px.is_below(infinity);
+        let mut coc_px = goes_on.select(nothing, self.coc_px[way]);
+        let mut found = goes_on.select(until, behind);
+        let is_left = goes_on & behind.is_below(until);
+        if !is_left.any() {
+            (self.coc_px[way], self.step[way]) = (coc_px, found);
+            return;
         }
-    }
-}
-
-impl Surroundings {
-    /// Looks in one direction.
-    #[inline(always)]
-    fn look(
-        &self,
-        direction: (isize, isize),
-        (mut limit_px, longest_px): ([f32; LANES], f32),
-        seen: &mut FirstSeen,
-        way: usize,
-    ) {
-        let ((dx, dy), (x, y)) = (direction, seen.from);
-        let (width, height) = seen.size;
-        let rows = steps_inside(y, dy, height);
-        let mut steps = [0.0; LANES];
-        #[expect(
-            clippy::needless_range_loop,
-            reason = "iterators are not inlined here, which takes twice the time"
-        )]
-        for lane in 0..LANES {
-            let inside = rows.min(steps_inside(x + lane, dx, width)) as f32;
-            let wanted = seen.distance_px[lane] / length(direction);
-            steps[lane] = if wanted < inside { wanted } else { inside };
-        }
-        let inside = rows.min(steps_inside(x, dx, width).max(steps_inside(x + LANES - 1, dx, width)));
-        let last = ((longest_px / length(direction)) as usize).min(inside as usize);
-        let (mut coc_px, mut step_of) = ([f32::NEG_INFINITY; LANES], [0.0; LANES]);
-        let mut step = 1;
-        while step <= last {
-            for lane in 0..LANES {
-                limit_px[lane] = if steps[lane] < step as f32 { f32::INFINITY } else { limit_px[lane] };
+        let mut limit_px = is_left.select(limit_px, infinity);
+        let mut nearest_px = limit_px.least();
+        let (first, last) = (is_left.select(behind, infinity).least(), is_left.select(until, none).most());
+        let (mut step, last) = (first as usize + 1, last as usize);
+        let (coarse, fine) = (&surroundings.coarse_tiles, &surroundings.fine_tiles);
+        while step <= last && nearest_px < f32::INFINITY {
+            let (place, left) = ((along(x, step, dx), along(y, step, dy)), last + 1 - step);
+            let (steps, largest_px) = coarse.ahead(place, (dx, dy), left);
+            if largest_px <= nearest_px {
+                step += steps;
+                continue;
             }
-            if !any_below(&limit_px, f32::INFINITY) {
-                break;
+            let (steps, largest_px) = fine.ahead(place, (dx, dy), left);
+            if largest_px <= nearest_px {
+                step += steps;
+                continue;
             }
-            let [left, row] = [along(x, step, dx), along(y, step, dy)];
-            let end = (step + if dy == 0 { TILE } else { steps_in_tile(row as usize, dy) }).min(last + 1);
-            if any_below(&limit_px, self.tiles_between(row as usize, left, along(x, end - 1, dx))) {
-                for step in step..end {
-                    let first = (MARGIN as isize + along(x, step, dx)) as usize;
-                    let row = self.coc_px.row_with_margins(along(y, step, dy) as usize);
-                    let fragments: &[f32; LANES] =
-                        row[first..].first_chunk().expect("the margin has room for a group");
-                    let step = step as f32;
-                    for lane in 0..LANES {
-                        let is_hit = (fragments[lane] > limit_px[lane]) & (step <= steps[lane]);
-                        coc_px[lane] = if is_hit { fragments[lane] } else { coc_px[lane] };
-                        step_of[lane] = if is_hit { step } else { step_of[lane] };
-                        limit_px[lane] = if is_hit { f32::INFINITY } else { limit_px[lane] };
-                    }
-                }
+            let end = step + steps;
+            for step in step..end {
+                let first = (MARGIN as isize + along(x, step, dx)) as usize;
+                let row = surroundings.coc_px.row_with_margins(along(y, step, dy) as usize);
+                let (fragments, step) = (Vector::load(simd, &row[first..]), Vector::all(simd, step as f32));
+                let is_hit = fragments.is_above(limit_px) & behind.is_below(step) & step.is_at_most(until);
+                coc_px = is_hit.select(fragments, coc_px);
+                found = is_hit.select(step, found);
+                limit_px = is_hit.select(infinity, limit_px);
             }
             step = end;
+            limit_px = until.is_below(Vector::all(simd, step as f32)).select(infinity, limit_px);
+            nearest_px = limit_px.least();
         }
-        (seen.coc_px[way], seen.step[way]) = (coc_px, step_of);
-    }
-
-    /// The largest CoC radius in the tiles of row `y` that meet [`LANES`] pixels which move from column `from` to column `to`.
-    #[inline(always)]
-    fn tiles_between(&self, y: usize, from: isize, to: isize) -> f32 {
-        let first = from.min(to).max(0) as usize / TILE;
-        let last = ((from.max(to) + LANES as isize - 1) as usize).min(self.coc_px.width() - 1) / TILE;
-        let mut largest = f32::NEG_INFINITY;
-        for &tile in &self.tiles.row(y / TILE)[first..=last] {
-            largest = if tile > largest { tile } else { largest };
-        }
-        largest
+        (self.coc_px[way], self.step[way]) = (coc_px, found);
     }
 }
 
-/// Whether one of the values is below a limit.
-#[inline(always)]
-fn any_below(values: &[f32; LANES], limit: f32) -> bool {
-    let mut below = 0;
-    for value in values {
-        below |= u32::from(*value < limit);
+impl<const TILE: usize> Tiles<TILE> {
+    /// The steps, `most` at most, in which neighbouring pixels that are at `x, y` and go on in a `direction` stay in the rows of their tiles,
+    /// and the largest CoC radius in the tiles that they meet.
+    #[inline(always)]
+    fn ahead(&self, (x, y): (isize, isize), (dx, dy): (isize, isize), most: usize) -> (usize, f32) {
+        let steps = steps_in_tile::<TILE>(y as usize, dy).min(most);
+        let left = x.min(x + dx * (steps as isize - 1));
+        (steps, self.from(left, y as usize))
     }
-    below != 0
 }
 
 /// The column or row after `step` steps.
@@ -263,9 +188,9 @@ fn steps_inside(at: usize, step: isize, size: usize) -> i32 {
     }
 }
 
-/// The steps of `step` each from `at` to the first place outside its tile.
+/// The steps of `step` each from row `at` to the first one outside its tile.
 #[inline(always)]
-fn steps_in_tile(at: usize, step: isize) -> usize {
+fn steps_in_tile<const TILE: usize>(at: usize, step: isize) -> usize {
     match step {
         1.. => TILE - at % TILE,
         0 => TILE,
@@ -278,6 +203,7 @@ mod tests {
     use super::*;
     use crate::image::Plane;
     use crate::scene::Layer;
+    use pulp::{Arch, WithSimd};
 
     /// The surroundings in a layer of `width` × `height` fragments of these CoC radii.
     fn surroundings((width, height): (usize, usize), coc_px: impl Fn(usize, usize) -> f32) -> Surroundings {
@@ -305,37 +231,77 @@ mod tests {
         along.into_iter().find_map(|(place, is_behind)| is_behind.then_some(place))
     }
 
+    /// By direction, the place of the fragment that a way has come to.
+    type Places = [Option<(usize, usize)>; WAYS];
+
+    /// The places to which the ways from [`MARGIN`] pixels from a place on come, by stage and pixel. In a stage they are made as long as its
+    /// distances and followed up to its limits.
+    struct Walk<'a, const N: usize> {
+        surroundings: &'a Surroundings,
+        from: (usize, usize),
+        stages: &'a [([f32; MARGIN], [f32; MARGIN]); N],
+    }
+
+    impl<const N: usize> WithSimd for Walk<'_, N> {
+        type Output = [[Places; MARGIN]; N];
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+            let size = (self.surroundings.coc_px.width(), self.surroundings.coc_px.height());
+            let mut all = [[[None; WAYS]; MARGIN]; N];
+            for first in (0..MARGIN).step_by(S::F32_LANES) {
+                let mut ways = Ways::new(simd, (self.from.0 + first, self.from.1), size);
+                for ((limit_px, distance_px), all) in self.stages.iter().zip(&mut all) {
+                    ways.extend(Vector::load(simd, &distance_px[first..]));
+                    ways.follow(self.surroundings, Vector::load(simd, &limit_px[first..]));
+                    for way in 0..WAYS {
+                        let (mut coc_px, place) = ([0.0; MARGIN], ways.places(way));
+                        ways.coc_px()[way].store(&mut coc_px);
+                        for lane in 0..S::F32_LANES {
+                            all[first + lane][way] = (coc_px[lane] > f32::NEG_INFINITY).then(|| place(lane));
+                        }
+                    }
+                }
+            }
+            all
+        }
+    }
+
+    /// [`Walk`], the same with every instruction set.
+    fn followed<const N: usize>(
+        surroundings: &Surroundings,
+        from: (usize, usize),
+        stages: &[([f32; MARGIN], [f32; MARGIN]); N],
+    ) -> [[Places; MARGIN]; N] {
+        let walk = |arch: Arch| arch.dispatch(Walk { surroundings, from, stages });
+        let scalar = walk(Arch::Scalar);
+        assert_eq!(walk(Arch::new()), scalar, "this machine's instructions and scalar ones");
+        scalar
+    }
+
     #[test]
     fn ways_meet_the_same_fragments_as_pixel_after_pixel() {
         let coc = |x: usize, y: usize| ((x * 37 + y * 61 + x * y) % 101) as f32 / 5.0;
         let (width, height) = (200, 100);
         let surroundings = surroundings((width, height), coc);
-        let place_of =
-            |ways: &Ways, way: usize| (ways.coc_px[way] > f32::NEG_INFINITY).then(|| ways.place(way));
         for (x, y) in [(0, 0), (96, 50), (192, 99), (64, 64), (0, 92)] {
-            // Each pixel has a limit and a distance of its own.
-            let limit_px: [f32; LANES] = std::array::from_fn(|lane| 15.0 + lane as f32 / 4.0);
-            let distance_px: [f32; LANES] = std::array::from_fn(|lane| 5.0 + 4.3 * lane as f32);
-            let seen = surroundings.first_seen((x, y), limit_px, distance_px);
-            for lane in 0..LANES.min(width - x) {
-                let from = (x + lane, y);
-                let expected = |way: usize, limit_px: f32, distance_px: f32| {
-                    let behind = |x: usize, y: usize| (x < width && y < height).then(|| coc(x, y) > limit_px);
-                    first_behind(from, way, distance_px, behind)
-                };
-                let Some(mut ways) = seen.ways(lane) else {
-                    assert!((0..WAYS).all(|way| expected(way, limit_px[lane], distance_px[lane]).is_none()));
-                    continue;
-                };
-                for way in 0..WAYS {
-                    let first = expected(way, limit_px[lane], distance_px[lane]);
-                    assert_eq!(place_of(&ways, way), first, "way {way} from {from:?}");
-                }
-                ways.extend(2.0 * distance_px[lane]);
-                surroundings.follow(&mut ways, 19.5);
-                for way in 0..WAYS {
-                    let next = expected(way, 19.5, 2.0 * distance_px[lane]);
-                    assert_eq!(place_of(&ways, way), next, "way {way} from {from:?}, farther");
+            // Each pixel has a limit and a distance of its own; there are none past the border.
+            let limits = |limit_px: fn(usize) -> f32| {
+                std::array::from_fn(|lane| if x + lane < width { limit_px(lane) } else { f32::INFINITY })
+            };
+            let limit_px = limits(|lane| 15.0 + lane as f32 / 4.0);
+            let distance_px: [f32; MARGIN] = std::array::from_fn(|lane| 5.0 + 4.3 * lane as f32);
+            let far_px = distance_px.map(|distance_px| 2.0 * distance_px);
+            let stages = [(limit_px, distance_px), (limit_px, far_px), (limits(|_| 19.5), far_px)];
+            for (stage, places) in followed(&surroundings, (x, y), &stages).into_iter().enumerate() {
+                let (limit_px, distance_px) = stages[stage];
+                for (lane, places) in places.into_iter().take(width - x).enumerate() {
+                    let behind =
+                        |x: usize, y: usize| (x < width && y < height).then(|| coc(x, y) > limit_px[lane]);
+                    let expected = std::array::from_fn(|way| {
+                        first_behind((x + lane, y), way, distance_px[lane], behind)
+                    });
+                    assert_eq!(places, expected, "stage {stage} from column {x} + {lane}, row {y}");
                 }
             }
         }
@@ -344,10 +310,10 @@ mod tests {
     #[test]
     fn a_pixel_without_a_limit_sees_nothing() {
         let step = surroundings((64, 8), |x, _| if x < 32 { 0.0 } else { 20.0 });
-        let mut limit_px = [1.0; LANES];
+        let mut limit_px = [1.0; MARGIN];
         limit_px[9] = f32::INFINITY;
-        let seen = step.first_seen((16, 4), limit_px, [30.0; LANES]);
-        assert!(seen.ways(9).is_none());
-        assert_eq!(seen.ways(8).map(|ways| ways.place(0)), Some((32, 4)), "its neighbour sees the step");
+        let [places] = followed(&step, (16, 4), &[(limit_px, [30.0; MARGIN])]);
+        assert_eq!(places[9], [None; WAYS]);
+        assert_eq!(places[8][0], Some((32, 4)), "its neighbour sees the step");
     }
 }
