@@ -28,10 +28,11 @@ const WIDTH_SHARE: f32 = 0.25;
 /// Largest number of levels of the pyramid.
 const LEVELS: usize = 7;
 
-/// Sums over the fragments of a cell: colour, CoC radius, and their number.
+/// The fragments of a cell: sums of their colours and CoC radii, and their number.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
     color: [f32; 3],
+    /// In the finished pyramid the mean of the CoC radii.
     coc_px: f32,
     count: f32,
 }
@@ -63,6 +64,9 @@ impl Smooth {
             && levels.len() < LEVELS
         {
             levels.push(coarser(last));
+        }
+        for cell in levels.iter_mut().flat_map(|level| &mut level.cells).filter(|cell| cell.count > 0.0) {
+            cell.coc_px /= cell.count;
         }
         Self(levels)
     }
@@ -97,7 +101,7 @@ impl Level {
                 if cell.count <= 0.0 {
                     continue;
                 }
-                let apart = (cell.coc_px / cell.count - guess.coc_px).abs() / cell_px;
+                let apart = (cell.coc_px - guess.coc_px).abs() / cell_px;
                 let weight = weight_x * weight_y * (1.0 - 0.5 * apart).max(0.0) / (size * size);
                 sum.iter_mut().zip(cell.color).for_each(|(sum, value)| *sum += weight * value);
                 total += weight * cell.count;

@@ -3,9 +3,10 @@
 //! Both are summed around each pixel with a kernel that ends at [`RADIUS_PX`], so that no sample counts farther away. Where there is
 //! little of both, the share of the whole picture takes over, which saturates: a few samples more do not change it at all.
 //!
-//! Cost: sums that do not depend on the kernel's size.
+//! Cost: the kernel's width and height for each pixel, in vectors.
 
 use crate::image::Plane;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Half of the kernel's width in pixels; from here on a sample does not count.
@@ -91,40 +92,52 @@ fn in_steps(evidence: &[f32]) -> Vec<u32> {
     evidence.iter().map(|value| (value * STEPS).round() as u32).collect()
 }
 
-/// Sums with a triangle in each direction, of which the middle counts [`RADIUS_PX`].
+/// Sums with a triangle in each direction, of which the middle counts [`RADIUS_PX`]; nothing lies beyond the border.
 fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
-    let mut sums = values.to_vec();
-    sums.par_chunks_mut(width.max(1)).for_each(triangle);
-    let mut columns: Vec<u32> = transposed(&sums, width, height);
-    columns.par_chunks_mut(height.max(1)).for_each(triangle);
-    transposed(&columns, height, width)
-}
-
-/// Two boxes of [`RADIUS_PX`] values, the first before each place and the second after it; nothing lies beyond the ends.
-fn triangle(line: &mut [u32]) {
-    let past_end = RADIUS_PX - 1;
-    let first = trailing_sums(line.iter().copied().chain([0; RADIUS_PX - 1]));
-    let second = trailing_sums(first.iter().copied());
-    line.iter_mut().zip(&second[past_end..]).for_each(|(value, sum)| *value = *sum);
-}
-
-/// For each of `values` the sum of the last [`RADIUS_PX`] up to it.
-fn trailing_sums(values: impl Iterator<Item = u32>) -> Vec<u32> {
-    let (mut window, mut sum) = ([0; RADIUS_PX], 0);
-    let sums = values.enumerate().map(|(i, value)| {
-        let leaving = std::mem::replace(&mut window[i % RADIUS_PX], value);
-        sum = sum + value - leaving;
-        sum
+    let (arch, width) = (Arch::new(), width.max(1));
+    let mut along_rows = vec![0; values.len()];
+    let rows = along_rows.par_chunks_mut(width).zip(values.par_chunks(width));
+    rows.for_each_init(
+        || vec![0; width + 2 * REACH],
+        |padded, (sums, values)| {
+            padded[REACH..][..width].copy_from_slice(values);
+            let beside = |i| &padded[i..][..width];
+            arch.dispatch(Triangle { sums, values: beside });
+        },
+    );
+    let nothing = vec![0; width];
+    let mut sums = vec![0; values.len()];
+    sums.par_chunks_mut(width).enumerate().for_each(|(y, sums)| {
+        let beside = |i: usize| match (y + i).checked_sub(REACH) {
+            Some(row) if row < height => &along_rows[row * width..][..width],
+            _ => &nothing,
+        };
+        arch.dispatch(Triangle { sums, values: beside });
     });
-    sums.collect()
+    sums
 }
 
-fn transposed(values: &[u32], width: usize, height: usize) -> Vec<u32> {
-    let mut turned = vec![0; values.len()];
-    turned.par_chunks_mut(height.max(1)).enumerate().for_each(|(x, column)| {
-        column.iter_mut().enumerate().for_each(|(y, value)| *value = values[y * width + x]);
-    });
-    turned
+/// How far the triangle reaches from its middle.
+const REACH: usize = RADIUS_PX - 1;
+
+/// Adds `values(0)`, `values(1)`, … to `sums`, each as often as the triangle counts it.
+struct Triangle<'a, F> {
+    sums: &'a mut [u32],
+    values: F,
+}
+
+impl<'v, F: Fn(usize) -> &'v [u32]> NullaryFnOnce for Triangle<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for i in 0..=2 * REACH {
+            let weight = (RADIUS_PX - i.abs_diff(REACH)) as u32;
+            for (sum, value) in self.sums.iter_mut().zip((self.values)(i)) {
+                *sum += weight * value;
+            }
+        }
+    }
 }
 
 #[cfg(test)]
