@@ -6,7 +6,8 @@
 //! several lenses; one generated scene is added. Seconds are processor seconds of the blur, the median of three alternating runs.
 //! They are stored in the file given as second argument; a case that has a figure there is not run again.
 //!
-//! Errors are `predicted / measured − 1` for each scene, predicted by a fit without that scene; `X` and `X_hd` count as one scene.
+//! Errors are `predicted / measured − 1` for each scene, predicted by a fit without that scene, and by one to all of them; `X` and `X_hd` count
+//! as one scene.
 
 #![expect(clippy::print_stdout, reason = "the table is the result")]
 
@@ -94,7 +95,11 @@ fn main() -> Result<(), Error> {
     for (kind, cpu_seconds, speed_up) in timed()? {
         println!("calibration, {kind:?}: {cpu_seconds:.4} CPU s, speed-up {speed_up:.2}");
     }
-    println!("{:<22}{:>7}{:>9}{:>9}   worst", "method", "cases", "median", "90 %");
+    println!("{:<29}{:^20}{:^20}", "", "fitted without it", "fitted to all");
+    println!(
+        "{:<22}{:>7}{:>10}{:>10}{:>10}{:>10}   worst",
+        "method", "cases", "median", "90 %", "median", "90 %"
+    );
     for method in names() {
         report(method, samples.get(method).map_or(&[], Vec::as_slice));
     }
@@ -248,22 +253,33 @@ fn error(sample: &Sample, nanoseconds: &[f64]) -> f64 {
     terms.sum::<f64>() * 1e-9 / sample.seconds - 1.0
 }
 
-/// Prints the errors of predictions for each scene by a fit without that scene.
+/// Prints the errors of predictions for each scene by a fit without that scene, and by a fit to all.
 fn report(method: &str, samples: &[Sample]) {
-    let mut errors: Vec<(f64, &str)> = samples
-        .iter()
-        .map(|sample| {
-            let others: Vec<&Sample> = samples.iter().filter(|other| other.group != sample.group).collect();
-            (error(sample, &fit(&others)), sample.name.as_str())
+    let all = fit(&samples.iter().collect::<Vec<_>>());
+    let with_all = sorted(samples.iter().map(|sample| (error(sample, &all), sample.name.as_str())));
+    let without_own = sorted(samples.iter().map(|sample| {
+        let others: Vec<&Sample> = samples.iter().filter(|other| other.group != sample.group).collect();
+        (error(sample, &fit(&others)), sample.name.as_str())
+    }));
+    let figures: Vec<String> = [&without_own, &with_all]
+        .into_iter()
+        .flat_map(|errors| [0.5, 0.9].map(|share| (errors, share)))
+        .map(|(errors, share)| {
+            let index = (share * errors.len() as f64) as usize;
+            format!("{:>8.0} %", errors.get(index).map_or(f64::NAN, |(error, _)| 100.0 * error.abs()))
         })
         .collect();
+    let worst =
+        without_own.iter().rev().take(3).map(|(error, name)| format!("{name} {:+.0} %", 100.0 * error));
+    let worst: Vec<String> = worst.collect();
+    println!("{method:<22}{:>7}{}   {}", samples.len(), figures.concat(), worst.join(", "));
+}
+
+/// The errors with the names of their samples, the smallest first.
+fn sorted<'a>(errors: impl Iterator<Item = (f64, &'a str)>) -> Vec<(f64, &'a str)> {
+    let mut errors: Vec<_> = errors.collect();
     errors.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let at = |share: f64| {
-        errors.get((share * errors.len() as f64) as usize).map_or(f64::NAN, |(e, _)| 100.0 * e.abs())
-    };
-    let worst: Vec<String> =
-        errors.iter().rev().take(3).map(|(error, name)| format!("{name} {:+.0} %", 100.0 * error)).collect();
-    println!("{method:<22}{:>7}{:>7.0} %{:>7.0} %   {}", errors.len(), at(0.5), at(0.9), worst.join(", "));
+    errors
 }
 
 /// Prints the terms of a method as its `cost.rs` declares them.

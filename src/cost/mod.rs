@@ -43,8 +43,8 @@ fn pinhole(workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 0.908, workload.pixels()),
-            term("samples to composite", 17.123, workload.composited()),
+            term("pixels", 0.767, workload.pixels()),
+            term("samples to composite", 13.428, workload.composited()),
         ],
     )
 }

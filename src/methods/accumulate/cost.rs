@@ -14,11 +14,11 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 12.332, workload.samples()),
-            term("rays", 204.758, rays),
-            term("rays × layers", 7.473, rays * workload.layers()),
-            term("samples passed", 1.928, cells),
-            term("samples passed × layers", 0.214, cells * workload.layers()),
+            term("samples", 11.403, workload.samples()),
+            term("rays", 184.094, rays),
+            term("rays × layers", 7.194, rays * workload.layers()),
+            term("samples passed", 1.963, cells),
+            term("samples passed × layers", 0.172, cells * workload.layers()),
         ],
     )
 }

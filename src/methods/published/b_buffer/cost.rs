@@ -12,12 +12,12 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 33.078, pixels),
-            term("pixels × layers", 0.216, pixels * workload.merged_layers()),
-            term("samples to merge", 25.349, workload.merged()),
-            term("pixels × levels", 5.944, pixels * levels),
-            term("pixels × layers × levels", 2.806, pixels * workload.merged_layers() * levels),
-            term("pixels before a background", 189.750, workload.pixels_before_background()),
+            term("pixels", 25.151, pixels),
+            term("pixels × layers", 2.028, pixels * workload.merged_layers()),
+            term("samples to merge", 21.104, workload.merged()),
+            term("pixels × levels", 6.698, pixels * levels),
+            term("pixels × layers × levels", 2.405, pixels * workload.merged_layers() * levels),
+            term("pixels before a background", 186.162, workload.pixels_before_background()),
         ],
     )
 }

@@ -18,12 +18,12 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 34.166, pixels),
-            term("pixels × layers", 5.020, pixels * workload.merged_layers()),
-            term("samples to merge", 26.299, workload.merged()),
-            term("pixels × near levels", 6.024, pixels * levels),
-            term("pixels visited", 4.039, workload.reached(visited)),
-            term("pixels before a background", 775.627, workload.pixels_before_background()),
+            term("pixels", 22.998, pixels),
+            term("pixels × layers", 3.147, pixels * workload.merged_layers()),
+            term("samples to merge", 23.347, workload.merged()),
+            term("pixels × near levels", 5.888, pixels * levels),
+            term("pixels visited", 3.908, workload.reached(visited)),
+            term("pixels before a background", 720.628, workload.pixels_before_background()),
         ],
     )
 }

@@ -17,13 +17,13 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 60.446, workload.samples()),
-            term("samples in cones", 14.423, workload.samples() * cones),
-            term("pixels × depth layers", 48.822, bundles),
-            term("rays", 132.422, rays),
-            term("rays with cones", 44.988, rays * cones),
-            term("rays × iterations", 10.462, rays * parameters.iterations as f64),
-            term("pixels before a background", 4.045, workload.pixels_before_background()),
+            term("samples", 46.224, workload.samples()),
+            term("samples in cones", 23.885, workload.samples() * cones),
+            term("pixels × depth layers", 47.125, bundles),
+            term("rays", 136.540, rays),
+            term("rays with cones", 35.670, rays * cones),
+            term("rays × iterations", 9.780, rays * parameters.iterations as f64),
+            term("pixels before a background", 28.824, workload.pixels_before_background()),
         ],
     )
 }

@@ -14,10 +14,10 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
         WorkKind::Planes,
         [
             term("pixels", 0.000, workload.pixels()),
-            term("pixels × layers", 3.617, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 28.518, workload.merged()),
-            term("pixels × sub-images", 18.306, composited),
-            term("pixels before a background", 152.881, workload.pixels_before_background()),
+            term("pixels × layers", 2.800, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 24.714, workload.merged()),
+            term("pixels × sub-images", 16.768, composited),
+            term("pixels before a background", 135.768, workload.pixels_before_background()),
         ],
     )
 }

@@ -15,12 +15,12 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rays,
         [
-            term("samples", 27.806, workload.samples()),
-            term("pixels", 87.884, workload.pixels()),
-            term("rays", 89.592, rays),
-            term("binary steps", 4.135, rays * (parameters.binary_steps as f64).min(steps)),
-            term("linear steps", 6.087, rays * steps),
-            term("pixels before a background", 48.671, workload.pixels_before_background()),
+            term("samples", 27.047, workload.samples()),
+            term("pixels", 79.045, workload.pixels()),
+            term("rays", 85.176, rays),
+            term("binary steps", 4.056, rays * (parameters.binary_steps as f64).min(steps)),
+            term("linear steps", 5.868, rays * steps),
+            term("pixels before a background", 51.943, workload.pixels_before_background()),
         ],
     )
 }

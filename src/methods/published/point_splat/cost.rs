@@ -23,12 +23,12 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 842.159, workload.pixels()),
-            term("samples to merge", 27.823, workload.merged()),
-            term("pixels to look behind", 47.425, hidden),
-            term("area of sprites", 18.747, visible),
-            term("rows of sprites", 53.416, rows),
-            term("pixels before a background", 692.071, workload.pixels_before_background()),
+            term("pixels", 794.995, workload.pixels()),
+            term("samples to merge", 27.383, workload.merged()),
+            term("pixels to look behind", 44.041, hidden),
+            term("area of sprites", 18.383, visible),
+            term("rows of sprites", 59.959, rows),
+            term("pixels before a background", 680.854, workload.pixels_before_background()),
         ],
     )
 }

@@ -14,11 +14,11 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels", 26.830, workload.pixels()),
-            term("pixels × layers", 4.074, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 29.397, workload.merged()),
-            term("area of pyramids", 35.467, blurred),
-            term("pixels before a background", 213.233, workload.pixels_before_background()),
+            term("pixels", 8.943, workload.pixels()),
+            term("pixels × layers", 5.615, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 25.082, workload.merged()),
+            term("area of pyramids", 34.239, blurred),
+            term("pixels before a background", 165.524, workload.pixels_before_background()),
         ],
     )
 }

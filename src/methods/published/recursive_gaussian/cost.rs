@@ -28,11 +28,11 @@ pub(super) fn cost(plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Planes,
         [
-            term("pixels × layers", 11.873, workload.pixels() * workload.merged_layers()),
-            term("samples to merge", 20.923, workload.merged()),
-            term("pixels × depth layers", 41.852, workload.pixels() * blurred),
-            term("pixels matted × layers", 12.151, matted * workload.merged_layers()),
-            term("pixels before a background", 323.532, workload.pixels_before_background()),
+            term("pixels × layers", 11.096, workload.pixels() * workload.merged_layers()),
+            term("samples to merge", 17.340, workload.merged()),
+            term("pixels × depth layers", 38.905, workload.pixels() * blurred),
+            term("pixels matted × layers", 12.571, matted * workload.merged_layers()),
+            term("pixels before a background", 335.174, workload.pixels_before_background()),
         ],
     )
 }

@@ -17,13 +17,13 @@ pub(super) fn cost(_plan: &Plan, workload: &Workload<'_>) -> Cost {
     Cost::new(
         WorkKind::Rows,
         [
-            term("pixels", 27.127, pixels),
-            term("pixels × layers", 4.103, pixels * workload.merged_layers()),
-            term("samples to merge", 26.445, workload.merged()),
-            term("rows of sprites", 4.567, rows),
-            term("rows of spans", 170.223, spans / front * rows),
-            term("pixels × slices", 0.696, pixels * slices),
-            term("pixels before a background", 593.468, workload.pixels_before_background()),
+            term("pixels", 19.232, pixels),
+            term("pixels × layers", 3.770, pixels * workload.merged_layers()),
+            term("samples to merge", 22.790, workload.merged()),
+            term("rows of sprites", 3.810, rows),
+            term("rows of spans", 166.805, spans / front * rows),
+            term("pixels × slices", 0.713, pixels * slices),
+            term("pixels before a background", 585.772, workload.pixels_before_background()),
         ],
     )
 }
