@@ -257,8 +257,8 @@ mod tests {
                     for way in 0..WAYS {
                         let (mut coc_px, place) = ([0.0; MARGIN], ways.places(way));
                         ways.coc_px()[way].store(&mut coc_px);
-                        for lane in 0..S::F32_LANES {
-                            all[first + lane][way] = (coc_px[lane] > f32::NEG_INFINITY).then(|| place(lane));
+                        for (lane, places) in all[first..][..S::F32_LANES].iter_mut().enumerate() {
+                            places[way] = (coc_px[lane] > f32::NEG_INFINITY).then(|| place(lane));
                         }
                     }
                 }
