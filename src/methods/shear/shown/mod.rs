@@ -11,7 +11,8 @@
 //! a vertex of the surface lies on that pixel too. The ray ends there before it comes to `F`. Past the picture's border the border's samples
 //! are repeated, and the same holds of them.
 //!
-//! Squares are made of blocks of samples, so that some of what no view shows is kept. What is left out changes no bit of the picture.
+//! Squares are made of blocks of samples, so that some of what no view shows is kept. What is left out changes nothing of what rays meet. A row
+//! in whose reach no view moves what is left is painted for one of the views, which may round the last bit otherwise.
 //!
 //! Cost: a pass over the samples, and a few look-ups a block and layer. Memory: some bytes a block and layer.
 
