@@ -116,6 +116,21 @@ mod tests {
     }
 
     #[test]
+    fn the_estimate_fades_as_far_as_a_pixel_shows_the_background() {
+        // The stripe lets a twentieth of the light pass: half of what shows the background alone.
+        let mut layer = picture(stripe);
+        (0..64).for_each(|y| (28..36).for_each(|x| layer.alpha.set(x, y, 0.95)));
+        let layers = [layer];
+        let background = Background::behind(&layers, 1, 30.0);
+        let share = background.as_ref().map_or(0.0, |background| background.share().get(30, 16));
+        assert!((share - 0.5).abs() < 1e-4, "a share of {share}");
+        let fill = estimated_layers(&layers, None, background.as_ref());
+        for x in 28..36 {
+            assert_eq!(fill[0].alpha.get(x, 16), 1.0 - share, "column {x}");
+        }
+    }
+
+    #[test]
     fn nothing_is_filled_behind_the_farthest_surface() {
         let fill = estimated(picture(stripe));
         assert_eq!(fill.len(), 1, "one wall");

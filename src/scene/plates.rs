@@ -209,7 +209,7 @@ impl<S: Simd> Pixels<'_, S> {
             luminances[way] = counts.select(luminance(colors[way]).larger(zero), infinity);
             count = count + counts.select(one, zero);
         }
-        let most = self.lights_from(luminances, count);
+        let most = lights_from(self.simd, luminances, count);
         let (mut color, mut coc_px, mut distance_px, mut total) = ([zero; 3], zero, infinity, zero);
         for way in 0..WAYS {
             let counts = weights[way].is_above(zero);
@@ -246,20 +246,20 @@ impl<S: Simd> Pixels<'_, S> {
         }
         colors.map(|channel| Vector::load(self.simd, &channel))
     }
+}
 
-    /// The luminance from which a fragment is a light: [`LIGHT`] times the median of the `count` smallest of the `luminances`.
-    #[inline(always)]
-    fn lights_from(&self, luminances: [Vector<S>; WAYS], count: Vector<S>) -> Vector<S> {
-        let mut sorted = [luminances];
-        sort(&mut sorted);
-        let [luminances] = sorted;
-        let mut median = luminances[0];
-        for (i, luminance) in luminances.into_iter().enumerate() {
-            // The lower one of two in the middle.
-            median = self.all(2.0 * i as f32).is_below(count).select(luminance, median);
-        }
-        self.all(LIGHT) * median
+/// The luminance from which a fragment is a light: [`LIGHT`] times the median of the `count` smallest of the `luminances`.
+#[inline(always)]
+fn lights_from<S: Simd>(simd: S, luminances: [Vector<S>; WAYS], count: Vector<S>) -> Vector<S> {
+    let mut sorted = [luminances];
+    sort(&mut sorted);
+    let [luminances] = sorted;
+    let mut median = luminances[0];
+    for (i, luminance) in luminances.into_iter().enumerate() {
+        // The lower one of two in the middle.
+        median = Vector::all(simd, 2.0 * i as f32).is_below(count).select(luminance, median);
     }
+    Vector::all(simd, LIGHT) * median
 }
 
 impl<S: Simd> Guesses<S> {
@@ -292,7 +292,7 @@ mod tests {
     use super::*;
     use crate::image::Plane;
 
-    /// Slats of many depths with gaps, lights and empty samples, of which some show the background, before a slope.
+    /// Slats of many depths with gaps, lights, translucent and empty samples, before a slope.
     fn layer(width: usize, height: usize) -> Layer {
         let noise = |x: usize, y: usize| (x * 7919 + y * 104_729 + x * y * 31) % 1009;
         let plane = |value: &dyn Fn(usize, usize) -> f32| Plane::from_fn(width, height, value);
@@ -304,14 +304,15 @@ mod tests {
         let light = |x: usize, y: usize| if noise(y, x) < 20 { 400.0 } else { 0.0 };
         Layer {
             color: std::array::from_fn(|k| plane(&|x, y| (noise(x + k, y) % 97) as f32 / 97.0 + light(x, y))),
-            alpha: plane(&|x, y| [1.0, 1.0, 0.6, 0.0][noise(x, y + 3) % 4]),
+            alpha: plane(&|x, y| [1.0, 1.0, 0.95, 0.6, 0.0][noise(x, y + 3) % 5]),
             coc_px: plane(&coc),
         }
     }
 
     /// By plate, the estimated fragments of all rows: columns, and bits of all values.
     fn estimated(layers: &[Layer], arch: Arch) -> Vec<Vec<(usize, [u32; 6])>> {
-        let behind = Behind::new(layers, &layers[0], None, None);
+        let background = Background::behind(layers, 1, 30.0);
+        let behind = Behind::new(layers, &layers[0], None, background.as_ref());
         let rows = behind.rows(0..layers[0].height(), &mut Vec::new(), arch);
         let values = |(x, guess): &(usize, Guess)| {
             let [red, green, blue] = guess.color;
@@ -333,6 +334,35 @@ mod tests {
                 assert_eq!(estimated(&layers, Arch::V3(v3)), scalar, "AVX2 and scalar, {width} columns");
             }
             assert_eq!(estimated(&layers, Arch::new()), scalar, "this machine's and scalar, {width} columns");
+        }
+    }
+
+    /// [`lights_from`] for these luminances, of which some count.
+    struct Lights(Vec<f32>);
+
+    impl WithSimd for Lights {
+        type Output = f32;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> f32 {
+            let counting = self.0.len();
+            let of_way = |way: usize| Vector::all(simd, self.0.get(way).copied().unwrap_or(f32::INFINITY));
+            lights_from(simd, std::array::from_fn(of_way), Vector::all(simd, counting as f32)).most()
+        }
+    }
+
+    #[test]
+    fn a_light_is_brighter_than_twice_the_lower_median() {
+        let medians: [(&[f32], f32); 4] = [
+            (&[3.0], 3.0),
+            (&[500.0, 1.0], 1.0),
+            (&[4.0, 2.0, 9.0], 4.0),
+            (&[8.0, 1.0, 7.0, 2.0, 6.0, 3.0, 5.0, 4.0], 4.0),
+        ];
+        for (luminances, median) in medians {
+            for arch in [Arch::Scalar, Arch::new()] {
+                assert_eq!(arch.dispatch(Lights(luminances.to_vec())), LIGHT * median, "{luminances:?}");
+            }
         }
     }
 }

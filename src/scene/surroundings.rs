@@ -22,13 +22,15 @@ const LEVELS: usize = 9;
 const COARSE_LEVEL: usize = 5;
 const FINE_LEVEL: usize = 3;
 
-/// The largest CoC radius in each square of `TILE` pixels and those right of it that [`LANES`] pixels meet on as many steps.
+/// The largest CoC radius in each square of `TILE` pixels and those right of it that [`LANES`] pixels meet on `TILE` steps.
 pub(super) struct Tiles<const TILE: usize>(Plane);
 
 impl<const TILE: usize> Tiles<TILE> {
     /// From the largest one in each square.
     fn new(mut squares: Plane) -> Self {
-        let most = (LANES + 2 * TILE - 3) / TILE + 1;
+        // So many columns meet the most squares where the first is the last one of its square.
+        let columns = LANES + TILE - 1;
+        let most = 1 + (columns - 1).div_ceil(TILE);
         let width = squares.width().max(1);
         squares.values_mut().par_chunks_mut(width).for_each(|row| {
             for x in 0..row.len() {
@@ -38,9 +40,9 @@ impl<const TILE: usize> Tiles<TILE> {
         Self(squares)
     }
 
-    /// That of the square of column `x`, row `y`; left of the picture, of the first one.
+    /// The largest from the square of column `x`, row `y` on; left of the picture, from the first one.
     #[inline(always)]
-    pub(super) fn from(&self, x: isize, y: usize) -> f32 {
+    pub(super) fn largest_from(&self, x: isize, y: usize) -> f32 {
         self.0.get(x.max(0) as usize / TILE, y / TILE)
     }
 }
@@ -52,6 +54,7 @@ pub(super) const FADE_PX: [f32; 2] = [1.0, 2.0];
 pub(super) struct Surroundings {
     /// CoC radii in picture pixels; `−∞` without a fragment, and where light without alpha is all.
     pub(super) coc_px: Plane,
+    /// What is skipped first, and what within it.
     pub(super) coarse_tiles: Tiles<{ 1 << COARSE_LEVEL }>,
     pub(super) fine_tiles: Tiles<{ 1 << FINE_LEVEL }>,
     /// Largest CoC radius in each cell of 2, 4, 8 … pixels and the eight cells around it.

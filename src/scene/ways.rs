@@ -97,7 +97,8 @@ impl<S: Simd> Ways<S> {
     }
 
     /// Follows each way whose fragment is not behind the limit of its pixel to the next one of the `surroundings` that is. The ways of a
-    /// pixel whose limit is `∞` stay as they are; such are all past the picture's border.
+    /// pixel whose limit is `∞` stay as they are; such are all past the picture's border. Limits never fall from one call to the next, so that
+    /// nothing that a way has passed is behind one.
     #[inline(always)]
     pub(super) fn follow(&mut self, surroundings: &Surroundings, limit_px: Vector<S>) {
         for way in 0..WAYS {
@@ -142,7 +143,7 @@ impl<S: Simd> Ways<S> {
                 let first = (MARGIN as isize + along(x, step, dx)) as usize;
                 let row = surroundings.coc_px.row_with_margins(along(y, step, dy) as usize);
                 let (fragments, step) = (Vector::load(simd, &row[first..]), Vector::all(simd, step as f32));
-                let is_hit = fragments.is_above(limit_px) & behind.is_below(step) & step.is_at_most(until);
+                let is_hit = fragments.is_above(limit_px) & step.is_at_most(until);
                 coc_px = is_hit.select(fragments, coc_px);
                 found = is_hit.select(step, found);
                 limit_px = is_hit.select(infinity, limit_px);
@@ -162,7 +163,7 @@ impl<const TILE: usize> Tiles<TILE> {
     fn ahead(&self, (x, y): (isize, isize), (dx, dy): (isize, isize), most: usize) -> (usize, f32) {
         let steps = steps_in_tile::<TILE>(y as usize, dy).min(most);
         let left = x.min(x + dx * (steps as isize - 1));
-        (steps, self.from(left, y as usize))
+        (steps, self.largest_from(left, y as usize))
     }
 }
 
@@ -279,32 +280,55 @@ mod tests {
         scalar
     }
 
+    /// Asserts that the ways from [`MARGIN`] pixels from a place on meet what is met pixel after pixel, in three stages, and returns how
+    /// many meet something.
+    fn met(
+        (width, height): (usize, usize),
+        (x, y): (usize, usize),
+        coc: impl Fn(usize, usize) -> f32,
+    ) -> usize {
+        let surroundings = surroundings((width, height), &coc);
+        // Each pixel has a limit and a distance of its own; there are none past the border.
+        let limits = |limit_px: fn(usize) -> f32| {
+            std::array::from_fn(|lane| if x + lane < width { limit_px(lane) } else { f32::INFINITY })
+        };
+        let limit_px = limits(|lane| 15.0 + lane as f32 / 4.0);
+        let distance_px: [f32; MARGIN] = std::array::from_fn(|lane| 5.0 + 4.3 * lane as f32);
+        let far_px = distance_px.map(|distance_px| 2.0 * distance_px);
+        // The last one does not make the ways shorter.
+        let stages = [(limit_px, distance_px), (limit_px, far_px), (limits(|_| 19.5), distance_px)];
+        let mut count = 0;
+        for (stage, places) in followed(&surroundings, (x, y), &stages).into_iter().enumerate() {
+            let (limit_px, distance_px) = (stages[stage].0, if stage == 0 { distance_px } else { far_px });
+            for (lane, places) in places.into_iter().take(width - x).enumerate() {
+                let behind =
+                    |x: usize, y: usize| (x < width && y < height).then(|| coc(x, y) > limit_px[lane]);
+                let expected =
+                    std::array::from_fn(|way| first_behind((x + lane, y), way, distance_px[lane], behind));
+                assert_eq!(places, expected, "stage {stage} from column {x} + {lane}, row {y}");
+                count += places.iter().flatten().count();
+            }
+        }
+        count
+    }
+
     #[test]
     fn ways_meet_the_same_fragments_as_pixel_after_pixel() {
         let coc = |x: usize, y: usize| ((x * 37 + y * 61 + x * y) % 101) as f32 / 5.0;
-        let (width, height) = (200, 100);
-        let surroundings = surroundings((width, height), coc);
-        for (x, y) in [(0, 0), (96, 50), (192, 99), (64, 64), (0, 92)] {
-            // Each pixel has a limit and a distance of its own; there are none past the border.
-            let limits = |limit_px: fn(usize) -> f32| {
-                std::array::from_fn(|lane| if x + lane < width { limit_px(lane) } else { f32::INFINITY })
-            };
-            let limit_px = limits(|lane| 15.0 + lane as f32 / 4.0);
-            let distance_px: [f32; MARGIN] = std::array::from_fn(|lane| 5.0 + 4.3 * lane as f32);
-            let far_px = distance_px.map(|distance_px| 2.0 * distance_px);
-            let stages = [(limit_px, distance_px), (limit_px, far_px), (limits(|_| 19.5), far_px)];
-            for (stage, places) in followed(&surroundings, (x, y), &stages).into_iter().enumerate() {
-                let (limit_px, distance_px) = stages[stage];
-                for (lane, places) in places.into_iter().take(width - x).enumerate() {
-                    let behind =
-                        |x: usize, y: usize| (x < width && y < height).then(|| coc(x, y) > limit_px[lane]);
-                    let expected = std::array::from_fn(|way| {
-                        first_behind((x + lane, y), way, distance_px[lane], behind)
-                    });
-                    assert_eq!(places, expected, "stage {stage} from column {x} + {lane}, row {y}");
-                }
-            }
+        for from in [(0, 0), (96, 50), (192, 99), (64, 64), (0, 92)] {
+            assert!(met((200, 100), from, coc) > 0);
         }
+    }
+
+    #[test]
+    fn a_lone_fragment_is_met_wherever_it_lies() {
+        // All other squares are skipped.
+        let mut count = 0;
+        for place in (0..140).flat_map(|x| (0..74).map(move |y| (x, y))) {
+            count += met((140, 74), (64, 36), |x, y| if (x, y) == place { 20.0 } else { 0.0 });
+        }
+        // Right and left, above and below, and along the diagonals.
+        assert!(count > 1000, "{count} meetings");
     }
 
     #[test]

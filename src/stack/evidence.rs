@@ -11,6 +11,8 @@ use rayon::prelude::*;
 
 /// Half of the kernel's width in pixels; from here on a sample does not count.
 pub(super) const RADIUS_PX: usize = 8;
+/// How far the kernel reaches from its middle.
+const REACH: usize = RADIUS_PX - 1;
 /// Evidence in the picture, as a share of its pixels, at which it counts as much as the opposite assumption.
 const ENOUGH_SHARE: f64 = 0.003;
 /// Steps of a sample's evidence. Sums of whole numbers do not depend on samples that left them.
@@ -117,9 +119,6 @@ fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
     sums
 }
 
-/// How far the triangle reaches from its middle.
-const REACH: usize = RADIUS_PX - 1;
-
 /// Adds `values(0)`, `values(1)`, … to `sums`, each as often as the triangle counts it.
 struct Triangle<'a, F> {
     sums: &'a mut [u32],
@@ -171,6 +170,14 @@ mod tests {
         for (x, sum) in row.iter().enumerate() {
             let expected = RADIUS_PX.saturating_sub(x.abs_diff(20)) * RADIUS_PX;
             assert_eq!(*sum as usize, expected, "column {x}");
+        }
+        // At a corner too.
+        let mut values = vec![0; 41 * 5];
+        values[4 * 41 + 40] = 1;
+        let sums = spread(&values, 41, 5);
+        for (x, y) in [(40, 4), (39, 3), (34, 0), (32, 4)] {
+            let expected = (RADIUS_PX - (40 - x)) * (RADIUS_PX - (4 - y));
+            assert_eq!(sums[y * 41 + x] as usize, expected, "column {x}, row {y}");
         }
     }
 }
