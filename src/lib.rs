@@ -75,6 +75,7 @@ pub mod image;
 pub mod usage;
 pub mod machine;
 pub mod memory;
+mod parallel;
 mod zip_blocks;
 pub mod settings;
 pub mod stack;

@@ -6,7 +6,7 @@
 //!
 //! Every fourth row is compared.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Rows from one that is compared to the next.
 const ROW_STEP: usize = 4;
@@ -35,8 +35,7 @@ pub(super) fn differing_share(
         }
         sums
     };
-    let rows: Vec<[f64; 2]> =
-        (0..height.div_ceil(ROW_STEP)).into_par_iter().map(|i| of_row(i * ROW_STEP)).collect();
+    let rows = parallel::map(height.div_ceil(ROW_STEP), &|i| of_row(i * ROW_STEP));
     let [differing, all] = rows.iter().fold([0.0; 2], |sums, row| [sums[0] + row[0], sums[1] + row[1]]);
     if all > 0.0 { differing / all } else { 0.0 }
 }

@@ -8,8 +8,8 @@
 use super::Peel;
 use crate::finding::Finding;
 use crate::image::Plane;
+use crate::parallel;
 use pulp::Arch;
-use rayon::prelude::*;
 
 /// Least difference of the alphas of two neighbours that says something.
 const ALPHA_STEP: f32 = 0.1;
@@ -49,8 +49,9 @@ impl Fit {
 /// Multiplies straight `color` by `alpha`, in place.
 pub(super) fn premultiply(color: &mut [Plane; 3], alpha: &Plane) {
     for plane in color {
-        let values = plane.values_mut().par_iter_mut().zip(alpha.values());
-        values.for_each(|(value, alpha)| *value *= alpha);
+        parallel::for_each_block(plane.values_mut(), &|block, values| {
+            values.iter_mut().zip(&alpha.values()[block]).for_each(|(value, alpha)| *value *= alpha);
+        });
     }
 }
 
@@ -93,8 +94,7 @@ fn fit_of(peel: &Peel) -> Fit {
         }
         fit
     };
-    let rows: Vec<Fit> = (0..height).into_par_iter().map(of_row).collect();
-    rows.into_iter().fold(Fit::default(), Fit::joined)
+    parallel::map(height, &of_row).into_iter().fold(Fit::default(), Fit::joined)
 }
 
 /// Adds a pair of neighbours to `fit`, if their alphas differ.

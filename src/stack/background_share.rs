@@ -14,8 +14,8 @@ use super::depth::foreground;
 use super::silhouettes::{ALPHA_ROUNDING, RIM_SAMPLES};
 use super::{Peel, rim_depth};
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Smallest share of a pixel that a background seen through it is taken to have: that of a sample of 8 × 8.
@@ -51,8 +51,7 @@ pub(super) fn complete(
     let foreground = foreground(convention);
     let height = peels.first().map_or(0, |peel| peel.alpha.height());
     let of_row = |y: usize| completed_row(peels, &foreground, antialiasing, y);
-    let completed: Vec<(usize, usize, Seen, f32)> =
-        (0..height).into_par_iter().flat_map_iter(of_row).collect();
+    let completed: Vec<(usize, usize, Seen, f32)> = parallel::flat_map(height, &of_row);
     for &(x, y, Seen { peel, alpha, .. }, whole) in &completed {
         let peel = &mut peels[peel];
         peel.alpha.set(x, y, whole);

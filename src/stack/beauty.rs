@@ -23,7 +23,7 @@ use super::{Frame, Peel};
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Brightness, the largest of red, green and blue, up to which the beauty counts in full, and from which on not at all.
 const FADE: [f32; 2] = [1.0, 2.0];
@@ -71,7 +71,7 @@ pub(super) fn apply(
     let (width, height) = (frame.data.width, frame.data.height);
     let pixel = |x: usize, y: usize| planes.each_ref().map(|plane| plane.get(x, y));
     let row = |y: usize| (0..width).map(|x| replaced(peels, pixel(x, y), x, y)).collect();
-    let rows: Vec<Vec<Replaced>> = (0..height).into_par_iter().map(row).collect();
+    let rows: Vec<Vec<Replaced>> = parallel::map(height, &row);
     let differing = differing_share(
         [width, height],
         |x, y| color_of(composite(peels, x, y)),

@@ -9,8 +9,8 @@
 use super::Peel;
 use super::depth::foreground;
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Half the side of the square in which NaN is counted, in pixels.
@@ -48,10 +48,9 @@ fn is_a_fault(peels: &[Peel], foreground: &Range<f32>) -> bool {
         }
         [nan, surfaces].map(u64::from)
     };
-    let rows = peels
-        .par_iter()
-        .flat_map(|peel| (0..peel.depth.height()).into_par_iter().map(|y| of_row(peel.depth.row(y))));
-    let [nan, surfaces] = rows.reduce(|| [0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    let rows =
+        peels.iter().flat_map(|peel| parallel::map(peel.depth.height(), &|y| of_row(peel.depth.row(y))));
+    let [nan, surfaces] = rows.fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
     let samples = peels.iter().map(|peel| peel.depth.values().len() as u64).sum::<u64>();
     let background = samples - surfaces - nan;
     nan > 0 && (nan * RARE <= samples || nan * RARE_AMONG_BACKGROUND <= background)

@@ -10,8 +10,8 @@ use super::depth::BACKGROUND;
 use crate::error::Error;
 use crate::finding::Finding;
 use crate::image::Plane;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 
 /// The number that programs write where there is no depth.
 const NONE: f32 = -1.0;
@@ -80,9 +80,9 @@ impl DepthValues {
     /// Those of `peels`.
     pub(super) fn of(peels: &[Peel]) -> Self {
         let of_rows = |peel: &Peel| -> Self {
-            let rows = (0..peel.alpha.height()).into_par_iter();
-            rows.map(|y| Self::of_row(peel.alpha.row(y), peel.depth.row(y)))
-                .reduce(|| Self::NOTHING, Self::joined)
+            let of_row = |y: usize| Self::of_row(peel.alpha.row(y), peel.depth.row(y));
+            let rows = parallel::map(peel.alpha.height(), &of_row);
+            rows.into_iter().fold(Self::NOTHING, Self::joined)
         };
         peels.iter().map(of_rows).fold(Self::NOTHING, Self::joined)
     }
@@ -205,7 +205,7 @@ impl DepthValues {
 /// Depths without their minus sign; positive ones become background.
 fn turned(depth: &mut Plane) {
     let turn = |value: &mut f32| *value = if *value > 0.0 { f32::INFINITY } else { -*value };
-    depth.values_mut().par_iter_mut().for_each(turn);
+    parallel::for_each_block(depth.values_mut(), &|_, values| values.iter_mut().for_each(turn));
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@
 //! Cost: the kernel's width and height for each pixel, in vectors.
 
 use crate::image::Plane;
+use crate::parallel;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
 /// Half of the kernel's width in pixels; from here on a sample does not count.
 pub(super) const RADIUS_PX: usize = 8;
@@ -98,10 +98,10 @@ fn in_steps(evidence: &[f32]) -> Vec<u32> {
 fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
     let (arch, width) = (Arch::new(), width.max(1));
     let mut along_rows = vec![0; values.len()];
-    let rows = along_rows.par_chunks_mut(width).zip(values.par_chunks(width));
-    rows.for_each_init(
-        || vec![0; width + 2 * REACH],
-        |padded, (sums, values)| {
+    parallel::for_each_with(
+        along_rows.chunks_mut(width).zip(values.chunks(width)),
+        &|| vec![0; width + 2 * REACH],
+        &|padded, _, (sums, values)| {
             padded[REACH..][..width].copy_from_slice(values);
             let beside = |i| &padded[i..][..width];
             arch.dispatch(Triangle { sums, values: beside });
@@ -109,7 +109,7 @@ fn spread(values: &[u32], width: usize, height: usize) -> Vec<u32> {
     );
     let nothing = vec![0; width];
     let mut sums = vec![0; values.len()];
-    sums.par_chunks_mut(width).enumerate().for_each(|(y, sums)| {
+    parallel::for_each_row(&mut sums, width, &|y, sums| {
         let beside = |i: usize| match (y + i).checked_sub(REACH) {
             Some(row) if row < height => &along_rows[row * width..][..width],
             _ => &nothing,

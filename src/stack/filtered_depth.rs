@@ -17,8 +17,8 @@ use super::depth::{BACKGROUND, foreground};
 use super::evidence::{Weighing, is_nowhere, shares, smooth_step};
 use crate::finding::Finding;
 use crate::image::Plane;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// The number for an infinite depth: farther than any background that a file writes.
@@ -51,15 +51,13 @@ pub(super) fn unblend(peel: &mut Peel, convention: DepthConvention) -> Option<Fi
     }
     let surfaces = Surfaces::new(numbers, &places);
     let filtered = surfaces.filtered(&places)?;
-    let replaced: Vec<Option<f32>> = places
-        .par_iter()
-        .map(|&(x, y)| {
-            let number = coding.number(peel.depth.get(x, y));
-            let (target, share) = surfaces.target((x, y), number)?;
-            let share = share * filtered.get(x, y);
-            (share > 0.0).then(|| coding.mixed(number, target, share))
-        })
-        .collect();
+    let replaced: Vec<Option<f32>> = parallel::values(places.len(), |i| {
+        let (x, y) = places[i];
+        let number = coding.number(peel.depth.get(x, y));
+        let (target, share) = surfaces.target((x, y), number)?;
+        let share = share * filtered.get(x, y);
+        (share > 0.0).then(|| coding.mixed(number, target, share))
+    });
     let mut count = 0;
     for (&(x, y), depth) in places.iter().zip(&replaced) {
         if let Some(depth) = *depth {
@@ -154,7 +152,9 @@ struct Numbers(Plane);
 impl Numbers {
     fn new(depth: &Plane, coding: &Coding) -> Self {
         let mut numbers = depth.clone();
-        numbers.values_mut().par_iter_mut().for_each(|depth| *depth = coding.number(*depth));
+        parallel::for_each_block(numbers.values_mut(), &|_, values| {
+            values.iter_mut().for_each(|depth| *depth = coding.number(*depth));
+        });
         Self(numbers)
     }
 
@@ -188,14 +188,14 @@ impl Numbers {
             let column = |x: usize, pick: fn(f32, f32) -> f32| pick(pick(rows[0][x], rows[1][x]), rows[2][x]);
             let low: Vec<f32> = (0..self.0.width()).map(|x| column(x, least)).collect();
             let high: Vec<f32> = (0..self.0.width()).map(|x| column(x, most)).collect();
-            let is_uneven = move |x: usize| {
+            let is_uneven = |x: usize| {
                 let (left, right) = (x.saturating_sub(1), (x + 1).min(low.len() - 1));
                 most(most(high[left], high[x]), high[right])
                     > least(least(low[left], low[x]), low[right]) * (1.0 + JUMP[0])
             };
-            (0..self.0.width()).filter(move |&x| is_uneven(x)).map(move |x| (x, y))
+            (0..self.0.width()).filter(|&x| is_uneven(x)).map(|x| (x, y)).collect()
         };
-        (0..self.0.height()).into_par_iter().flat_map_iter(of_row).collect()
+        parallel::flat_map(self.0.height(), &of_row)
     }
 
     /// Number of a place's eight neighbours that are of its surface; all for background.
@@ -220,14 +220,15 @@ impl Numbers {
 
     /// Sets the numbers of no surface that are almost 0 to 0, but beside a background that is far: there the others are the means.
     fn clear_almost_zero(&mut self, places: &[(usize, usize)]) {
-        let is_almost_zero = |&place: &(usize, usize)| {
+        let is_almost_zero = |place: (usize, usize)| {
             let greatest = self.around(place, REACH).fold(0.0, most);
             greatest < BACKGROUND
                 && self.beside(place, 0, 0) < ALMOST_ZERO * greatest
                 && smooth_step(SIMILAR, self.similar(place)) < 0.5
         };
-        let cleared: Vec<(usize, usize)> = places.par_iter().copied().filter(is_almost_zero).collect();
-        cleared.into_iter().for_each(|(x, y)| self.0.set(x, y, 0.0));
+        let cleared = parallel::values(places.len(), |i| is_almost_zero(places[i]));
+        let cleared = places.iter().zip(cleared).filter(|(_, is_cleared)| *is_cleared);
+        cleared.for_each(|(&(x, y), _)| self.0.set(x, y, 0.0));
     }
 
     /// How far a place is nearer or farther than all around it, as a post of one pixel or a gap is, 0 … 1. Beside a background of 0 the
@@ -255,15 +256,12 @@ impl Surfaces {
     /// The surfaces of `numbers`, which are uneven at `places` only.
     fn new(numbers: Numbers, places: &[(usize, usize)]) -> Self {
         let mut wide = Plane::filled(numbers.0.width(), numbers.0.height(), 1.0);
-        let shares: Vec<[f32; 2]> = places
-            .par_iter()
-            .map(|&place| {
-                let similar = numbers.similar(place);
-                let goes_on = smooth_step(SIMILAR, similar);
-                let any = if goes_on < 1.0 { goes_on.max(numbers.stands_alone(place)) } else { goes_on };
-                [smooth_step(WIDE, similar), any]
-            })
-            .collect();
+        let shares: Vec<[f32; 2]> = parallel::values(places.len(), |i| {
+            let similar = numbers.similar(places[i]);
+            let goes_on = smooth_step(SIMILAR, similar);
+            let any = if goes_on < 1.0 { goes_on.max(numbers.stands_alone(places[i])) } else { goes_on };
+            [smooth_step(WIDE, similar), any]
+        });
         let mut any = wide.clone();
         for (&(x, y), [of_wide, of_any]) in places.iter().zip(shares) {
             wide.set(x, y, of_wide);
@@ -276,7 +274,7 @@ impl Surfaces {
     fn filtered(&self, places: &[(usize, usize)]) -> Option<Plane> {
         let [width, height] = [self.wide.width(), self.wide.height()];
         let found: Vec<[f32; 2]> =
-            places.par_iter().map(|&place| [self.blended(place), self.hard(place)]).collect();
+            parallel::values(places.len(), |i| [self.blended(places[i]), self.hard(places[i])]);
         let evidence = places.iter().zip(&found).map(|(&place, &[blended, hard])| (place, [blended, hard]));
         if is_nowhere(evidence, [width, height], &WEIGHING) {
             return None;

@@ -7,8 +7,8 @@
 use super::Peel;
 use super::depth::foreground;
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 
 /// The alpha of light that hides nothing: half of the last place of 1, so that `1 − LIGHT_ALPHA` is 1 in the arithmetic of `f32` and what is
 /// behind such a fragment keeps its bits. A colour divided by it stays finite.
@@ -74,7 +74,7 @@ fn complete_peel(peel: &mut Peel, behind: &[Peel], convention: DepthConvention) 
     let below = |x: usize, y: usize| {
         behind.iter().find(|peel| peel.alpha.get(x, y) > 0.0).map(|peel| peel.depth.get(x, y))
     };
-    let complete_row = |(y, (alpha, depth)): (usize, (&mut [f32], &mut [f32]))| {
+    let complete_row = |y: usize, (alpha, depth): (&mut [f32], &mut [f32])| {
         let mut found = Found::default();
         // Most rows have no light: one loop without branches says so.
         if alpha.iter().fold(f32::INFINITY, |least, alpha| least.min(*alpha)) > 0.0 {
@@ -96,8 +96,8 @@ fn complete_peel(peel: &mut Peel, behind: &[Peel], convention: DepthConvention) 
         }
         found
     };
-    let rows = alpha.values_mut().par_chunks_mut(width).zip(depth.values_mut().par_chunks_mut(width));
-    rows.enumerate().map(complete_row).reduce(Found::default, Found::plus)
+    let rows = alpha.values_mut().chunks_mut(width).zip(depth.values_mut().chunks_mut(width));
+    parallel::map_each(rows, &complete_row).into_iter().fold(Found::default(), Found::plus)
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@ use super::options::{Carry, ReadOptions};
 use super::{Frame, Peel, Source, Window, guard, windows};
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Most names of files in a finding.
@@ -143,7 +143,7 @@ fn merged_rows(
     elements.iter_mut().try_for_each(|element| element.load(strip, max_bytes))?;
     let (elements, far) = (&*elements, FarDepth::new(convention));
     let of_row = |y: usize| merged_row(elements, Window { y: strip.y + y as i32, height: 1, ..strip }, &far);
-    let rows: Vec<(Row, Counts)> = (0..strip.height).into_par_iter().map(of_row).collect();
+    let rows: Vec<(Row, Counts)> = parallel::map(strip.height, &of_row);
     let mut counts = Counts::default();
     rows.iter().for_each(|(_, of_row)| counts.add(*of_row));
     Ok((rows.into_iter().map(|(row, _)| row).collect(), counts))

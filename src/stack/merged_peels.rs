@@ -5,8 +5,8 @@ use super::layers::Layer;
 use super::{Peel, Window};
 use crate::error::Error;
 use crate::image::Plane;
+use crate::parallel;
 use crate::settings::DepthConvention;
-use rayon::prelude::*;
 
 /// Bytes of one sample of one peel.
 const PEEL_BYTES: u64 = 20;
@@ -71,7 +71,7 @@ impl Peels {
             self.peels.push(self.empty());
         }
         let convention = self.convention;
-        self.peels.par_iter_mut().enumerate().for_each(|(peel, planes)| {
+        parallel::for_each(self.peels.iter_mut(), &|peel, planes| {
             for (y, row) in rows.iter().enumerate() {
                 put_row(planes, peel, (top + y, row), convention);
             }

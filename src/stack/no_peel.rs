@@ -10,9 +10,9 @@ use super::frame_number::frame_numbers;
 use super::{Peel, Source};
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
 /// Depths are the same up to this share of the distance.
 const SAME: f32 = 1e-5;
@@ -155,7 +155,7 @@ fn against(peels: &[Peel], far: &FarDepth) -> Vec<Against> {
         };
         peels.iter().map(of_peel).collect()
     };
-    (0..height).into_par_iter().map(of_row).reduce(none, joined)
+    parallel::map(height, &of_row).into_iter().fold(none(), joined)
 }
 
 /// Counts a row of a peel of these depths ([`FarDepth`]) against `last`, the depth of the last fragment so far, and updates it; compiled for

@@ -6,9 +6,9 @@
 use super::Peel;
 use super::depth::{FarDepth, foreground};
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
 /// A fragment is in order up to this much nearer than one before it, as a share of its distance: half floats round depth.
 const DEPTH_ROUNDING: f32 = 1e-3;
@@ -33,7 +33,10 @@ pub(super) fn depth_range(peels: &[Peel], convention: DepthConvention) -> Option
         [low.into_iter().fold(none()[0], f32::min), high.into_iter().fold(none()[1], f32::max)]
     };
     let wider = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    let of_peel = |peel: &Peel| peel.depth.values().par_chunks(4096).map(of_values).reduce(none, wider);
+    let of_peel = |peel: &Peel| {
+        let rows = parallel::map(peel.depth.height(), &|y| of_values(peel.depth.row(y)));
+        rows.into_iter().fold(none(), wider)
+    };
     let range = peels.iter().map(of_peel).fold(none(), wider);
     (range[0] <= range[1]).then_some(range)
 }
@@ -77,7 +80,7 @@ fn finding(behind: &[Behind], pixels: usize) -> Option<Finding> {
 fn disorder(peels: &[Peel], far: &FarDepth) -> (Vec<Behind>, Vec<(usize, usize)>) {
     let (width, height) = peels.first().map_or((0, 0), |peel| (peel.depth.width(), peel.depth.height()));
     type Row = (Vec<Behind>, Vec<(usize, usize)>);
-    let rows: Vec<Row> = (0..height).into_par_iter().map(|y| disorder_of_row(peels, far, width, y)).collect();
+    let rows: Vec<Row> = parallel::map(height, &|y| disorder_of_row(peels, far, width, y));
     let mut behind = vec![Behind::default(); peels.len()];
     let mut disordered = Vec::new();
     for (counts, pixels) in rows {

@@ -6,8 +6,8 @@ use super::options::ReadOptions;
 use super::{Peel, depth_specks, depth_steps, order};
 use crate::error::Error;
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::{DepthConvention, Values};
-use rayon::prelude::*;
 
 /// What is known of a file beside its depths.
 #[derive(Debug, Clone, Copy)]
@@ -99,5 +99,5 @@ fn inverted(peel: &mut Peel) {
             *depth = 1.0 - depth.min(1.0);
         }
     };
-    peel.depth.values_mut().par_iter_mut().for_each(invert);
+    parallel::for_each_block(peel.depth.values_mut(), &|_, values| values.iter_mut().for_each(invert));
 }

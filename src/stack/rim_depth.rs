@@ -12,9 +12,9 @@ use super::Peel;
 use super::depth::foreground;
 use super::silhouettes::{ALPHA_ROUNDING, RIM_SAMPLES};
 use crate::finding::Finding;
+use crate::parallel;
 use crate::settings::DepthConvention;
 use pulp::Arch;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Sets the depth of fragments of fractional alpha and background depth that belong to a surface, and says so.
@@ -71,11 +71,13 @@ fn depthless(peel: &Peel, foreground: &Range<f32>) -> Vec<(usize, usize)> {
     // Most rows have none: one loop without branches says so.
     let any = |y: usize| row(y).fold(false, |any, (alpha, depth)| any | is_depthless(*alpha, *depth));
     let of_row = |y: usize| {
+        if !arch.dispatch(|| any(y)) {
+            return Vec::new();
+        }
         let found = row(y).enumerate().filter(|(_, (alpha, depth))| is_depthless(**alpha, **depth));
-        found.map(move |(x, _)| (x, y))
+        found.map(|(x, _)| (x, y)).collect()
     };
-    let rows = (0..peel.alpha.height()).into_par_iter().filter(|&y| arch.dispatch(|| any(y)));
-    rows.flat_map_iter(of_row).collect()
+    parallel::flat_map(peel.alpha.height(), &of_row)
 }
 
 /// Adds the opaque fragments of background depth to `sky`, which has one entry for each sample.
@@ -99,8 +101,10 @@ fn surface_depths(
     for &(x, y) in depthless {
         sky[y * width + x] |= is_the_rest(peel, before, x, y);
     }
-    let mut depths: Vec<Option<f32>> =
-        depthless.par_iter().map(|&(x, y)| nearest_depth(peel, foreground, x, y)).collect();
+    let mut depths = parallel::values(depthless.len(), |i| {
+        let (x, y) = depthless[i];
+        nearest_depth(peel, foreground, x, y)
+    });
     for (&(x, y), depth) in depthless.iter().zip(&mut depths) {
         if depth.is_none() && is_wide(peel, foreground, x, y) {
             sky[y * width + x] = true;

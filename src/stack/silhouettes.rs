@@ -14,9 +14,9 @@ use super::depth::FarDepth;
 use super::evidence::{Weighing, shares, smooth_step};
 use super::{Peel, StackKind};
 use crate::image::Plane;
+use crate::parallel;
 use crate::settings::DepthConvention;
 use pulp::Arch;
-use rayon::prelude::*;
 
 /// Alpha within this distance of 0 or 1 is not fractional: half floats and lossy codecs round.
 pub(super) const ALPHA_ROUNDING: f32 = 1e-3;
@@ -49,9 +49,9 @@ pub(super) fn antialiasing(peels: &[Peel], convention: DepthConvention) -> Antia
 
 /// Whether no alpha is fractional.
 fn is_whole(alpha: &Plane) -> bool {
-    let (rows, arch) = (alpha.values().par_chunks(alpha.width().max(1)), Arch::new());
+    let arch = Arch::new();
     let is_whole_row = |row: &[f32]| row.iter().fold(true, |all, &alpha| all & (fractional(alpha) == 0.0));
-    rows.into_par_iter().all(|row| arch.dispatch(|| is_whole_row(row)))
+    parallel::all(alpha.height(), &|y| arch.dispatch(|| is_whole_row(alpha.row(y))))
 }
 
 /// How fractional an alpha is, 0 … 1.
@@ -64,7 +64,7 @@ fn fractional(alpha: f32) -> f32 {
 /// Evidence of averages in every pixel, 0 … 1, row by row: that of the peel with most of it.
 fn rims(peels: &[Lookup<'_>], width: usize, height: usize) -> Vec<f32> {
     let mut rims = vec![0.0; width * height];
-    rims.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(&mut rims, width, &|y, row| {
         for peel in peels {
             row.iter_mut().enumerate().for_each(|(x, rim)| *rim = peel.rim(x, y).max(*rim));
         }
@@ -76,7 +76,7 @@ fn rims(peels: &[Lookup<'_>], width: usize, height: usize) -> Vec<f32> {
 /// the silhouette in any peel.
 fn hard_silhouettes(peels: &[Lookup<'_>], rims: &[f32], width: usize, height: usize) -> Vec<f32> {
     let mut hard = vec![0.0; width * height];
-    hard.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(&mut hard, width, &|y, row| {
         for peel in peels {
             let uneven = peel.uneven(y);
             for (x, hard) in row.iter_mut().enumerate().filter(|(x, _)| uneven[*x]) {

@@ -12,9 +12,9 @@ use crate::image::{Image, Plane};
 use crate::lens::views;
 use crate::methods::contract::Plan;
 use crate::methods::shared::planes_from_rows;
+use crate::parallel;
 use crate::scene::{Background, Scene};
 use glam::Vec2;
-use rayon::prelude::*;
 
 /// Lens points at which a pixel looks for the background beside what hides it.
 const LENS_POINTS: usize = 64;
@@ -36,14 +36,9 @@ impl Backdrop {
             views(LENS_POINTS, plan.optics.aperture).into_iter().map(|view| view.lens).collect();
         let beside = Beside { rows_before: rows_before(background.share()), background: &background, lens };
         let size = (background.share().width(), background.share().height());
-        let [share] = planes_from_rows(
-            size,
-            &|_| {},
-            || (),
-            |(), y, [row]: &mut [_; 1]| {
-                row.iter_mut().enumerate().for_each(|(x, share)| *share = beside.share(x, y));
-            },
-        );
+        let [share] = planes_from_rows(size, &|_| {}, &|| (), &|(), y, [row]: &mut [_; 1]| {
+            row.iter_mut().enumerate().for_each(|(x, share)| *share = beside.share(x, y));
+        });
         Some(Self { share })
     }
 }
@@ -103,8 +98,11 @@ pub(in crate::methods) fn before(picture: Image, coverage: &Plane, backdrop: Opt
     let Some(Backdrop { share }) = backdrop else { return picture };
     let Image { mut planes } = picture;
     for plane in &mut planes {
-        let pixels = plane.values_mut().par_iter_mut().zip(coverage.values()).zip(share.values());
-        pixels.for_each(|((value, &coverage), &share)| *value *= covered_part(coverage, share));
+        parallel::for_each_block(plane.values_mut(), &|block, values| {
+            let behind = coverage.values()[block.clone()].iter().zip(&share.values()[block]);
+            let values = values.iter_mut().zip(behind);
+            values.for_each(|(value, (&coverage, &share))| *value *= covered_part(coverage, share));
+        });
     }
     Image { planes }
 }

@@ -7,10 +7,11 @@
 
 use super::backdrop::{Backdrop, before, known};
 use super::dilation::{dilate, level, radius_px};
+use super::rows::WriteRow;
 use crate::image::{Image, Plane};
 use crate::methods::contract::Plan;
+use crate::parallel;
 use crate::scene::{OPAQUE_ALPHA, Scene};
-use rayon::prelude::*;
 
 /// Coverage from which on a pixel of a picture of one surface per pixel is that surface: below it the surface fades out.
 const SURFACE_FROM: f32 = 0.1;
@@ -81,24 +82,34 @@ pub(in crate::methods) fn visible_surfaces(scene: Scene, plan: &Plan) -> Visible
     let coc_px = Plane::from_fn(width, height, |x, y| visible_coc_px(&scene, x, y));
     let known_parts: Vec<f32> = match &background {
         Some(background) => {
-            let pixels = alpha.values().par_iter().zip(background.share().values());
-            pixels.map(|(&alpha, &share)| known(alpha, share)).collect()
+            let mut known_parts = alpha.values().to_vec();
+            let shares = background.share().values();
+            parallel::for_each_block(&mut known_parts, &|block, parts| {
+                let parts = parts.iter_mut().zip(&shares[block]);
+                parts.for_each(|(part, &share)| *part = known(*part, share));
+            });
+            known_parts
         }
         None => alpha.values().to_vec(),
     };
     for plane in [&mut red, &mut green, &mut blue] {
-        let values = plane.values_mut().par_iter_mut().zip(&known_parts);
-        values.for_each(|(value, &known)| {
-            *value /= if known > 0.0 && known < OPAQUE_ALPHA { known } else { 1.0 }
+        parallel::for_each_block(plane.values_mut(), &|block, values| {
+            for (value, &known) in values.iter_mut().zip(&known_parts[block]) {
+                *value /= if known > 0.0 && known < OPAQUE_ALPHA { known } else { 1.0 };
+            }
         });
     }
     if background.is_none() {
         return VisibleSurfaces { content: vec![red, green, blue], presence: None, coc_px };
     }
-    let values = alpha.values_mut().par_iter_mut().zip(&known_parts);
-    values.for_each(|(alpha, &known)| *alpha /= if known > 0.0 { known } else { 1.0 });
+    parallel::for_each_block(alpha.values_mut(), &|block, alphas| {
+        let alphas = alphas.iter_mut().zip(&known_parts[block]);
+        alphas.for_each(|(alpha, &known)| *alpha /= if known > 0.0 { known } else { 1.0 });
+    });
     let mut present = alpha.clone();
-    present.values_mut().par_iter_mut().for_each(|value| *value = presence(*value));
+    parallel::for_each_block(present.values_mut(), &|_, values| {
+        values.iter_mut().for_each(|value| *value = presence(*value));
+    });
     VisibleSurfaces { content: vec![red, green, blue, alpha], presence: Some(present), coc_px }
 }
 
@@ -130,10 +141,13 @@ pub(in crate::methods) fn visible(scene: Scene, plan: &Plan) -> Visible {
         |level| PYRAMID_REACH * radius_px(level) + 1.0,
         |i| presence[i] < 1.0,
     );
-    let pixels = coc_px.values_mut().par_iter_mut().zip(presence).zip(&levels);
-    pixels.for_each(|((coc_px, &presence), &level)| {
-        let behind_px = if level > 0 { radius_px(level) } else { 0.0 };
-        *coc_px = behind_px + presence * (*coc_px - behind_px);
+    parallel::for_each_block(coc_px.values_mut(), &|block, coc_px| {
+        for ((coc_px, &presence), &level) in
+            coc_px.iter_mut().zip(&presence[block.clone()]).zip(&levels[block])
+        {
+            let behind_px = if level > 0 { radius_px(level) } else { 0.0 };
+            *coc_px = behind_px + presence * (*coc_px - behind_px);
+        }
     });
     Visible { content, coc_px }
 }
@@ -148,13 +162,13 @@ impl CoveragePlanes {
     /// `scratch` makes the scratch memory of a thread.
     pub(in crate::methods) fn for_rows<T>(
         &mut self,
-        scratch: impl Fn() -> T + Sync + Send,
-        row: impl Fn(&mut T, usize, &mut [&mut [f32]]) + Sync + Send,
+        scratch: &(dyn Fn() -> T + Sync),
+        row: &WriteRow<'_, T>,
     ) {
         let mut planes = std::mem::take(&mut self.content);
         planes.push(std::mem::take(&mut self.coverage));
-        let rows = row_blocks(&mut planes, 1).into_par_iter().enumerate();
-        rows.for_each_init(scratch, |scratch, (y, mut planes)| row(scratch, y, &mut planes));
+        let rows = row_blocks(&mut planes, 1).into_iter();
+        parallel::for_each_with(rows, scratch, &|scratch, y, mut planes| row(scratch, y, &mut planes));
         self.coverage = planes.pop().unwrap_or_default();
         self.content = planes;
     }
@@ -164,8 +178,10 @@ impl CoveragePlanes {
         for (front, back) in self.content.iter_mut().zip(&behind.content) {
             composite_over(front, &self.coverage, back);
         }
-        let values = self.coverage.values_mut().par_iter_mut().zip(behind.coverage.values());
-        values.for_each(|(front, &back)| *front += (1.0 - *front) * back);
+        parallel::for_each_block(self.coverage.values_mut(), &|block, front| {
+            let values = front.iter_mut().zip(&behind.coverage.values()[block]);
+            values.for_each(|(front, &back)| *front += (1.0 - *front) * back);
+        });
     }
 
     /// Divides content by coverage: the picture, without colour where coverage is 0.
@@ -176,9 +192,11 @@ impl CoveragePlanes {
     /// The same before `backdrop`.
     pub(in crate::methods) fn into_picture_before(mut self, backdrop: Option<&Backdrop>) -> Image {
         for plane in &mut self.content {
-            let values = plane.values_mut().par_iter_mut().zip(self.coverage.values());
-            values
-                .for_each(|(value, &coverage)| *value = if coverage > 0.0 { *value / coverage } else { 0.0 });
+            parallel::for_each_block(plane.values_mut(), &|block, values| {
+                for (value, &coverage) in values.iter_mut().zip(&self.coverage.values()[block]) {
+                    *value = if coverage > 0.0 { *value / coverage } else { 0.0 };
+                }
+            });
         }
         before(picture(self.content), &self.coverage, backdrop)
     }
@@ -200,8 +218,13 @@ pub(in crate::methods) fn row_blocks(planes: &mut [Plane], lines: usize) -> Vec<
 }
 
 fn composite_over(front: &mut Plane, coverage: &Plane, back: &Plane) {
-    let values = front.values_mut().par_iter_mut().zip(coverage.values()).zip(back.values());
-    values.for_each(|((front, &coverage), &back)| *front += (1.0 - coverage) * back);
+    parallel::for_each_block(front.values_mut(), &|block, front| {
+        let behind = coverage.values()[block.clone()].iter().zip(&back.values()[block]);
+        front
+            .iter_mut()
+            .zip(behind)
+            .for_each(|(front, (&coverage, &back))| *front += (1.0 - coverage) * back);
+    });
 }
 
 /// The picture of `content` with full coverage; alpha is the fourth plane, or 1 where there is none.
@@ -211,7 +234,9 @@ pub(in crate::methods) fn picture(content: Vec<Plane>) -> Image {
     let [red, green, blue] = std::array::from_fn(|_| next().unwrap_or_default());
     let alpha = next().map(|mut alpha| {
         // Rounding in a blur may make alpha slightly larger than 1.
-        alpha.values_mut().par_iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+        parallel::for_each_block(alpha.values_mut(), &|_, values| {
+            values.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+        });
         alpha
     });
     let alpha = alpha.unwrap_or_else(|| Plane::filled(red.width(), red.height(), 1.0));

@@ -3,7 +3,7 @@
 //! One level at a time, by the distance to the nearest source of that level: first along columns; then along rows, where only whether a
 //! source is within the radius matters, by counting intervals. Levels are an eighth of an octave apart.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Radius in pixels of level 0: a disc of it covers only its own pixel.
 const OWN_PIXEL_PX: f32 = 0.5;
@@ -36,13 +36,16 @@ pub(in crate::methods) fn dilate(
     reach_px: impl Fn(u8) -> f32 + Sync,
     raised: impl Fn(usize) -> bool + Sync,
 ) {
-    let sources: Vec<u8> = (0..levels.len()).into_par_iter().map(|i| source(i).unwrap_or(0)).collect();
+    let mut sources = vec![0; levels.len()];
+    parallel::for_each_block(&mut sources, &|block, sources| {
+        sources.iter_mut().zip(block).for_each(|(level, i)| *level = source(i).unwrap_or(0));
+    });
     let mut present = [false; LAST_LEVEL as usize + 1];
     sources.iter().for_each(|&level| present[usize::from(level)] = true);
     for level in (1..=LAST_LEVEL).filter(|&level| present[usize::from(level)]) {
         let distances = distances_along_columns(width, &sources, level);
-        let rows = levels.par_chunks_mut(width).zip(distances.par_chunks(width)).enumerate();
-        rows.for_each(|(y, (levels, distances))| {
+        parallel::for_each_row(levels, width, &|y, levels| {
+            let distances = &distances[y * width..][..levels.len()];
             raise(levels, distances, (level, reach_px(level)), |x| raised(y * width + x));
         });
     }

@@ -5,9 +5,9 @@
 //! behind it. Positions are in samples. Memory: that of the scene, which is consumed.
 
 use super::nbuffer::{NBuffer, Window};
+use crate::parallel;
 use crate::scene::Scene;
 use glam::Vec2;
-use rayon::prelude::*;
 #[cfg(feature = "gpu")]
 use std::ops::Range;
 
@@ -32,8 +32,8 @@ impl Fragments {
         let mut color = vec![[0.0; 4]; width * height * depth];
         let in_row = (width * depth).max(1);
         for (k, layer) in scene.layers.into_iter().enumerate() {
-            let rows = coc_px.par_chunks_mut(in_row).zip(color.par_chunks_mut(in_row));
-            rows.enumerate().for_each(|(y, (coc_px, color))| {
+            let rows = coc_px.chunks_mut(in_row).zip(color.chunks_mut(in_row));
+            parallel::for_each(rows, &|y, (coc_px, color)| {
                 for x in (0..width).filter(|&x| layer.alpha.get(x, y) > 0.0) {
                     let [r, g, b] = layer.color_at(x, y);
                     // Insertion sort: a sample that lacks a peel has the next farther one at its index.
@@ -172,13 +172,14 @@ impl Blocks {
         value: impl Fn(usize) -> f32 + Sync,
     ) -> NBuffer {
         let (width, height) = fragments.size();
-        let block = |index: usize| {
-            let (x, y) = (index % self.columns * self.side, index / self.columns * self.side);
+        let block = |column: usize, row: usize| {
+            let (x, y) = (column * self.side, row * self.side);
             let rows = y..(y + self.side).min(height);
             let samples = rows.flat_map(|y| (x..(x + self.side).min(width)).map(move |x| y * width + x));
             samples.map(&value).fold(f32::INFINITY, f32::min)
         };
-        let values = (0..self.columns * self.rows).into_par_iter().map(block).collect();
+        let row = |row: usize| (0..self.columns).map(|column| block(column, row)).collect();
+        let values = parallel::flat_map(self.rows, &row);
         NBuffer::new(self.columns, values, (longest / self.side as f32) as usize + 2)
     }
 }

@@ -66,7 +66,7 @@ pub(super) use reflected_light::{Met, ReflectedLight};
 pub(super) use reflected_light_gpu::{
     LENS_RAY_WGSL, REFLECTED_LIGHT_CONSTANTS, REFLECTED_LIGHT_WGSL, Reflecting, ReflectingBuffers,
 };
-pub(super) use rows::{fill_rows, planes_from_rows};
+pub(super) use rows::{WriteRow, fill_rows, planes_from_rows};
 pub(super) use sub_image_work::sub_image_pixels;
 pub(super) use sub_images::SubImages;
 #[cfg(feature = "gpu")]

@@ -3,8 +3,8 @@
 use crate::image::Image;
 use crate::methods::contract::{Plan, Progress, Sampler};
 use crate::methods::shared::planes_from_rows;
+use crate::parallel;
 use crate::scene::Scene;
-use rayon::prelude::*;
 
 /// A scene prepared for ray tracing, with its rays.
 pub(in crate::methods) trait Tracer: Sync + Sized {
@@ -38,9 +38,10 @@ impl<T: Tracer> Sampler for RaySampler<'_, T> {
             Some((cached, tracer)) if cached == views => tracer,
             _ => T::new(self.scene.clone(), self.plan, views),
         };
-        let pixel =
-            |scratch: &mut T::Scratch, &pixel: &usize| tracer.pixel(pixel % width, pixel / width, scratch);
-        let values = pixels.par_iter().map_init(T::Scratch::default, pixel).collect();
+        let values = parallel::map_with(pixels.len(), &T::Scratch::default, &|scratch, number| {
+            let pixel = pixels[number];
+            tracer.pixel(pixel % width, pixel / width, scratch)
+        });
         self.cached = Some((views, tracer));
         values
     }
@@ -51,12 +52,13 @@ impl<T: Tracer> Sampler for RaySampler<'_, T> {
             Some((cached, tracer)) if cached == views => tracer,
             _ => T::new(self.scene, self.plan, views),
         };
-        let planes = planes_from_rows(size, progress, T::Scratch::default, |scratch, y, row: &mut [_; 4]| {
-            for x in 0..size.0 {
-                let pixel = tracer.pixel(x, y, scratch);
-                row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
-            }
-        });
+        let planes =
+            planes_from_rows(size, progress, &T::Scratch::default, &|scratch, y, row: &mut [_; 4]| {
+                for x in 0..size.0 {
+                    let pixel = tracer.pixel(x, y, scratch);
+                    row.iter_mut().zip(pixel).for_each(|(plane, value)| plane[x] = value);
+                }
+            });
         Image { planes }
     }
 }

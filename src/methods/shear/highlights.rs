@@ -8,12 +8,12 @@ use super::bokeh::{Bokeh, Shape};
 use super::hidden::Hidden;
 use super::occluders::{Candidate, DiscRow, Occluders};
 use super::softening::Softening;
-use crate::image::Image;
+use crate::image::{Image, Plane};
 use crate::lens::Field;
 use crate::methods::contract::Plan;
+use crate::parallel;
 use crate::scene::Layer;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that one task draws.
@@ -79,25 +79,20 @@ pub(super) fn draw(
 /// Adds the discs of `highlights` to `image`, each in the shape of `bokeh` and occluded by nearer fragments.
 fn draw_all(image: &mut Image, highlights: &[Highlight], bokeh: &Bokeh<'_>, occluders: &Occluders<'_>) {
     let (width, height) = (image.width(), image.height());
-    let discs: Vec<Disc<'_>> = highlights.par_iter().map(|highlight| Disc::new(highlight, bokeh)).collect();
-    let [red, green, blue, _] = &mut image.planes;
-    red.values_mut()
-        .par_chunks_mut(width * STRIP)
-        .zip(green.values_mut().par_chunks_mut(width * STRIP))
-        .zip(blue.values_mut().par_chunks_mut(width * STRIP))
-        .enumerate()
-        .for_each(|(strip, ((red, green), blue))| {
-            let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
-            let mut scratch = Scratch::default();
-            for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
-                for y in rows.clone() {
-                    let start = (y - rows.start) * width;
-                    let row =
-                        [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
-                    disc.draw_row(y, row, occluders, &mut scratch);
-                }
+    let discs: Vec<Disc<'_>> =
+        parallel::map(highlights.len(), &|number| Disc::new(&highlights[number], bokeh));
+    let [red, green, blue, _] = image.planes.each_mut().map(Plane::values_mut);
+    parallel::for_each_row_of([red, green, blue], width * STRIP, &|strip, [red, green, blue]| {
+        let rows = strip * STRIP..(strip * STRIP + STRIP).min(height);
+        let mut scratch = Scratch::default();
+        for disc in discs.iter().filter(|disc| disc.touches(rows.start, rows.end)) {
+            for y in rows.clone() {
+                let start = (y - rows.start) * width;
+                let row = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[start..start + width]);
+                disc.draw_row(y, row, occluders, &mut scratch);
             }
-        });
+        }
+    });
 }
 
 /// A highlight with its shape.

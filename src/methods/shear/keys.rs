@@ -9,10 +9,10 @@
 
 use super::bins::{Bins, EMPTY};
 use super::shown::Shown;
+use crate::parallel;
 use crate::scene::surface::{self, JOIN_PX, MAX_JOIN_PX};
 use crate::scene::{Layer, OPAQUE_ALPHA};
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// A fragment's bins and opacity, packed: its first bin from bit [`BIN_SHIFT`] on, the number of further bins from [`EXTRA_SHIFT`] on, and
@@ -87,8 +87,8 @@ impl Padded {
         let stride = width + 2 * PAD;
         let mut indices = vec![EMPTY; stride * (rows.len() + 2 * PAD)];
         let mut coc_px = vec![f32::NAN; stride * (rows.len() + 2 * PAD)];
-        let places = indices.par_chunks_mut(stride).zip(coc_px.par_chunks_mut(stride));
-        places.enumerate().for_each(|(place, (indices, coc_px))| {
+        let places = indices.chunks_mut(stride).zip(coc_px.chunks_mut(stride));
+        parallel::for_each(places, &|place, (indices, coc_px)| {
             let Some(y) = (rows.start + place).checked_sub(PAD).filter(|&y| y < height) else { return };
             for columns in shown.around(number, y) {
                 let places = PAD + columns.start..PAD + columns.end;

@@ -23,8 +23,8 @@
 use super::prefilter::{self, MIN_VARIANCE};
 use super::resolve::smooth_step;
 use crate::image::Plane;
+use crate::parallel;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// CoC radius in picture pixels from which on a surface before the plane of focus begins to count as near, and from which on it does in
@@ -107,10 +107,11 @@ impl NearLight {
         if width == 0 || reach == 0 {
             return;
         }
-        let [red, green, blue, alpha] = picture.map(|values| values.par_chunks_mut(BAND * width));
-        red.zip(green).zip(blue).zip(alpha).enumerate().for_each_init(
-            || Band::new(width, reach, self.smoothed().len()),
-            |band, (i, (((red, green), blue), alpha))| {
+        let [red, green, blue, alpha] = picture.map(|values| values.chunks_mut(BAND * width));
+        parallel::for_each_with(
+            red.zip(green).zip(blue).zip(alpha),
+            &|| Band::new(width, reach, self.smoothed().len()),
+            &|band, i, (((red, green), blue), alpha)| {
                 let first = rows.start + i * BAND;
                 let rows = first..first + alpha.len() / width;
                 if band.fill(self, &radii, rows.clone()) {

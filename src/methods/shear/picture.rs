@@ -9,7 +9,7 @@ use super::near::{self, NearLight, SURROUNDINGS};
 use super::sums::{ALPHA, FOCUSED, NEAR_COLOR, NEAR_RADIUS, NEAR_SHARE};
 use crate::image::{Image, Plane};
 use crate::methods::contract::{Plan, Progress};
-use crate::methods::shared::fill_rows;
+use crate::methods::shared::{WriteRow, fill_rows};
 use crate::scene::EffectKind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -78,14 +78,14 @@ pub(super) fn painted<T>(
     size: (usize, usize),
     filter: Option<&NearFilter>,
     progress: &Progress<'_>,
-    scratch: impl Fn() -> T + Sync + Send,
-    row: impl Fn(&mut T, usize, &mut [&mut [f32]]) + Sync + Send,
+    scratch: &(dyn Fn() -> T + Sync),
+    row: &WriteRow<'_, T>,
 ) -> (Image, Plane) {
     let (width, height) = size;
     let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
     let done = AtomicUsize::new(0);
     let paint = |first: usize, planes: Vec<&mut [f32]>| {
-        fill_rows(planes, width, &scratch, |scratch, y, planes| {
+        fill_rows(planes, width, scratch, &|scratch, y, planes| {
             row(scratch, first + y, planes);
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / height as f32);
         });
@@ -197,7 +197,7 @@ mod tests {
                 row.iter_mut().enumerate().for_each(|(x, sample)| *sample = value((x, y), k));
             }
         };
-        pool.install(|| painted(SIZE, Some(filter), &|_| {}, || (), paint))
+        pool.install(|| painted(SIZE, Some(filter), &|_| {}, &|| (), &paint))
     }
 
     #[test]

@@ -7,9 +7,9 @@
 //! combination of the surface's own colours.
 
 use crate::image::Plane;
+use crate::parallel;
 use crate::scene::{Layer, surface};
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// A filter of at most this variance, in squared pixels, is not applied.
@@ -116,29 +116,27 @@ impl NullaryFnOnce for FillWeights<'_> {
 fn along_rows([red, green, blue]: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
     let (width, arch) = (surface.width, Arch::new());
     let pair = TOGETHER * width;
-    red.par_chunks_mut(pair)
-        .zip(green.par_chunks_mut(pair))
-        .zip(blue.par_chunks_mut(pair))
-        .enumerate()
-        .for_each_init(
-            || [(); TOGETHER].map(|()| vec![0.0; width]),
-            |weights, (pair, ((red, green), blue))| {
-                let rows = red.chunks_mut(width).zip(green.chunks_mut(width)).zip(blue.chunks_mut(width));
-                let mut blurred = Vec::with_capacity(TOGETHER);
-                for (i, (((red, green), blue), weights)) in rows.zip(weights).enumerate() {
-                    let ((alpha, coc), last) = (surface.row(pair * TOGETHER + i), width - 1);
-                    let (neighbours, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
-                    let fill = FillWeights { weights: &mut weights[1..], neighbours, here, radius_per_coc };
-                    if arch.dispatch(fill) {
-                        blurred.push(Row { color: [red, green, blue], weights });
-                    }
+    let pairs = red.chunks_mut(pair).zip(green.chunks_mut(pair)).zip(blue.chunks_mut(pair));
+    parallel::for_each_with(
+        pairs,
+        &|| [(); TOGETHER].map(|()| vec![0.0; width]),
+        &|weights, pair, ((red, green), blue)| {
+            let rows = red.chunks_mut(width).zip(green.chunks_mut(width)).zip(blue.chunks_mut(width));
+            let mut blurred = Vec::with_capacity(TOGETHER);
+            for (i, (((red, green), blue), weights)) in rows.zip(weights).enumerate() {
+                let ((alpha, coc), last) = (surface.row(pair * TOGETHER + i), width - 1);
+                let (neighbours, here) = ((&alpha[..last], &coc[..last]), (&alpha[1..], &coc[1..]));
+                let fill = FillWeights { weights: &mut weights[1..], neighbours, here, radius_per_coc };
+                if arch.dispatch(fill) {
+                    blurred.push(Row { color: [red, green, blue], weights });
                 }
-                match <[Row<'_>; TOGETHER]>::try_from(blurred) {
-                    Ok(rows) => arch.dispatch(SmoothRows { rows }),
-                    Err(rows) => rows.into_iter().for_each(|row| arch.dispatch(SmoothRows { rows: [row] })),
-                }
-            },
-        );
+            }
+            match <[Row<'_>; TOGETHER]>::try_from(blurred) {
+                Ok(rows) => arch.dispatch(SmoothRows { rows }),
+                Err(rows) => rows.into_iter().for_each(|row| arch.dispatch(SmoothRows { rows: [row] })),
+            }
+        },
+    );
 }
 
 /// A row; `weights[x]` is the weight between `x − 1` and `x`.
@@ -193,9 +191,10 @@ fn mixed(color: [f32; 3], other: [f32; 3], a: f32) -> [f32; 3] {
 fn along_columns(color: Channels<'_>, surface: &Surface<'_>, radius_per_coc: f32) {
     let (width, height) = (surface.width, color[0].len() / surface.width);
     let arch = Arch::new();
-    strips(color, width).into_par_iter().enumerate().for_each_init(
-        || vec![0.0; STRIP * height],
-        |weights, (i, mut channels)| {
+    parallel::for_each_with(
+        strips(color, width).into_iter(),
+        &|| vec![0.0; STRIP * height],
+        &|weights, i, mut channels| {
             let columns = i * STRIP..(i * STRIP + STRIP).min(width);
             let row = |y: usize| {
                 let (alpha, coc) = surface.row(y);

@@ -5,8 +5,8 @@
 
 use crate::image::{Image, Plane};
 use crate::methods::contract::{PixelFilter, Plan};
+use crate::parallel;
 use crate::scene::{Antialiasing, EffectKind, Scene};
-use rayon::prelude::*;
 
 /// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: from 1 up to half a pixel down to 0 from one and
 /// a half on.
@@ -55,13 +55,13 @@ impl Resolve {
             return;
         }
         let mut weights = focused_share;
-        weights.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        parallel::for_each_row(weights.values_mut(), width, &|y, row| {
             row.iter_mut().enumerate().for_each(|(x, share)| *share = self.weight((x, y), *share));
         });
         let mut before = Plane::zeros(width, height);
         for plane in &mut image.planes {
             before.values_mut().copy_from_slice(plane.values());
-            plane.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            parallel::for_each_row(plane.values_mut(), width, &|y, row| {
                 let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
                 soften_row(row, before.row(y), [above, below], weights.row(y));
             });

@@ -20,9 +20,9 @@ use super::sums::FOCUSED;
 use crate::image::{Image, Plane, neighbours};
 use crate::lens::Field;
 use crate::methods::contract::{PixelFilter, Plan, Progress, Sampler};
+use crate::parallel;
 use crate::scene::{Antialiasing, Background, EffectKind, Layer, Scene};
 use pulp::Arch;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -164,7 +164,7 @@ impl Prepared {
         let (canvas, arch) = (self.canvas(frame), Arch::new());
         let near = NearFilter::new(frame.plan, &self.bins, self.views);
         let new_row = || RowSums::new(frame.size.0, near.is_some());
-        picture::painted(frame.size, near.as_ref(), progress, new_row, |sums, y, planes| {
+        picture::painted(frame.size, near.as_ref(), progress, &new_row, &|sums, y, planes| {
             let in_reach = canvas.bins_in_reach(y);
             for painting in self.row_views.of_row(y) {
                 sums.paint_only(|x| painting.is_visible(x));
@@ -214,27 +214,27 @@ impl Prepared {
         }
         let rows: Vec<(usize, Vec<usize>)> =
             rows.into_iter().map(|(y, columns)| (y, columns.into_iter().collect())).collect();
-        rows.into_par_iter()
-            .flat_map_iter(|(y, columns)| {
-                let mut sums = RowSums::only(width, &columns);
-                let in_reach = reach.bins(canvas, y, &columns);
-                let mut painted = vec![[0.0; 5]; columns.len()];
-                for Painting { sets, weights, .. } in self.row_views.of_row(y) {
-                    for (shears, channels) in sets {
-                        sums.clear();
-                        sums.add(canvas, (y, &in_reach), shears, arch);
-                        for (&x, values) in columns.iter().zip(&mut painted) {
-                            let weight = weights.map_or(1.0, |weights| weights[x]);
-                            let found = sums.means(x / LANES, canvas.lost_rays);
-                            picture::written(channels, false).for_each(|(k, mean)| {
-                                values[k] = blended(values[k], found[mean].0[x % LANES], weight);
-                            });
-                        }
+        let painted_row = |row: usize| {
+            let (y, columns) = &rows[row];
+            let mut sums = RowSums::only(width, columns);
+            let in_reach = reach.bins(canvas, *y, columns);
+            let mut painted = vec![[0.0; 5]; columns.len()];
+            for Painting { sets, weights, .. } in self.row_views.of_row(*y) {
+                for (shears, channels) in sets {
+                    sums.clear();
+                    sums.add(canvas, (*y, &in_reach), shears, arch);
+                    for (&x, values) in columns.iter().zip(&mut painted) {
+                        let weight = weights.map_or(1.0, |weights| weights[x]);
+                        let found = sums.means(x / LANES, canvas.lost_rays);
+                        picture::written(channels, false).for_each(|(k, mean)| {
+                            values[k] = blended(values[k], found[mean].0[x % LANES], weight);
+                        });
                     }
                 }
-                columns.into_iter().map(move |x| y * width + x).zip(painted)
-            })
-            .collect()
+            }
+            columns.iter().map(|x| y * width + x).zip(painted).collect()
+        };
+        parallel::flat_map(rows.len(), &painted_row).into_iter().collect()
     }
 
     /// Frees what only discs and reflections need, and painting does not: CoC radii, and alpha where all that there is is opaque.

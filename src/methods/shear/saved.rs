@@ -2,8 +2,9 @@
 //!
 //! Only chunks of columns with fragments are kept: deeper peels are mostly empty, and allocating memory costs more than copying.
 
+use crate::image::Plane;
+use crate::parallel;
 use crate::scene::Layer;
-use rayon::prelude::*;
 
 /// Columns of a chunk, which is kept if it has a fragment.
 const CHUNK_COLUMNS: usize = 16;
@@ -26,9 +27,7 @@ struct SavedRow {
 impl SavedColors {
     /// Saves the colours of `layers`.
     pub(super) fn from_layers(layers: &[Layer]) -> Self {
-        let saved = |layer| {
-            (0..Layer::height(layer)).into_par_iter().map(|y| SavedRow::from_layer(layer, y)).collect()
-        };
+        let saved = |layer| parallel::map(Layer::height(layer), &|y| SavedRow::from_layer(layer, y));
         Self { layers: layers.iter().map(saved).collect() }
     }
 
@@ -36,11 +35,8 @@ impl SavedColors {
     pub(super) fn restore(&self, layers: &mut [Layer]) {
         for (layer, rows) in layers.iter_mut().zip(&self.layers) {
             let width = layer.width();
-            let [red, green, blue] =
-                layer.color.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
-            rows.par_iter().zip(red).zip(green).zip(blue).for_each(|(((saved, red), green), blue)| {
-                saved.restore([red, green, blue]);
-            });
+            let color = layer.color.each_mut().map(Plane::values_mut);
+            parallel::for_each_row_of(color, width, &|y, color| rows[y].restore(color));
         }
     }
 }

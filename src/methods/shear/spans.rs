@@ -10,8 +10,8 @@ use super::keys::{
     NO_KEY, OPAQUE,
 };
 use super::shown::Shown;
+use crate::parallel;
 use crate::scene::Layer;
-use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
 /// Rows whose keys are computed together: few enough that their bins stay in the cache.
@@ -236,10 +236,9 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent, shown: &Shown)
         }
         strip
     };
-    let strips = (0..height.div_ceil(STRIP))
-        .into_par_iter()
-        .map(|strip| of_strip(strip * STRIP..((strip + 1) * STRIP).min(height)))
-        .collect();
+    let strips = parallel::map(height.div_ceil(STRIP), &|strip| {
+        of_strip(strip * STRIP..((strip + 1) * STRIP).min(height))
+    });
     let (bins, blocks) = (bins.count(), bins.blocks().len());
     let mut spans = Spans { strips, height, bins, blocks, last_row: Vec::new() };
     spans.find_last_rows();

@@ -1,10 +1,10 @@
 //! Bright fragments: what each has beyond its surroundings, and how far its depth is that of the light.
 
 use super::occluders::share_that_covers;
+use crate::parallel;
 use crate::scene::surface::merge_gap_px;
 use crate::scene::{Antialiasing, Layer, Scene, brightness, isolation};
 use glam::Vec2;
-use rayon::prelude::*;
 
 /// How much brighter than the threshold a fragment is whose whole excess is a light: a quarter of a stop.
 const WHOLE_LIGHT_FROM: f32 = 1.19;
@@ -51,9 +51,9 @@ pub(super) fn sparks(scene: &Scene, threshold: f32) -> Vec<Spark> {
     let in_row = |row: usize| {
         let (index, y) = (row / scene.height(), row % scene.height());
         let columns = flagged(&scene.layers[index], y, threshold);
-        columns.into_iter().filter_map(move |x| spark(scene, [index, x, y], threshold))
+        columns.into_iter().filter_map(|x| spark(scene, [index, x, y], threshold)).collect()
     };
-    (0..rows).into_par_iter().flat_map_iter(in_row).collect()
+    parallel::flat_map(rows, &in_row)
 }
 
 /// Columns of row `y` with fragments brighter than `threshold`.

@@ -9,8 +9,8 @@ use super::chunks::{self, Chunk, Grid};
 use super::reduce::NEAREST_FRONT;
 use super::sample::Sample;
 use crate::error::Error;
+use crate::parallel;
 use exr::meta::attribute::SampleType;
-use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -69,12 +69,12 @@ impl DeepElement {
     pub(in crate::stack) fn most_samples(&mut self) -> Result<u32, Error> {
         let chunks = self.chunks.clone();
         let tables = self.read_all(&chunks, |chunk| (chunk.position, chunk.table_bytes))?;
-        let of_block = |(chunk, table): (&Chunk, Vec<u8>)| {
-            let ends = block::sample_ends(chunk, &self.layout, &table)?;
+        let of_block = |number: usize, table: Vec<u8>| -> Result<u32, Error> {
+            let ends = block::sample_ends(&chunks[number], &self.layout, &table)?;
             let starts = std::iter::once(0).chain(ends.iter().copied());
             Ok(ends.iter().zip(starts).map(|(end, start)| end - start).max().unwrap_or(0))
         };
-        let of_blocks: Vec<Result<u32, Error>> = chunks.par_iter().zip(tables).map(of_block).collect();
+        let of_blocks = parallel::map_each(tables.into_iter(), &of_block);
         let of_blocks: Result<Vec<u32>, Error> = of_blocks.into_iter().collect();
         let of_blocks = of_blocks.map_err(|error| error.in_file(&self.file.name))?;
         Ok(of_blocks.into_iter().max().unwrap_or(0))
@@ -131,8 +131,9 @@ impl DeepElement {
         }
         let packed =
             self.read_all(chunks, |chunk| (chunk.position, chunk.table_bytes + chunk.packed_bytes))?;
-        let decode = |(chunk, bytes): (&Chunk, Vec<u8>)| block::decode(chunk, &self.layout, &bytes);
-        let blocks: Vec<Result<Block, Error>> = chunks.par_iter().zip(packed).map(decode).collect();
+        // Each block's bytes are freed once it is decoded.
+        let decode = |number: usize, bytes: Vec<u8>| block::decode(&chunks[number], &self.layout, &bytes);
+        let blocks = parallel::map_each(packed.into_iter(), &decode);
         let blocks: Result<Vec<Block>, Error> = blocks.into_iter().collect();
         blocks.map_err(|error| error.in_file(&self.file.name))
     }

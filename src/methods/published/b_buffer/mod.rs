@@ -43,11 +43,11 @@ use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, Backdrop, CoveragePlanes, Edge, Grid, Peel, Rows, SPLAT};
+use crate::parallel;
 use crate::scene::{EffectKind, OPAQUE_ALPHA, Scene, Workload, surface};
 use crate::settings::ParameterTable;
 use field::{Field, Side};
 use parameters::BBufferParameters;
-use rayon::prelude::*;
 
 /// The two B-buffers.
 #[derive(Debug)]
@@ -166,13 +166,17 @@ fn cull(peels: &mut [Peel], (width, height): (usize, usize), same_surface_px: f3
     let mut pixels = vec![Culling::EMPTY; width * height];
     let mut kept = vec![0.0; width * height];
     for Peel { covered, coc_px } in peels {
-        let contributions = covered.coverage.values().par_iter().zip(coc_px.values());
-        let pixels = pixels.par_iter_mut().zip(&mut kept);
-        pixels.zip(contributions).for_each(|((pixel, kept), (&alpha, &coc_px))| {
-            *kept = pixel.keep(alpha, coc_px, same_surface_px);
+        let rows = pixels.chunks_mut(width.max(1)).zip(kept.chunks_mut(width.max(1)));
+        parallel::for_each(rows, &|y, (pixels, kept)| {
+            let contributions = covered.coverage.row(y).iter().zip(coc_px.row(y));
+            for ((pixel, kept), (&alpha, &coc_px)) in pixels.iter_mut().zip(kept).zip(contributions) {
+                *kept = pixel.keep(alpha, coc_px, same_surface_px);
+            }
         });
         for plane in covered.content.iter_mut().chain([&mut covered.coverage]) {
-            plane.values_mut().par_iter_mut().zip(&kept).for_each(|(value, kept)| *value *= kept);
+            parallel::for_each_block(plane.values_mut(), &|block, values| {
+                values.iter_mut().zip(&kept[block]).for_each(|(value, kept)| *value *= kept);
+            });
         }
     }
 }
@@ -181,10 +185,14 @@ fn cull(peels: &mut [Peel], (width, height): (usize, usize), same_surface_px: f3
 fn normalise(planes: &mut [Plane]) {
     let Some((occupancy, content)) = planes.split_last_mut() else { return };
     for plane in content {
-        let values = plane.values_mut().par_iter_mut().zip(occupancy.values());
-        values.for_each(|(value, occupancy)| *value /= occupancy.max(1.0));
+        parallel::for_each_block(plane.values_mut(), &|block, values| {
+            let values = values.iter_mut().zip(&occupancy.values()[block]);
+            values.for_each(|(value, occupancy)| *value /= occupancy.max(1.0));
+        });
     }
-    occupancy.values_mut().par_iter_mut().for_each(|occupancy| *occupancy = occupancy.min(1.0));
+    parallel::for_each_block(occupancy.values_mut(), &|_, values| {
+        values.iter_mut().for_each(|occupancy| *occupancy = occupancy.min(1.0));
+    });
 }
 
 /// For each row of `peel`, the range of its signed CoC radii in pixels; an empty range where the row is empty.
@@ -195,7 +203,7 @@ fn ranges_px(peel: &Peel) -> Vec<[f32; 2]> {
         present
             .fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], (_, &coc)| [near.min(coc), far.max(coc)])
     };
-    (0..peel.coc_px.height()).into_par_iter().map(range).collect()
+    parallel::map(peel.coc_px.height(), &range)
 }
 
 /// The contributions of every pixel.
@@ -219,7 +227,7 @@ impl ABuffer {
         (1..=field.coarsest).rev().fold(None, |coarser, n| {
             // Behind focus, one more: the occupancy of the same surfaces in the next finer level.
             let channels = self.channels + usize::from(field.side == Side::Far);
-            let finest = grid.reduce_frame(channels, SPLAT, |y, rows| {
+            let finest = grid.reduce_frame(channels, SPLAT, &|y, rows| {
                 rows.iter_mut().for_each(|row| grid.frame_part_mut(row).fill(0.0));
                 self.add_row(field, n, y, grid, rows);
             });
@@ -229,7 +237,7 @@ impl ABuffer {
                 normalise(&mut own);
                 return Some(own);
             };
-            Some(grid.expand(n, &coarser, |y, rows| {
+            Some(grid.expand(n, &coarser, &|y, rows| {
                 let own: Vec<&[f32]> = own.iter().map(|plane| plane.row(y)).collect();
                 let (own, in_finer) = own.split_at(self.channels);
                 field.combine(own, in_finer.first().copied(), rows);
@@ -275,26 +283,23 @@ impl ABuffer {
         let mut result = CoveragePlanes::unknown(width, height, self.channels - 1);
         let rows = || vec![vec![0.0; grid.sizes[0].0]; self.channels];
         let [near, far] = fields;
-        result.for_rows(
-            || (rows(), rows(), Vec::new()),
-            |(own, row, blend), y, result| {
-                let mut composite_field =
-                    |field: &Field, pyramid: &Option<Vec<Plane>>, result: &mut [&mut [f32]]| {
-                        match pyramid {
-                            Some(pyramid) => grid.expand_row(pyramid, y + grid.origin.1, blend, row),
-                            None => row.iter_mut().for_each(|row| row.fill(0.0)),
-                        }
-                        own.iter_mut().for_each(|row| row.fill(0.0));
-                        self.add_row(field, 0, y, grid, own);
-                        let own: Vec<&[f32]> = own.iter().map(Vec::as_slice).collect();
-                        field.combine(&own, None, row);
-                        grid.lay_row_over(row, result);
-                    };
-                composite_field(far, &pyramids[1], result);
-                self.composite_in_focus(y, near.in_focus_px, result);
-                composite_field(near, &pyramids[0], result);
-            },
-        );
+        result.for_rows(&|| (rows(), rows(), Vec::new()), &|(own, row, blend), y, result| {
+            let mut composite_field =
+                |field: &Field, pyramid: &Option<Vec<Plane>>, result: &mut [&mut [f32]]| {
+                    match pyramid {
+                        Some(pyramid) => grid.expand_row(pyramid, y + grid.origin.1, blend, row),
+                        None => row.iter_mut().for_each(|row| row.fill(0.0)),
+                    }
+                    own.iter_mut().for_each(|row| row.fill(0.0));
+                    self.add_row(field, 0, y, grid, own);
+                    let own: Vec<&[f32]> = own.iter().map(Vec::as_slice).collect();
+                    field.combine(&own, None, row);
+                    grid.lay_row_over(row, result);
+                };
+            composite_field(far, &pyramids[1], result);
+            self.composite_in_focus(y, near.in_focus_px, result);
+            composite_field(near, &pyramids[0], result);
+        });
         result
     }
 

@@ -43,13 +43,13 @@ use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared;
 use crate::methods::shared::{Backdrop, LAST_LEVEL, before, planes_from_rows};
+use crate::parallel;
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use glam::Vec2;
 use parameters::GatherParameters;
 use pulp::Arch;
 use quadrature::quadrature;
-use rayon::prelude::*;
 use reach::Reach;
 use source::Source;
 use sums::{Sample, SumSpan, Sums};
@@ -84,10 +84,10 @@ impl Method for Gather {
         let backdrop = Backdrop::new(&scene, plan);
         let surfaces = shared::visible_surfaces(scene, plan);
         let reach = Reach::new(&surfaces);
-        let samples: Vec<Option<Vec<Sample>>> = (0..=LAST_LEVEL)
-            .into_par_iter()
-            .map(|level| reach.has(level).then(|| samples(reach.radius_px(level), plan)))
-            .collect();
+        let samples: Vec<Option<Vec<Sample>>> = parallel::map(usize::from(LAST_LEVEL) + 1, &|level| {
+            let level = level as u8;
+            reach.has(level).then(|| samples(reach.radius_px(level), plan))
+        });
         let max_box = samples.iter().flatten().flatten().map(|sample| sample.box_index).max().unwrap_or(0);
         let source = Source::new(surfaces, plan.optics.aperture, max_box);
         let filter = Filter { reach, samples, source };
@@ -112,29 +112,24 @@ impl Filter {
     fn planes<const N: usize>(&self, progress: &Progress<'_>) -> [Plane; N] {
         let (source, arch) = (&self.source, Arch::new());
         let size = (source.coc_px.width(), source.coc_px.height());
-        planes_from_rows(
-            size,
-            progress,
-            || Sums::new(size.0, source),
-            |sums, y, planes: &mut [_; N]| {
-                for (columns, level) in self.reach.spans(y) {
-                    let samples = self.samples[usize::from(level)].as_deref().unwrap_or_default();
-                    if samples.len() > 1 {
-                        arch.dispatch(SumSpan { source, samples, y, columns: columns.clone(), sums });
-                    } else {
-                        sums.copy(source, y, columns.clone());
-                    }
-                    let mut spans = planes.each_mut().map(|plane| &mut plane[columns.clone()]);
-                    match spans.split_last_mut() {
-                        Some((coverage, content)) if source.has_presence => {
-                            sums.means(sums.channels - 1, content);
-                            sums.coverage(&source.presence(y)[columns.clone()], coverage);
-                        }
-                        _ => sums.means(sums.channels, &mut spans),
-                    }
+        planes_from_rows(size, progress, &|| Sums::new(size.0, source), &|sums, y, planes: &mut [_; N]| {
+            for (columns, level) in self.reach.spans(y) {
+                let samples = self.samples[usize::from(level)].as_deref().unwrap_or_default();
+                if samples.len() > 1 {
+                    arch.dispatch(SumSpan { source, samples, y, columns: columns.clone(), sums });
+                } else {
+                    sums.copy(source, y, columns.clone());
                 }
-            },
-        )
+                let mut spans = planes.each_mut().map(|plane| &mut plane[columns.clone()]);
+                match spans.split_last_mut() {
+                    Some((coverage, content)) if source.has_presence => {
+                        sums.means(sums.channels - 1, content);
+                        sums.coverage(&source.presence(y)[columns.clone()], coverage);
+                    }
+                    _ => sums.means(sums.channels, &mut spans),
+                }
+            }
+        })
     }
 }
 

@@ -4,7 +4,7 @@
 //! similar blur, so that nothing leaks across an edge in depth. Where all pixels have similar blur, it is a plain box.
 
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Widths of the boxes in pixels. Each is computed from three by three boxes of the width before it.
 const WIDTHS_PX: [usize; 4] = [1, 3, 9, 27];
@@ -35,7 +35,7 @@ fn similar(a: f32, b: f32) -> bool {
 fn mean_of_nine(plane: &Plane, coc_px: &Plane, step: usize) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let mut means = Plane::zeros(width, height);
-    means.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(means.values_mut(), width, &|y, row| {
         let own = coc_px.row(y);
         let mut total_weights = vec![0.0f32; width];
         let rows = [y.checked_sub(step), Some(y), Some(y + step).filter(|&y| y < height)];

@@ -5,7 +5,7 @@
 //! surface, those behind focus do too. Radii are rounded up to the levels of `dilation`.
 
 use crate::methods::shared::{LAST_LEVEL, VisibleSurfaces, dilate, level, radius_px};
-use rayon::prelude::*;
+use crate::parallel;
 use std::ops::Range;
 
 /// Adjacent pixels of a row that share the largest level among them, so that they are filtered together.
@@ -27,9 +27,17 @@ impl Reach {
         let (width, height) = (coc_px.width(), coc_px.height());
         let diagonal_px = (width as f32).hypot(height as f32);
         let presence = |i: usize| presence.map_or(1.0, |presence| presence.values()[i]);
-        let own: Vec<u8> = coc_px.values().par_iter().map(|coc| level(coc.abs().min(diagonal_px))).collect();
-        let mut levels: Vec<u8> =
-            own.par_iter().enumerate().map(|(i, &own)| if presence(i) < 1.0 { 0 } else { own }).collect();
+        let mut own = vec![0; width * height];
+        parallel::for_each_block(&mut own, &|block, own| {
+            let own = own.iter_mut().zip(&coc_px.values()[block]);
+            own.for_each(|(own, coc)| *own = level(coc.abs().min(diagonal_px)));
+        });
+        let mut levels = own.clone();
+        parallel::for_each_block(&mut levels, &|block, levels| {
+            for (level, i) in levels.iter_mut().zip(block) {
+                *level = if presence(i) < 1.0 { 0 } else { *level };
+            }
+        });
         // The edge of a disc is a pixel wide.
         let reach_px = |level| radius_px(level) + 0.5;
         let surface = |i: usize, near: bool| {
@@ -39,9 +47,11 @@ impl Reach {
         if surfaces.presence.is_some() {
             dilate((&mut levels, width.max(1)), |i| surface(i, false), reach_px, |i| presence(i) < 1.0);
         }
-        levels.par_chunks_mut(width.max(1)).flat_map(|row| row.par_chunks_mut(CHUNK)).for_each(|chunk| {
-            let max_level = chunk.iter().copied().max().unwrap_or(0);
-            chunk.fill(max_level);
+        parallel::for_each_row(&mut levels, width, &|_, row| {
+            for chunk in row.chunks_mut(CHUNK) {
+                let max_level = chunk.iter().copied().max().unwrap_or(0);
+                chunk.fill(max_level);
+            }
         });
         let mut present = [false; LAST_LEVEL as usize + 1];
         levels.iter().for_each(|&level| present[usize::from(level)] = true);

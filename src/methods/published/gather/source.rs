@@ -4,7 +4,7 @@ use super::prefilter;
 use crate::image::Plane;
 use crate::lens::Aperture;
 use crate::methods::shared::{DiscAreas, VisibleSurfaces};
-use rayon::prelude::*;
+use crate::parallel;
 
 /// A signed CoC radius in pixels that lies behind all surfaces.
 const BEHIND_ALL_PX: f32 = 1e6;
@@ -33,13 +33,17 @@ impl Source {
         let areas = DiscAreas::new(aperture);
         let intensity = |coc_px: &Plane| {
             let mut intensity = coc_px.clone();
-            intensity.values_mut().par_iter_mut().for_each(|value| *value = 1.0 / areas.area(*value));
+            parallel::for_each_block(intensity.values_mut(), &|_, values| {
+                values.iter_mut().for_each(|value| *value = 1.0 / areas.area(*value));
+            });
             intensity
         };
         let gathering = presence.as_ref().map(|presence| {
             let mut behind = coc_px.clone();
-            let pixels = behind.values_mut().par_iter_mut().zip(presence.values());
-            pixels.for_each(|(coc_px, &presence)| *coc_px = behind_px(*coc_px, presence));
+            parallel::for_each_block(behind.values_mut(), &|block, coc_px| {
+                let pixels = coc_px.iter_mut().zip(&presence.values()[block]);
+                pixels.for_each(|(coc_px, &presence)| *coc_px = behind_px(*coc_px, presence));
+            });
             [intensity(&behind), behind]
         });
         let has_presence = presence.is_some();

@@ -6,9 +6,9 @@
 
 use super::layers::{Hit, Spacing};
 use crate::methods::shared::Fragments;
+use crate::parallel;
 use crate::scene::OPAQUE_ALPHA;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Mean distance λ between 32 lens samples on a disc, in units of its radius (section 4.4).
@@ -176,7 +176,7 @@ impl<const N: usize> Level<N> {
             }
             (texels, lengths)
         };
-        let rows: Vec<_> = (0..half.1).into_par_iter().map(row).collect();
+        let rows = parallel::map(half.1, &row);
         let mut starts = vec![0];
         let mut texels = Vec::with_capacity(rows.iter().map(|(texels, _)| texels.len()).sum());
         for (row, lengths) in rows {

@@ -143,12 +143,12 @@ fn composite(visible: &Visible, images: &SubImages, i: i32, result: &mut Coverag
     let grid = Grid::new(frame, i.unsigned_abs() as usize, Edge::Clear);
     let channels = visible.content.len();
     let matte = |y: usize, rows: &mut Rows| matte_row(visible, images, i, y, &grid, rows);
-    let blurred = (i != 0).then(|| blur_and_glow(&grid, channels + 1, matte));
+    let blurred = (i != 0).then(|| blur_and_glow(&grid, channels + 1, &matte));
     let scratch = || {
         let rows = |count: usize| vec![vec![0.0; grid.sizes[0].0]; count];
         (rows(channels + 1), rows(channels + 2), Vec::new())
     };
-    result.for_rows(scratch, |(matted, expanded, blend), y, result| {
+    result.for_rows(&scratch, &|(matted, expanded, blend), y, result| {
         matte_row(visible, images, i, y, &grid, matted);
         let Some(blurred) = &blurred else {
             grid.lay_row_over(matted, result);
@@ -176,7 +176,7 @@ fn matte_row(visible: &Visible, images: &SubImages, i: i32, y: usize, grid: &Gri
 }
 
 /// Level 1 of the blurred content, the blurred alpha and the glow of alpha of the picture whose rows `matte` writes.
-fn blur_and_glow(grid: &Grid, channels: usize, matte: impl Fn(usize, &mut Rows) + Sync) -> Vec<Plane> {
+fn blur_and_glow(grid: &Grid, channels: usize, matte: &(dyn Fn(usize, &mut Rows) + Sync)) -> Vec<Plane> {
     let mut analysed = vec![grid.reduce_frame(channels, BOX, matte)];
     for level in 1..grid.sizes.len() - 1 {
         analysed.push(grid.reduce_level(level, &analysed[level - 1], BOX));
@@ -185,7 +185,7 @@ fn blur_and_glow(grid: &Grid, channels: usize, matte: impl Fn(usize, &mut Rows) 
     let glow = coarsest.last().cloned();
     let coarsest: Vec<Plane> = coarsest.into_iter().chain(glow).collect();
     analysed.iter().enumerate().rev().fold(coarsest, |coarse, (finer, analysed)| {
-        grid.expand(finer + 1, &coarse, |y, rows| {
+        grid.expand(finer + 1, &coarse, &|y, rows| {
             add_glow(&mut rows[channels], analysed[channels - 1].row(y));
         })
     })
@@ -220,8 +220,8 @@ mod tests {
         let grid = Grid::new((alpha.width(), alpha.height()), levels, Edge::Clear);
         let matte =
             |y: usize, rows: &mut Rows| grid.frame_part_mut(&mut rows[0]).copy_from_slice(alpha.row(y));
-        let level = blur_and_glow(&grid, 1, matte);
-        let planes = grid.expand(0, &level, |_, _| ());
+        let level = blur_and_glow(&grid, 1, &matte);
+        let planes = grid.expand(0, &level, &|_, _| ());
         let part = |k: usize| {
             Plane::from_fn(alpha.width(), alpha.height(), |x, y| {
                 planes[k].get(x + grid.origin.0, y + grid.origin.1)

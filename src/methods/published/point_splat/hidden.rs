@@ -90,17 +90,12 @@ impl<const N: usize> Fragment<N> {
 
 /// Signed CoC radius of the visible surface in every pixel.
 pub(super) fn visible_coc_px(peels: &[Peel], size: (usize, usize)) -> Plane {
-    let [coc_px] = planes_from_rows(
-        size,
-        &|_| {},
-        || (),
-        |(), y, [row]: &mut [_; 1]| {
-            for (x, coc_px) in row.iter_mut().enumerate() {
-                *coc_px = composite::<0>(peels, (x, y), f32::NEG_INFINITY)
-                    .map_or(0.0, |composite| composite.coc_px);
-            }
-        },
-    );
+    let [coc_px] = planes_from_rows(size, &|_| {}, &|| (), &|(), y, [row]: &mut [_; 1]| {
+        for (x, coc_px) in row.iter_mut().enumerate() {
+            *coc_px =
+                composite::<0>(peels, (x, y), f32::NEG_INFINITY).map_or(0.0, |composite| composite.coc_px);
+        }
+    });
     coc_px
 }
 

@@ -55,12 +55,12 @@ use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{Backdrop, Peel, before, peels, picture};
+use crate::parallel;
 use crate::scene::{Background, EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use hidden::{Edge, Fragment, OcclusionTests, composite, visible_coc_px};
 use layers::{Light, Limits};
 use parameters::PointSplatParameters;
-use rayon::prelude::*;
 use reduce::{ReducedShares, reduce_points};
 use splat::{Grid, Point, splat};
 use sprites::{Centre, Sprite, Sprites};
@@ -160,8 +160,8 @@ impl<const N: usize> SplatInputs<N> {
         let peels = peels(scene);
         let sprites = Sprites::new(plan.optics.aperture, &parameters.intensity);
         let visible_px = visible_coc_px(&peels, (width, height));
-        let edge = |at: usize| tests.edge(&visible_px, at % width, at / width);
-        let edges: Vec<Edge> = (0..width * height).into_par_iter().map(edge).collect();
+        let edges_of_row = |y: usize| (0..width).map(|x| tests.edge(&visible_px, x, y)).collect();
+        let edges: Vec<Edge> = parallel::flat_map(height, &edges_of_row);
         let images = Images { peels, background, visible_px, edges, tests, parameters };
         let mut grids = Vec::new();
         let mut shares = ReducedShares::none();
@@ -223,7 +223,7 @@ impl Images<'_> {
             };
             (0..self.visible_px.width()).flat_map(points).collect()
         };
-        let rows = (0..self.visible_px.height()).into_par_iter().map(row).collect();
+        let rows = parallel::map(self.visible_px.height(), &row);
         Grid { centre: Centre::Pixel, rows }
     }
 }

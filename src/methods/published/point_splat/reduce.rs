@@ -9,7 +9,7 @@ use super::layers::Light;
 use super::splat::{Grid, Point};
 use super::sprites::{Centre, Sprite};
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 use std::f32::consts::PI;
 
 /// Minimum CoC radius of reduced points: a diameter of 4 pixels (section 5).
@@ -72,7 +72,7 @@ pub(super) fn reduce_points<const N: usize>(
         }
         (shares, points)
     };
-    let (shares, rows) = (0..height).into_par_iter().map(row).unzip();
+    let (shares, rows) = parallel::map(height, &row).into_iter().unzip();
     (ReducedShares { rows: shares }, Grid { centre: Centre::Corner, rows })
 }
 

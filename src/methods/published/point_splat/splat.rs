@@ -7,8 +7,8 @@
 use super::layers::{LANES, Layers, Light, Limits, Sum, add, blend};
 use super::sprites::{Border, Centre, Place, Sprite, Sprites};
 use crate::image::Plane;
+use crate::parallel;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Rows of a band: they share the sprite rows that they need.
@@ -51,8 +51,8 @@ impl<const N: usize> Grid<N> {
     /// Maximum reach of each row's points, in rows.
     fn reaches(&self) -> Vec<i32> {
         let reach =
-            |row: &Vec<Point<N>>| row.iter().map(|point| point.reach(self.centre)).max().unwrap_or(-1);
-        self.rows.par_iter().map(reach).collect()
+            |row: usize| self.rows[row].iter().map(|point| point.reach(self.centre)).max().unwrap_or(-1);
+        parallel::map(self.rows.len(), &reach)
     }
 }
 
@@ -73,9 +73,10 @@ pub(super) fn splat<const N: usize>(
         .collect();
     let done = AtomicUsize::new(0);
     let count = bands.len();
-    bands.into_par_iter().enumerate().for_each_init(
-        || Scratch::new((width, height)),
-        |scratch, (band, mut rows_of_planes)| {
+    parallel::for_each_with(
+        bands.into_iter(),
+        &|| Scratch::new((width, height)),
+        &|scratch, band, mut rows_of_planes| {
             let rows = band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
             scratch.clear(rows.len());
             for (grid, reaches) in grids.iter().zip(&reaches) {

@@ -5,8 +5,8 @@
 //! with the square of the largest CoC.
 
 use crate::lens::Aperture;
+use crate::parallel;
 use glam::Vec2;
-use rayon::prelude::*;
 
 /// Logarithmic step between the radii of neighbouring sprites.
 const RADIUS_STEP: f32 = 1.0 / 64.0;
@@ -134,8 +134,8 @@ impl Sprites {
         let intensity =
             intensity.iter().map(|value| value.max(MIN_INTENSITY * max_intensity) / max_intensity).collect();
         let mut sprites = Self { aperture, intensity, areas: Vec::new() };
-        let steps = Sprite::from_coc_px(LIMIT_RADIUS_PX).0 / 2;
-        sprites.areas = (0..=steps).into_par_iter().map(|step| sprites.area(Sprite(2 * step))).collect();
+        let steps = usize::from(Sprite::from_coc_px(LIMIT_RADIUS_PX).0 / 2) + 1;
+        sprites.areas = parallel::map(steps, &|step| sprites.area(Sprite(2 * step as u16)));
         sprites
     }
 

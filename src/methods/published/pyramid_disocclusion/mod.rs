@@ -31,10 +31,10 @@ use crate::methods::contract::{Method, MethodInfo, Plan, Progress, Role};
 use crate::methods::cost::Cost;
 use crate::methods::laws::{Deviation, Law};
 use crate::methods::shared::{self, BOX, CoveragePlanes, Edge, Grid, Rows, SubImages, Visible};
+use crate::parallel;
 use crate::scene::{EffectKind, Scene, Workload};
 use crate::settings::ParameterTable;
 use parameters::PyramidDisocclusionParameters;
-use rayon::prelude::*;
 
 /// Sub-images with disocclusion.
 #[derive(Debug)]
@@ -148,7 +148,7 @@ fn disocclude(visible: &Visible, images: &SubImages, i: i32, grid: &Grid) -> Opt
     let mut pulled: Vec<Vec<Plane>> = Vec::new();
     for level in 0..grid.sizes.len() - 1 {
         let mut coarse = match pulled.last() {
-            None => grid.reduce_frame(channels, BOX, keep),
+            None => grid.reduce_frame(channels, BOX, &keep),
             Some(finer) => grid.reduce_level(level, finer, BOX),
         };
         raise_known(&mut coarse);
@@ -156,12 +156,12 @@ fn disocclude(visible: &Visible, images: &SubImages, i: i32, grid: &Grid) -> Opt
     }
     let mut filled = filled_with_mean(pulled.pop()?)?;
     for (finer, known) in pulled.iter().enumerate().rev() {
-        filled = grid.expand(finer + 1, &filled, |y, rows| {
+        filled = grid.expand(finer + 1, &filled, &|y, rows| {
             let known: Vec<&[f32]> = known.iter().map(|plane| plane.row(y)).collect();
             complete_row(&known, rows);
         });
     }
-    Some(grid.expand(0, &filled, |y, rows| {
+    Some(grid.expand(0, &filled, &|y, rows| {
         let mut known = vec![vec![0.0; grid.sizes[0].0]; channels];
         if let Some(y) = grid.frame_row(y) {
             keep(y, &mut known);
@@ -193,10 +193,13 @@ fn raise_known(planes: &mut [Plane]) {
     let Some((known, values)) = planes.split_last_mut() else { return };
     let raise = |known: f32| 1.0 / known.max(BEST_QUARTER);
     for plane in values {
-        let values = plane.values_mut().par_iter_mut().zip(known.values());
-        values.for_each(|(value, &known)| *value *= raise(known));
+        parallel::for_each_block(plane.values_mut(), &|block, values| {
+            values.iter_mut().zip(&known.values()[block]).for_each(|(value, &known)| *value *= raise(known));
+        });
     }
-    known.values_mut().par_iter_mut().for_each(|known| *known *= raise(*known));
+    parallel::for_each_block(known.values_mut(), &|_, values| {
+        values.iter_mut().for_each(|known| *known *= raise(*known));
+    });
 }
 
 /// The coarsest level, whose unknown share is filled with the mean of everything known; `None` where nothing is known.
@@ -238,12 +241,12 @@ fn composite(disoccluded: &[Plane], images: &SubImages, i: i32, grid: &Grid, res
     };
     let levels = i.unsigned_abs() as usize;
     let blurred = (levels > 0).then(|| {
-        let finest = grid.reduce(0, channels, BOX, matte);
+        let finest = grid.reduce(0, channels, BOX, &matte);
         let coarsest = (1..levels).fold(finest, |finer, level| grid.reduce_level(level, &finer, BOX));
-        (1..levels).rev().fold(coarsest, |coarser, level| grid.expand(level, &coarser, |_, _| ()))
+        (1..levels).rev().fold(coarsest, |coarser, level| grid.expand(level, &coarser, &|_, _| ()))
     });
     let scratch = || (vec![vec![0.0; grid.sizes[0].0]; channels], Vec::new());
-    result.for_rows(scratch, |(rows, blend), y, result| {
+    result.for_rows(&scratch, &|(rows, blend), y, result| {
         let y = y + grid.origin.1;
         match &blurred {
             Some(blurred) => grid.expand_row(blurred, y, blend, rows),

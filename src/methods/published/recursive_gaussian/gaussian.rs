@@ -11,8 +11,8 @@
 //! adding and subtracting samples stays below f32 precision.
 
 use crate::image::Plane;
+use crate::parallel;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Passes of the box per axis. Even, so that the result of the last pass is in the buffer that the first one read.
@@ -34,11 +34,12 @@ pub(super) fn blur(plane: &mut Plane, sigma_px: f32) {
         return;
     }
     let arch = Arch::new();
-    plane.values_mut().par_chunks_mut(LANES * width).for_each_init(Scratch::default, |scratch, rows| {
+    let blocks = plane.values_mut().chunks_mut(LANES * width);
+    parallel::for_each_with(blocks, &Scratch::default, &|scratch, _, rows| {
         let mut rows: Vec<&mut [f32]> = rows.chunks_mut(width).collect();
         arch.dispatch(BlurRows { rows: &mut rows, filter, scratch });
     });
-    strips(plane).into_par_iter().for_each_init(Scratch::default, |scratch, mut pieces| {
+    parallel::for_each_with(strips(plane).into_iter(), &Scratch::default, &|scratch, _, mut pieces| {
         arch.dispatch(BlurColumns { pieces: &mut pieces, filter, scratch });
     });
 }

@@ -13,9 +13,10 @@
 use super::layers::{Layers, depth};
 use crate::image::Plane;
 use crate::methods::shared::{CoveragePlanes, Peel};
+use crate::parallel;
 use crate::scene::OPAQUE_ALPHA;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A peel with depths in place of CoC radii.
 #[derive(Debug)]
@@ -32,10 +33,9 @@ impl DepthPeel {
     pub(super) fn new(peel: Peel, coc_infinity_px: f32) -> Self {
         let Peel { covered: planes, coc_px: mut depths } = peel;
         let width = depths.width().max(1);
-        let rows = depths.values_mut().par_chunks_mut(width).zip(planes.coverage.values().par_chunks(width));
-        let row_ranges = rows.map(|(depths, coverage)| {
+        let row_ranges = parallel::map_each(depths.values_mut().chunks_mut(width), &|y, depths| {
             let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-            for (value, &coverage) in depths.iter_mut().zip(coverage) {
+            for (value, &coverage) in depths.iter_mut().zip(planes.coverage.row(y)) {
                 *value = depth(*value, coc_infinity_px);
                 if coverage > 0.0 {
                     range = [range[0].min(*value), range[1].max(*value)];
@@ -43,7 +43,6 @@ impl DepthPeel {
             }
             range
         });
-        let row_ranges = row_ranges.collect();
         Self { planes, depth: depths, row_ranges }
     }
 }
@@ -136,20 +135,18 @@ pub(super) fn composite_layer(
 ) -> bool {
     let channels = planes.content.len();
     let arch = Arch::new();
-    let row = |scratch: &mut LayerRow, (y, target): (usize, &mut TargetRow<'_>)| {
+    let has_content = AtomicBool::new(false);
+    let row = |scratch: &mut LayerRow, y: usize, mut target: TargetRow<'_>| {
         if !peels.iter().any(|peel| matte.overlaps(peel.row_ranges[y])) {
-            return false;
+            return;
         }
-        let has_content = arch.dispatch(MatteRow { peels, y, matte, scratch: &mut *scratch });
-        if has_content {
-            arch.dispatch(ComposeRow { target, layer: scratch, order });
+        if arch.dispatch(MatteRow { peels, y, matte, scratch: &mut *scratch }) {
+            arch.dispatch(ComposeRow { target: &mut target, layer: scratch, order });
+            has_content.store(true, Ordering::Relaxed);
         }
-        has_content
     };
-    let mut target_rows = target_rows(planes);
-    let rows = target_rows.par_iter_mut().enumerate();
-    let has_content = rows.map_init(|| LayerRow::new(channels), row);
-    has_content.reduce(|| false, |one, other| one | other)
+    parallel::for_each_with(target_rows(planes).into_iter(), &|| LayerRow::new(channels), &row);
+    has_content.into_inner()
 }
 
 /// A row of coverage planes, to be written.

@@ -3,7 +3,7 @@
 use super::sprite::Sprite;
 use crate::image::Plane;
 use crate::lens::Aperture;
-use rayon::prelude::*;
+use crate::parallel;
 use std::collections::BTreeMap;
 
 /// Up to this radius in pixels bins have equal width; past it their width is proportional to the radius.
@@ -50,15 +50,15 @@ impl Bin {
 /// Sorts the pixels of a picture by CoC radius, nearest first.
 pub(super) fn sort(coc_px: &Plane, aperture: Aperture) -> Vec<Bin> {
     let (width, height) = (coc_px.width(), coc_px.height());
-    let rows: Vec<Vec<(i32, Span)>> = (0..height).into_par_iter().map(|y| spans(coc_px.row(y), y)).collect();
+    let rows: Vec<Vec<(i32, Span)>> = parallel::map(height, &|y| spans(coc_px.row(y), y));
     let mut bins: BTreeMap<i32, Vec<Span>> = BTreeMap::new();
     for (number, span) in rows.into_iter().flatten() {
         bins.entry(number).or_default().push(span);
     }
-    let bins: Vec<(i32, Vec<Span>)> = bins.into_iter().collect();
-    let with_sprite =
-        |(number, spans)| Bin { sprite: Sprite::new(aperture, radius_px(number), (width, height)), spans };
-    bins.into_par_iter().map(with_sprite).collect()
+    let (numbers, spans): (Vec<i32>, Vec<Vec<Span>>) = bins.into_iter().unzip();
+    let sprite = |bin: usize| Sprite::new(aperture, radius_px(numbers[bin]), (width, height));
+    let sprites = parallel::map(numbers.len(), &sprite);
+    sprites.into_iter().zip(spans).map(|(sprite, spans)| Bin { sprite, spans }).collect()
 }
 
 /// The spans of row `y`, each with the number of its bin.

@@ -118,7 +118,7 @@ impl<'a> Scattered<'a> {
         let new_row = || Row::new(self.size.0, self.content.len());
         // The coverage of a complete surface.
         let complete = self.saturation.min(1.0) as f32;
-        planes_from_rows(self.size, progress, new_row, |row, y, planes: &mut [_; N]| {
+        planes_from_rows(self.size, progress, &new_row, &|row, y, planes: &mut [_; N]| {
             row.clear();
             arch.dispatch(DrawRow { row, scattered: self, y });
             let Some((coverages, content)) = planes.split_last_mut() else { return };

@@ -21,8 +21,8 @@ pub(in crate::methods) use gpu::{FIRST_LEVEL_WGSL, Levels, PYRAMID_WGSL, Step, c
 
 use super::content::row_blocks;
 use crate::image::Plane;
+use crate::parallel;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 #[cfg(feature = "gpu")]
 use std::ops::Range;
 
@@ -146,9 +146,9 @@ impl Grid {
         &self,
         channels: usize,
         taps: Taps,
-        row: impl Fn(usize, &mut Rows) + Sync,
+        row: &(dyn Fn(usize, &mut Rows) + Sync),
     ) -> Vec<Plane> {
-        self.reduce(0, channels, taps, |y, rows| match self.frame_row(y) {
+        self.reduce(0, channels, taps, &|y, rows| match self.frame_row(y) {
             Some(y) => {
                 row(y, rows);
                 rows.iter_mut().for_each(|row| self.complete(row));
@@ -159,7 +159,7 @@ impl Grid {
 
     /// The level above `level` from that level's planes.
     pub(in crate::methods) fn reduce_level(&self, level: usize, planes: &[Plane], taps: Taps) -> Vec<Plane> {
-        self.reduce(level, planes.len(), taps, |y, rows| {
+        self.reduce(level, planes.len(), taps, &|y, rows| {
             rows.iter_mut().zip(planes).for_each(|(row, plane)| row.copy_from_slice(plane.row(y)));
         })
     }
@@ -170,13 +170,13 @@ impl Grid {
         level: usize,
         channels: usize,
         taps: Taps,
-        row: impl Fn(usize, &mut Rows) + Sync,
+        row: &(dyn Fn(usize, &mut Rows) + Sync),
     ) -> Vec<Plane> {
         let ((fine_width, fine_height), (width, height)) = (self.sizes[level], self.sizes[level + 1]);
         let mut planes = vec![Plane::zeros(width, height); channels];
         let arch = Arch::new();
         let new_rows = || vec![vec![0.0; fine_width]; channels];
-        row_blocks(&mut planes, BLOCK).into_par_iter().enumerate().for_each(|(block, mut coarse)| {
+        parallel::for_each(row_blocks(&mut planes, BLOCK).into_iter(), &|block, mut coarse| {
             // Fine row y is at index y % 4: the four rows of a coarse row have different indices.
             let mut ring: [Rows; 4] = std::array::from_fn(|_| new_rows());
             let mut column_sums = vec![0.0; fine_width];
@@ -210,13 +210,14 @@ impl Grid {
         &self,
         level: usize,
         coarse: &[Plane],
-        finish: impl Fn(usize, &mut Rows) + Sync,
+        finish: &(dyn Fn(usize, &mut Rows) + Sync),
     ) -> Vec<Plane> {
         let (width, height) = self.sizes[level];
         let mut planes = vec![Plane::zeros(width, height); coarse.len()];
-        row_blocks(&mut planes, 1).into_par_iter().enumerate().for_each_init(
-            || (vec![vec![0.0; width]; coarse.len()], Vec::new()),
-            |(rows, blend), (y, mut fine)| {
+        parallel::for_each_with(
+            row_blocks(&mut planes, 1).into_iter(),
+            &|| (vec![vec![0.0; width]; coarse.len()], Vec::new()),
+            &|(rows, blend), y, mut fine| {
                 self.expand_row(coarse, y, blend, rows);
                 finish(y, rows);
                 fine.iter_mut().zip(rows).for_each(|(fine, row)| fine.copy_from_slice(row));
@@ -333,11 +334,12 @@ mod tests {
     fn blurred(plane: &Plane, levels: usize, taps: Taps, edge: Edge) -> Plane {
         let frame = (plane.width(), plane.height());
         let grid = Grid::new(frame, levels, edge);
-        let first = grid.reduce_frame(1, taps, |y, rows| {
+        let first = grid.reduce_frame(1, taps, &|y, rows| {
             grid.frame_part_mut(&mut rows[0]).copy_from_slice(plane.row(y));
         });
         let coarsest = (1..levels).fold(first, |finer, level| grid.reduce_level(level, &finer, taps));
-        let finest = (0..levels).rev().fold(coarsest, |coarse, level| grid.expand(level, &coarse, |_, _| ()));
+        let finest =
+            (0..levels).rev().fold(coarsest, |coarse, level| grid.expand(level, &coarse, &|_, _| ()));
         Plane::from_fn(frame.0, frame.1, |x, y| finest[0].get(x + grid.origin.0, y + grid.origin.1))
     }
 
@@ -393,7 +395,7 @@ mod tests {
     #[test]
     fn a_coarse_sample_of_the_box_is_the_mean_of_sixteen_fine_ones() {
         let grid = Grid::new((8, 8), 1, Edge::Repeat);
-        let level = grid.reduce_frame(1, BOX, |y, rows| {
+        let level = grid.reduce_frame(1, BOX, &|y, rows| {
             rows[0].iter_mut().enumerate().for_each(|(x, value)| *value = (x + 10 * y) as f32);
         });
         // Columns 1 … 4 and rows 3 … 6: the mean of x is 2.5, of y 4.5.
@@ -404,7 +406,7 @@ mod tests {
     fn the_synthesis_weighs_the_nearest_three_to_one() {
         let grid = Grid::new((4, 4), 1, Edge::Repeat);
         let coarse = [Plane::from_fn(2, 2, |x, y| if (x, y) == (0, 0) { 16.0 } else { 0.0 })];
-        let fine = grid.expand(0, &coarse, |_, _| ());
+        let fine = grid.expand(0, &coarse, &|_, _| ());
         let row = |y| fine[0].row(y).to_vec();
         assert_eq!(row(0), [16.0, 12.0, 4.0, 0.0], "the border is repeated, then 3/4 and 1/4");
         assert_eq!(row(1), [12.0, 9.0, 3.0, 0.0], "3/4 of that");

@@ -85,7 +85,7 @@ impl<'a> BandBuffers<'a> {
         band.index()?;
         band.fill_colors(source)?;
         if frame.has_pixels() {
-            gpu.fill(&band.pixels, 0, |y, texels| frame.pixel_row(source.start + y, texels))?;
+            gpu.fill(&band.pixels, 0, &|y, texels| frame.pixel_row(source.start + y, texels))?;
         }
         Ok(band)
     }
@@ -95,7 +95,7 @@ impl<'a> BandBuffers<'a> {
         let Frame { gpu, keys, layers, picture, .. } = self.frame;
         let width = picture.size.0;
         for first in (0..layers.len()).step_by(LAYERS_PER_TEXEL) {
-            gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, |y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
+            gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, &|y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
                 let mut row = KeyRow::new();
                 texels.fill([NO_KEY; LAYERS_PER_TEXEL]);
                 for layer in first..layers.len().min(first + LAYERS_PER_TEXEL) {
@@ -122,7 +122,7 @@ impl<'a> BandBuffers<'a> {
                 smooth_surface(filtered.each_mut().map(Vec::as_mut_slice), &surface, *radius_per_coc);
                 color = filtered.each_ref().map(Vec::as_slice);
             }
-            gpu.fill(&self.colors, i, |y, texels: &mut [[f32; 4]]| {
+            gpu.fill(&self.colors, i, &|y, texels: &mut [[f32; 4]]| {
                 let row = y * width..(y + 1) * width;
                 let [red, green, blue] = color.map(|plane| &plane[row.clone()]);
                 let alpha = &alpha[row];

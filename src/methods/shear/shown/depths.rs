@@ -2,10 +2,10 @@
 
 use super::grid::{BLOCK, Grid, Place};
 use crate::methods::shear::bins::Bins;
+use crate::parallel;
 use crate::scene::Layer;
 use crate::scene::surface::{JOIN_PX, MAX_JOIN_PX};
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
 /// The CoC radii of a layer's fragments, by blocks.
 pub(super) struct Depths {
@@ -36,9 +36,9 @@ impl Depths {
                     largest.iter().copied().fold(f32::NEG_INFINITY, f32::max),
                 ]
             };
-            blocks.map(extremes).collect::<Vec<_>>()
+            blocks.map(extremes).collect()
         };
-        Self { grid, coc_px: (0..grid.rows).into_par_iter().flat_map_iter(of_row).collect() }
+        Self { grid, coc_px: parallel::flat_map(grid.rows, &of_row) }
     }
 
     /// The nearest and the farthest of `bins` that a fragment of the block at `place` may be in; `None` without fragments.

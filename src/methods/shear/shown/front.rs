@@ -3,9 +3,9 @@
 use super::depths::Depths;
 use super::grid::{BLOCK, Grid, Place};
 use crate::methods::shear::bins::Bins;
+use crate::parallel;
 use crate::scene::{Layer, OPAQUE_ALPHA, surface};
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Upper limit of how much farther than the difference of their CoC radii a view moves two bins against one another: less than a pixel, as
@@ -45,7 +45,7 @@ impl Front {
     /// The first peel `layer`.
     pub(super) fn new(layer: &Layer) -> Self {
         let Depths { grid, coc_px } = Depths::new(layer);
-        let holes = (0..grid.rows).into_par_iter().flat_map_iter(|row| holes(layer, row)).collect::<Vec<_>>();
+        let holes = parallel::flat_map(grid.rows, &|row| holes(layer, row));
         let blocks = holes.into_iter().zip(coc_px).map(|(has_holes, coc_px)| Square { has_holes, coc_px });
         let mut levels: Vec<Vec<Square>> = vec![blocks.collect()];
         while 1 << levels.len() <= grid.columns.min(grid.rows) {

@@ -1,7 +1,7 @@
 //! Blocks of samples.
 
+use crate::parallel;
 use crate::scene::Layer;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Columns and rows of a block.
@@ -25,8 +25,7 @@ impl Grid {
 
     /// `value` of all blocks.
     pub(super) fn map<T: Send>(self, value: impl Fn(Place) -> T + Sync) -> Vec<T> {
-        let row = |y| (0..self.columns).map(|x| value([x, y])).collect::<Vec<_>>();
-        (0..self.rows).into_par_iter().flat_map_iter(row).collect()
+        parallel::flat_map(self.rows, &|y| (0..self.columns).map(|x| value([x, y])).collect())
     }
 
     /// The columns and the rows that are at most `radius` away from `place`.

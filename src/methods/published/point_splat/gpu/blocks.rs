@@ -4,7 +4,7 @@ use super::super::layers::Light;
 use super::super::splat::{Grid, Point};
 use super::super::sprites::Centre;
 use super::weights::WeightTable;
-use rayon::prelude::*;
+use crate::parallel;
 use std::ops::Range;
 
 /// Side of a block in pixels. The shader has two bits for a position in it and eight bits for the number of points:
@@ -55,7 +55,7 @@ impl Blocks {
             points_of_block_row(grids, start..(start + BLOCK as i32).min(rows.end), size, (margin, table))
         };
         let starts: Vec<i32> = rows.clone().step_by(BLOCK).collect();
-        let block_rows: Vec<Vec<Packed>> = starts.into_par_iter().map(row).collect();
+        let block_rows: Vec<Vec<Packed>> = parallel::map(starts.len(), &|number| row(starts[number]));
         let mut blocks = Self {
             lights: Vec::new(),
             shapes: Vec::new(),

@@ -22,9 +22,9 @@ use crate::gpu::{Band, Buffer, Constant, Gpu, MAX_ROUNDS, Mirrored, Shader, band
 use crate::image::{Image, Plane};
 use crate::methods::contract::{GpuBackend, Plan, Progress};
 use crate::methods::shared::{Backdrop, before, picture};
+use crate::parallel;
 use crate::scene::Scene;
 use blocks::{BLOCK, Blocks, REGION, count_in_row};
-use rayon::prelude::*;
 use std::ops::Range;
 use weights::WeightTable;
 
@@ -164,7 +164,7 @@ impl<'a, const N: usize> GpuSplat<'a, N> {
     fn bands(&self) -> Result<Vec<Band>, Error> {
         let (width, height) = self.size;
         let points = |y| count_in_row(&self.inputs.grids, y, self.size);
-        let max_points = (0..height).into_par_iter().map(points).max().unwrap_or(0);
+        let max_points = parallel::map(height, &points).into_iter().max().unwrap_or(0);
         let rows_by_binding = self.gpu.max_binding_bytes() as usize
             / (BYTES_PER_POINT * max_points).max(BYTES_PER_PIXEL * width);
         let bytes_per_row =

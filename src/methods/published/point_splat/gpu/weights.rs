@@ -2,7 +2,7 @@
 
 use super::super::splat::Point;
 use super::super::sprites::{Border, Centre, Place, Sprite, Sprites};
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Border of a point inside of the picture.
 const INNER: Border = Border { left: false, right: false };
@@ -101,8 +101,8 @@ impl WeightTable {
     /// All weights.
     pub(super) fn weights(&self, sprites: &Sprites) -> Vec<f32> {
         let indices: Vec<usize> = (0..self.in_use.len()).filter(|&index| self.in_use[index]).collect();
-        let weights = |index| Shape::from_index(index).weights(sprites, self.size);
-        indices.into_par_iter().flat_map_iter(weights).collect()
+        let weights = |number: usize| Shape::from_index(indices[number]).weights(sprites, self.size);
+        parallel::flat_map(indices.len(), &weights)
     }
 }
 

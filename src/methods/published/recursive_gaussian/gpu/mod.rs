@@ -24,9 +24,9 @@ use crate::methods::shared::{
     Backdrop, COVERAGE_PLANES_WGSL, Frame, OTHER_COVERAGE_PLANES_WGSL, Planes, RowNeeds, at_pixels, peels,
     picture_before,
 };
+use crate::parallel;
 use crate::scene::{OPAQUE_ALPHA, Scene};
 use lines::{Lines, blur_passes};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Planes of content: red, green and blue.
@@ -120,8 +120,12 @@ fn reach(layers: &Layers, cascaded: bool) -> usize {
 
 /// Upper bound of all values of composites.
 fn max_value(peels: &[DepthPeel]) -> f32 {
-    let max_value =
-        |plane: &Plane| plane.values().par_iter().map(|value| value.abs()).reduce(|| 0.0, f32::max);
+    let max_of_row =
+        |plane: &Plane, y: usize| plane.row(y).iter().map(|value| value.abs()).fold(0.0, f32::max);
+    let max_value = |plane: &Plane| {
+        let rows = parallel::map(plane.height(), &|y| max_of_row(plane, y));
+        rows.into_iter().fold(0.0, f32::max)
+    };
     let from_peel = |peel: &DepthPeel| peel.planes.content.iter().map(max_value).fold(1.0, f32::max);
     LAYERS_OF_A_FRAGMENT * peels.iter().map(from_peel).sum::<f32>()
 }
