@@ -15,8 +15,8 @@
 
 use super::layer::{Layer, OPAQUE_ALPHA};
 use crate::image::Plane;
+use crate::parallel;
 use glam::IVec2;
-use rayon::prelude::*;
 
 /// Transmittance of all fragments of a pixel from which on rays that end there meet nothing but the background.
 ///
@@ -51,10 +51,8 @@ impl Background {
         }
         let (width, height) = (first.width() / supersample, first.height() / supersample);
         let [mut share, mut beside, mut last_coc_px] = [(); 3].map(|()| Plane::zeros(width, height));
-        let rows = share.values_mut().par_chunks_mut(width.max(1));
-        let rows = rows.zip(beside.values_mut().par_chunks_mut(width.max(1)));
-        let rows = rows.zip(last_coc_px.values_mut().par_chunks_mut(width.max(1))).enumerate();
-        rows.for_each(|(y, ((share, beside), last_coc_px))| {
+        let planes = [&mut share, &mut beside, &mut last_coc_px].map(Plane::values_mut);
+        parallel::for_each_row_of(planes, width, &|y, [share, beside, last_coc_px]| {
             for (x, ((share, beside), last)) in share.iter_mut().zip(beside).zip(last_coc_px).enumerate() {
                 let samples = (0..supersample * supersample).map(|i| {
                     through(layers, x * supersample + i % supersample, y * supersample + i / supersample)
@@ -115,7 +113,7 @@ impl Background {
 }
 
 fn is_opaque(layer: &Layer) -> bool {
-    layer.alpha.values().par_chunks(4096).all(|alphas| alphas.iter().all(|&alpha| alpha >= OPAQUE_ALPHA))
+    parallel::all(layer.height(), &|y| layer.alpha.row(y).iter().all(|&alpha| alpha >= OPAQUE_ALPHA))
 }
 
 /// Transmittance of all fragments of a sample, and the CoC radius of the last one; `−∞` without fragments.

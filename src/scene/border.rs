@@ -11,9 +11,9 @@
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
 use crate::lens::ROW_SETS;
+use crate::parallel;
 use crate::settings::Border;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Smallest limit of the padding, in picture pixels: it holds for frames that are smaller than this.
@@ -27,9 +27,8 @@ impl Scene {
     /// `displacement_px` beyond its CoC.
     pub fn reach_px(&self, displacement_px: f32) -> usize {
         let max_coc_of_layer = |layer: &Layer| {
-            let width = layer.width().max(1);
-            let rows = layer.alpha.values().par_chunks(width).zip(layer.coc_px.values().par_chunks(width));
-            rows.map(|(alpha, coc_px)| max_coc_of_row(alpha, coc_px)).reduce(|| 0.0, f32::max)
+            let of_row = |y: usize| max_coc_of_row(layer.alpha.row(y), layer.coc_px.row(y));
+            parallel::map(layer.height(), &of_row).into_iter().fold(0.0, f32::max)
         };
         let max_px = self.layers.iter().map(max_coc_of_layer).fold(0.0, f32::max) + displacement_px;
         if max_px > 0.0 { (max_px + READ_MARGIN_PX).ceil() as usize } else { 0 }
@@ -96,7 +95,7 @@ fn padded_plane(
 ) -> Plane {
     let (width, larger_width) = (plane.width(), plane.width() + 2 * columns);
     let mut larger = Plane::zeros(larger_width, plane.height() + 2 * rows);
-    larger.values_mut().par_chunks_mut(larger_width).enumerate().for_each(|(y, to)| {
+    parallel::for_each_row(larger.values_mut(), larger_width, &|y, to| {
         let Some(from) = source_row(y).map(|y| plane.row(y)) else { return };
         to[columns..][..width].copy_from_slice(from);
         for x in (0..columns).chain(columns + width..larger_width) {

@@ -3,9 +3,9 @@
 //! Cost: one read of alpha and depth.
 
 use crate::lens::ThinLens;
+use crate::parallel;
 use crate::stack::depth::{BACKGROUND, DepthScale};
 use crate::stack::{Shading, Stack};
-use rayon::prelude::*;
 
 /// The largest half float, which stands for background where depth was converted.
 const HALF_MAX: f32 = 65504.0;
@@ -60,8 +60,8 @@ impl DepthInUse {
             Seen { range: [seen.range[0], seen.range[1].max(farthest)], ..seen }
         };
         let of_peel = |peel: usize| {
-            let rows = (0..stack.height()).into_par_iter();
-            rows.map(|y| of_row(peel, y)).reduce(|| Seen::NOTHING, Seen::joined)
+            let rows = parallel::map(stack.height(), &|y| of_row(peel, y));
+            rows.into_iter().fold(Seen::NOTHING, Seen::joined)
         };
         let seen = (0..stack.peels.len()).map(of_peel).fold(Seen::NOTHING, Seen::joined);
         let background = seen.fragments - seen.surfaces;

@@ -18,9 +18,9 @@ use super::layer::divisor;
 use super::light::{LightStep, light_step_bounds, luminance, share_of_gain};
 use super::{Layer, Scene};
 use crate::error::Error;
-use crate::image::{srgb_decode, srgb_encode};
+use crate::image::{Plane, srgb_decode, srgb_encode};
+use crate::parallel;
 use crate::settings::PictureSettings;
-use rayon::prelude::*;
 
 /// The curve by which bright colours gain light.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -105,10 +105,8 @@ impl Scene {
     pub fn extrapolated(mut self, extrapolation: &Extrapolation) -> Self {
         let width = self.width().max(1);
         for Layer { color, alpha, coc_px } in &mut self.layers {
-            let [red, green, blue] = color.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
-            let inputs = alpha.values().par_chunks(width).zip(coc_px.values().par_chunks(width));
-            red.zip(green).zip(blue).zip(inputs).for_each(|(((red, green), blue), (alpha, coc_px))| {
-                extrapolation.apply([red, green, blue], alpha, coc_px);
+            parallel::for_each_row_of(color.each_mut().map(Plane::values_mut), width, &|y, color| {
+                extrapolation.apply(color, alpha.row(y), coc_px.row(y));
             });
         }
         self

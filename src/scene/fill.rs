@@ -9,8 +9,8 @@ use super::smooth::{Guess, Row, Smooth};
 use super::unmixing::{Unmixed, replace_blurred};
 use super::{Background, Layer, Scene};
 use crate::image::Plane;
+use crate::parallel;
 use pulp::Arch;
-use rayon::prelude::*;
 
 /// Rows that are estimated together.
 const STRIP: usize = 16;
@@ -44,11 +44,10 @@ fn estimated_layers(
     let (width, height) = (nearest.width(), nearest.height());
     let behind = Behind::new(layers, nearest, unmixed, background);
     let arch = Arch::new();
-    let strips = (0..height)
-        .into_par_iter()
-        .step_by(STRIP)
-        .map_init(Vec::new, |last_px, first| behind.rows(first..(first + STRIP).min(height), last_px, arch));
-    let plates: Vec<Vec<[Row; PLATES]>> = strips.collect();
+    let strip = |last_px: &mut Vec<_>, strip: usize| {
+        behind.rows(strip * STRIP..((strip + 1) * STRIP).min(height), last_px, arch)
+    };
+    let plates: Vec<Vec<[Row; PLATES]>> = parallel::map_with(height.div_ceil(STRIP), &Vec::new, &strip);
     let plates: Vec<[Row; PLATES]> = plates.into_iter().flatten().collect();
     let plates = (0..PLATES).map(|plate| plates.iter().map(|rows| rows[plate].as_slice()).collect());
     plates
@@ -63,11 +62,9 @@ fn layer(rows: &[&[(usize, Guess)]], width: usize) -> Layer {
     let plane = || Plane::zeros(width, rows.len());
     let mut layer = Layer { color: [plane(), plane(), plane()], alpha: plane(), coc_px: plane() };
     let Layer { color: [red, green, blue], alpha, coc_px } = &mut layer;
-    let [red, green, blue, alpha, coc_px] =
-        [red, green, blue, alpha, coc_px].map(|plane| plane.values_mut().par_chunks_mut(width.max(1)));
-    let planes = red.zip(green).zip(blue).zip(alpha).zip(coc_px).zip(rows);
-    planes.enumerate().for_each(|(y, (((((red, green), blue), alpha), coc_px), row))| {
-        for (x, guess) in *row {
+    let planes = [red, green, blue, alpha, coc_px].map(Plane::values_mut);
+    parallel::for_each_row_of(planes, width, &|y, [red, green, blue, alpha, coc_px]| {
+        for (x, guess) in rows[y] {
             let color = smooth.color((*x, y), guess).map(|value| guess.alpha * value);
             [red[*x], green[*x], blue[*x], alpha[*x], coc_px[*x]] =
                 [color[0], color[1], color[2], guess.alpha, guess.coc_px];

@@ -8,10 +8,10 @@
 
 use super::key_frames::{FrameNumber, no_frame_number, value_at};
 use crate::error::Error;
+use crate::parallel;
 use crate::settings::{Focus, FocusKey, Interpolation};
 use crate::stack::depth::DepthScale;
 use crate::stack::{ObjectMatte, Stack, Window};
-use rayon::prelude::*;
 
 /// Accumulated alpha from which on a surface is visible.
 const VISIBLE_ALPHA: f32 = 0.5;
@@ -95,7 +95,7 @@ fn distance_beside_centre(stack: &Stack, scale: &DepthScale, centre: [f32; 2]) -
         found.reduce(Nearest::nearer)
     };
     // Of two as near, the one above or to the left, whatever the number of threads.
-    let rows: Vec<Option<Nearest>> = (0..stack.height()).into_par_iter().map(nearest_of_row).collect();
+    let rows: Vec<Option<Nearest>> = parallel::map(stack.height(), &nearest_of_row);
     let Some(nearest) = rows.into_iter().flatten().reduce(Nearest::nearer) else {
         return Err(Error::settings("there is only background in the picture: nothing to focus on")
             .help("check the depth, or give the distance with `focus_distance`"));

@@ -9,7 +9,7 @@
 
 use super::{Layer, MAX_TRANSLUCENT_LAYERS, Scene, surface};
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Largest depth of a cluster, in units of [`surface::merge_gap_px`].
 const MAX_CLUSTER_GAPS: f32 = 2.0;
@@ -116,23 +116,19 @@ pub(super) fn max_merged_layers(layers: usize) -> usize {
 fn merge(layers: &[Layer], supersample: usize, infinity_px: f32) -> Vec<Layer> {
     let (width, height) =
         layers.first().map_or((0, 0), |s| (s.width() / supersample, s.height() / supersample));
-    let rows: Vec<Row> = (0..height)
-        .into_par_iter()
-        .map_init(
-            || Merger::new(supersample, max_merged_layers(layers.len()), infinity_px),
-            |merger, y| {
-                let mut row = Row::default();
-                for x in 0..width {
-                    merger.gather(layers, x, y);
-                    row.clusters.extend(merger.clusters());
-                    row.ends.push(row.clusters.len());
-                }
-                row
-            },
-        )
-        .collect();
-    let clusters_of = |row: &Row| (0..width).map(|x| row.pixel(x).len()).max().unwrap_or(0);
-    let count = rows.par_iter().map(clusters_of).max().unwrap_or(0).max(layers.len().min(1));
+    let merger = || Merger::new(supersample, max_merged_layers(layers.len()), infinity_px);
+    let rows: Vec<Row> = parallel::map_with(height, &merger, &|merger, y| {
+        let mut row = Row::default();
+        for x in 0..width {
+            merger.gather(layers, x, y);
+            row.clusters.extend(merger.clusters());
+            row.ends.push(row.clusters.len());
+        }
+        row
+    });
+    let clusters_of = |y: usize| (0..width).map(|x| rows[y].pixel(x).len()).max().unwrap_or(0);
+    let most = parallel::map(height, &clusters_of).into_iter().max().unwrap_or(0);
+    let count = most.max(layers.len().min(1));
     let layer = |layer: usize| {
         let plane = |value: &dyn Fn(&Cluster) -> f32| {
             Plane::from_fn(width, height, |x, y| rows[y].pixel(x).get(layer).map_or(0.0, value))
@@ -140,7 +136,7 @@ fn merge(layers: &[Layer], supersample: usize, infinity_px: f32) -> Vec<Layer> {
         let color = std::array::from_fn(|k| plane(&|cluster| cluster.color[k]));
         Layer { color, alpha: plane(&|cluster| cluster.alpha), coc_px: plane(&|cluster| cluster.coc_px) }
     };
-    (0..count).into_par_iter().map(layer).collect()
+    parallel::map(count, &layer)
 }
 
 /// Merges one pixel after another, in the same memory.

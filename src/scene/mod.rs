@@ -53,13 +53,13 @@ pub use workload::Workload;
 #[cfg(test)]
 pub(crate) use {bright::BRIGHT_STEPS, spread::Spread};
 
-use crate::image::Image;
+use crate::image::{Image, Plane};
 use crate::lens::{Field, ThinLens};
+use crate::parallel;
 pub use crate::stack::Antialiasing;
 use crate::stack::{ColorRange, Frame, Peel, Stack, StackKind, depth::DepthScale};
 use glam::Vec2;
 use pulp::Arch;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A stack as methods get it: fragments `(x, y, c)`, no depth, no units.
@@ -173,9 +173,8 @@ impl Scene {
     pub fn pinhole(&self) -> Image {
         let (width, height) = self.picture_size();
         let mut image = Image::transparent(width, height);
-        let [red, green, blue, alpha] =
-            image.planes.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width.max(1)));
-        red.zip(green).zip(blue).zip(alpha).enumerate().for_each(|(y, (((red, green), blue), alpha))| {
+        let planes = image.planes.each_mut().map(Plane::values_mut);
+        parallel::for_each_row_of(planes, width, &|y, [red, green, blue, alpha]| {
             for x in 0..width {
                 [red[x], green[x], blue[x], alpha[x]] = self.pinhole_pixel(x, y);
             }
@@ -245,17 +244,13 @@ fn field(frame: &Frame, supersample: usize, scale: &DepthScale) -> Field {
 /// Turns a peel's depth into CoC radius and returns how many fragments exceeded the limit.
 fn depth_to_coc(peel: &mut Peel, frame: &Frame, lens: &ThinLens, scale: &DepthScale, limit: f32) -> usize {
     let width = peel.depth.width();
-    if width == 0 {
-        return 0;
-    }
     let ([x0, _], arch) = (frame.data_origin_from_centre(), Arch::new());
-    let rows = peel.depth.values_mut().par_chunks_mut(width).zip(peel.alpha.values().par_chunks(width));
-    rows.enumerate()
-        .map(|(y, (depth, alpha))| {
-            scale.planar_row(depth, frame.row_from_centre(y as f32), x0);
-            arch.dispatch(|| planar_to_coc(depth, alpha, lens, limit))
-        })
-        .sum()
+    let rows = peel.depth.values_mut().chunks_mut(width.max(1));
+    let limited = parallel::map_each(rows, &|y, depth| {
+        scale.planar_row(depth, frame.row_from_centre(y as f32), x0);
+        arch.dispatch(|| planar_to_coc(depth, peel.alpha.row(y), lens, limit))
+    });
+    limited.into_iter().sum()
 }
 
 /// Turns a row of planar depths into CoC radii and returns how many exceeded the limit.

@@ -4,7 +4,7 @@
 //! fragments of the same surface around it, over a width that grows with the distance: from a pyramid, continuously.
 
 use super::surface::{CELL_PX, CELL_SHARE};
-use rayon::prelude::*;
+use crate::parallel;
 
 /// An estimated fragment.
 #[derive(Debug, Clone, Copy, Default)]
@@ -125,8 +125,8 @@ fn taps(at: f32, size: usize) -> impl Iterator<Item = (usize, f32)> {
 fn finest(rows: &[&[(usize, Guess)]], width: usize) -> Level {
     let (width, height) = (width.div_ceil(2), rows.len().div_ceil(2));
     let mut cells = vec![Cell::default(); width * height];
-    cells.par_chunks_mut(width.max(1)).zip(rows.par_chunks(2)).for_each(|(cells, rows)| {
-        for (x, guess) in rows.iter().copied().flatten() {
+    parallel::for_each_row(&mut cells, width, &|y, cells| {
+        for (x, guess) in rows.iter().skip(2 * y).take(2).copied().flatten() {
             cells[x / 2].add(guess.color, guess.coc_px, 1.0);
         }
     });
@@ -137,13 +137,12 @@ fn finest(rows: &[&[(usize, Guess)]], width: usize) -> Level {
 fn coarser(level: &Level) -> Level {
     let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
     let mut cells = vec![Cell::default(); width * height];
-    cells.par_chunks_mut(width.max(1)).zip(level.cells.par_chunks(2 * level.width.max(1))).for_each(
-        |(cells, finer)| {
-            for (i, child) in finer.iter().enumerate() {
-                cells[i % level.width / 2].add(child.color, child.coc_px, child.count);
-            }
-        },
-    );
+    let finer = level.cells.chunks(2 * level.width.max(1));
+    parallel::for_each(cells.chunks_mut(width.max(1)).zip(finer), &|_, (cells, finer)| {
+        for (i, child) in finer.iter().enumerate() {
+            cells[i % level.width / 2].add(child.color, child.coc_px, child.count);
+        }
+    });
     Level { width, height, cells }
 }
 

@@ -13,9 +13,9 @@ use super::peel_stats::{Neighbours, PeelStats};
 use super::spread::{Blocks, RowSpread, Spread};
 use super::{Background, EnvironmentStats, Layer, OPAQUE_ALPHA, ReflectionStats, Scene};
 use crate::lens::Field;
+use crate::parallel;
 use crate::stack::ColorRange;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
 /// The statistics of a scene: all that a plan is decided from, apart from the settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -86,18 +86,18 @@ struct Tally {
 impl Scene {
     /// The scene's statistics, from one read of every fragment.
     pub fn analyze(&self) -> SceneStats {
-        let rows: Vec<(usize, usize)> =
-            (0..self.layers.len()).flat_map(|layer| (0..self.height()).map(move |y| (layer, y))).collect();
+        let rows = self.layers.len() * self.height();
         let arch = Arch::new();
         let (block_side, supersample) =
             (Blocks::side(self.picture_size(), self.supersample), self.supersample);
         // Summed in row order, so that the result does not depend on the distribution of rows among threads.
         let color_range = self.color_range;
-        let analyze = |&(layer, y): &(usize, usize)| {
+        let analyze = |row: usize| {
+            let (layer, y) = (row / self.height(), row % self.height());
             let (layer, in_front) = (&self.layers[layer], &self.layers[..layer]);
             arch.dispatch(AnalyzeRow { layer, in_front, y, supersample, block_side, color_range })
         };
-        let row_stats: Vec<(Tally, RowSpread)> = rows.par_iter().map(analyze).collect();
+        let row_stats: Vec<(Tally, RowSpread)> = parallel::map(rows, &analyze);
         let mut spread = Spread::empty(self.picture_size(), self.coc_infinity_px);
         for (number, (_, row)) in row_stats.iter().enumerate() {
             let is_front = number < self.height();

@@ -6,8 +6,8 @@
 
 use super::Layer;
 use crate::image::{MARGIN, Plane};
+use crate::parallel;
 use crate::stack::LIGHT_ALPHA;
-use rayon::prelude::*;
 
 /// Number of neighbouring pixels of a row that look around together.
 pub(super) const LANES: usize = MARGIN;
@@ -32,7 +32,7 @@ impl<const TILE: usize> Tiles<TILE> {
         let columns = LANES + TILE - 1;
         let most = 1 + (columns - 1).div_ceil(TILE);
         let width = squares.width().max(1);
-        squares.values_mut().par_chunks_mut(width).for_each(|row| {
+        parallel::for_each_row(squares.values_mut(), width, &|_, row| {
             for x in 0..row.len() {
                 row[x] = row[x..(x + most).min(row.len())].iter().copied().fold(f32::NEG_INFINITY, larger);
             }
@@ -65,10 +65,9 @@ impl Surroundings {
     /// The surroundings of all pixels of `layer`.
     pub(super) fn new(layer: &Layer) -> Self {
         let mut coc_px = layer.coc_px.clone();
-        coc_px.values_mut().par_iter_mut().zip(layer.alpha.values()).for_each(|(coc, alpha)| {
-            if *alpha <= LIGHT_ALPHA {
-                *coc = f32::NEG_INFINITY;
-            }
+        parallel::for_each_block(coc_px.values_mut(), &|block, coc_px| {
+            let samples = coc_px.iter_mut().zip(&layer.alpha.values()[block]);
+            samples.filter(|(_, alpha)| **alpha <= LIGHT_ALPHA).for_each(|(coc, _)| *coc = f32::NEG_INFINITY);
         });
         let mut levels = vec![halved(&coc_px)];
         while levels.len() < LEVELS {
@@ -130,7 +129,7 @@ pub(super) fn smallest(values: &[f32; LANES]) -> f32 {
 fn halved(plane: &Plane) -> Plane {
     let (width, height) = (plane.width().div_ceil(2), plane.height().div_ceil(2));
     let mut half = Plane::zeros(width, height);
-    half.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(half.values_mut(), width, &|y, row| {
         let rows = [plane.row(2 * y), plane.row((2 * y + 1).min(plane.height() - 1))];
         for (value, (above, below)) in row.iter_mut().zip(rows[0].chunks(2).zip(rows[1].chunks(2))) {
             *value =
@@ -144,11 +143,11 @@ fn halved(plane: &Plane) -> Plane {
 fn dilated(plane: &Plane) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let mut wide = Plane::zeros(width, height);
-    let rows = wide.values_mut().par_chunks_mut(width.max(1)).enumerate();
     // The largest of three rows by column, with a column beyond either border.
-    rows.for_each_init(
-        || vec![f32::NEG_INFINITY; width + 2],
-        |largest, (y, row)| {
+    parallel::for_each_with(
+        wide.values_mut().chunks_mut(width.max(1)),
+        &|| vec![f32::NEG_INFINITY; width + 2],
+        &|largest, y, row| {
             let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)].map(|y| plane.row(y));
             let columns = above.iter().zip(plane.row(y)).zip(below);
             for (largest, ((above, here), below)) in largest[1..].iter_mut().zip(columns) {

@@ -14,8 +14,8 @@
 use super::layer::Layer;
 use super::surface::CELL_PX;
 use crate::image::Plane;
+use crate::parallel;
 use crate::stack::{Antialiasing, LIGHT_ALPHA};
-use rayon::prelude::*;
 
 /// Differences in CoC radius to a nearer neighbour, in picture pixels: none of the colour is mixed up to the first, all from the second.
 const MIXED_PX: [f32; 2] = [0.5, 1.5];
@@ -50,7 +50,7 @@ impl Unmixed {
         let mixed = mixed_shares(layer, antialiasing);
         let width = layer.width();
         let mut colors = vec![[0.0; 3]; width * layer.height()];
-        colors.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        parallel::for_each_row(&mut colors, width, &|y, row| {
             for (x, (color, &share)) in row.iter_mut().zip(mixed.row(y)).enumerate() {
                 if share > 0.0 && layer.alpha.get(x, y) > LIGHT_ALPHA {
                     *color = cleaned(layer, &mixed, (x, y));
@@ -70,8 +70,7 @@ impl Unmixed {
 pub(super) fn replace_blurred(layer: &mut Layer, unmixed: Option<&Unmixed>) {
     let width = layer.width().max(1);
     let Layer { color: [red, green, blue], alpha, coc_px } = layer;
-    let [red, green, blue] = [red, green, blue].map(|plane| plane.values_mut().par_chunks_mut(width));
-    red.zip(green).zip(blue).enumerate().for_each(|(y, ((red, green), blue))| {
+    parallel::for_each_row_of([red, green, blue].map(Plane::values_mut), width, &|y, [red, green, blue]| {
         for (x, (&alpha, &coc_px)) in alpha.row(y).iter().zip(coc_px.row(y)).enumerate() {
             let cleaned = unmixed.and_then(|unmixed| unmixed.get(x, y));
             // Light without alpha has no colour of its own to divide by it, and dividing by 1 changes nothing.
@@ -97,10 +96,10 @@ fn blurred_share(coc_px: f32) -> f32 {
 fn mixed_shares(layer: &Layer, antialiasing: &Antialiasing) -> Plane {
     let (width, height) = (layer.width(), layer.height());
     let mut mixed = Plane::zeros(width, height);
-    let rows = mixed.values_mut().par_chunks_mut(width.max(1)).enumerate();
+    let rows = mixed.values_mut().chunks_mut(width.max(1));
     // The smallest CoC radius of three rows by column, with a column beyond either border.
     let nearest = || vec![f32::INFINITY; width + 2];
-    rows.for_each_init(nearest, |nearest, (y, row)| {
+    parallel::for_each_with(rows, &nearest, &|nearest, y, row| {
         nearest.fill(f32::INFINITY);
         for y in y.saturating_sub(1)..(y + 2).min(height) {
             let fragments = layer.coc_px.row(y).iter().zip(layer.alpha.row(y));

@@ -6,9 +6,9 @@
 //! Texel `i, j` of `W × H` has its centre at `u = (i + ½) / W`, `v = (j + ½) / H`, as in Blender. OpenEXR's own functions put the first
 //! and the last texel on the ends of the range, and Mitsuba does so down the picture: at most half a texel is between the two.
 
+use crate::parallel;
 use crate::settings::Surroundings;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -29,8 +29,10 @@ impl RadianceMap {
 
     /// The map of `width` × `height` texels with the values of `texel`.
     pub fn from_fn(width: usize, height: usize, texel: impl Fn(usize, usize) -> [f32; 3] + Sync) -> Self {
-        let texels =
-            (0..width * height).into_par_iter().map(|i| texel(i % width, i / width)).collect::<Vec<_>>();
+        let mut texels = vec![[0.0; 3]; width * height];
+        parallel::for_each_row(&mut texels, width, &|y, row| {
+            row.iter_mut().enumerate().for_each(|(x, value)| *value = texel(x, y));
+        });
         Self { width, height, texels: texels.into() }
     }
 

@@ -8,11 +8,11 @@
 use super::{Environment, Gloss, RadianceMap};
 use crate::image::Plane;
 use crate::lens::Field;
+use crate::parallel;
 use crate::scene::Scene;
 use crate::scene::surface::JOIN_PX;
 use crate::settings::Lobe;
 use glam::{Mat3, Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Distance along the mirror direction from which on it meets nothing: stacks have 10¹⁰ there.
 const NOTHING_MET: f32 = 1e9;
@@ -134,7 +134,7 @@ impl EnvironmentShading {
         let mut layers = std::mem::take(&mut self.layers);
         let width = self.size[0];
         for fragments in layers.iter_mut().flatten() {
-            fragments.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            parallel::for_each_row(fragments, width, &|y, row| {
                 for (x, shaded) in row.iter_mut().enumerate().filter(|(_, shaded)| shaded.share > 0.0) {
                     let view = self.view(centre([x, y]));
                     shaded.at_centre = self.environment.reflected(view, &shaded.gloss);
@@ -270,7 +270,7 @@ fn shaded(planes: &SurfacePlanes<'_>, alpha: &Plane, coc_px: &Plane) -> Option<V
         Shaded { gloss, share: 1.0, coc_px: at(coc_px), at_centre: [0.0; 3] }
     };
     let mut fragments = vec![Shaded::default(); alpha.values().len()];
-    fragments.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(&mut fragments, width, &|y, row| {
         row.iter_mut().enumerate().for_each(|(x, shaded)| *shaded = fragment(y * width + x));
     });
     fragments.iter().any(|shaded| shaded.share > 0.0).then_some(fragments)

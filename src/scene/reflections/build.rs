@@ -6,6 +6,7 @@ use super::view::{Point, Slope, View, largest_stretch};
 use crate::finding::Finding;
 use crate::image::Plane;
 use crate::lens::ThinLens;
+use crate::parallel;
 use crate::scene::surface;
 use crate::stack::depth::DepthScale;
 use crate::stack::{Peel, Shading, Stack};
@@ -116,8 +117,7 @@ impl Grid {
     /// The fragments of `peel` that reflect.
     fn fragments(&self, peel: &Peel, shading: &Shading, scale: &DepthScale) -> Fragments {
         let mut depth = peel.depth.clone();
-        let rows = depth.values_mut().par_chunks_mut(self.width.max(1)).enumerate();
-        rows.for_each(|(y, row)| self.view.planar_row(row, y, scale));
+        parallel::for_each_row(depth.values_mut(), self.width, &|y, row| self.view.planar_row(row, y, scale));
         let found = |index: usize| {
             let (x, y) = self.at(index);
             let (alpha, z) = (peel.alpha.get(x, y), depth.get(x, y));
@@ -144,11 +144,12 @@ impl Grid {
         let points: Vec<Option<Point>> = found.into_iter().map(Found::point).collect();
         let mut light = shading.light.clone();
         for plane in &mut light {
-            let values = plane.values_mut().par_iter_mut().zip(peel.alpha.values());
-            values.for_each(|(light, &alpha)| {
-                // Without a finite light there is nothing to move.
-                let is_light = alpha > LEAST_ALPHA && light.is_finite();
-                *light = if is_light { *light / alpha } else { 0.0 };
+            parallel::for_each_block(plane.values_mut(), &|block, values| {
+                for (light, &alpha) in values.iter_mut().zip(&peel.alpha.values()[block]) {
+                    // Without a finite light there is nothing to move.
+                    let is_light = alpha > LEAST_ALPHA && light.is_finite();
+                    *light = if is_light { *light / alpha } else { 0.0 };
+                }
             });
         }
         let distances = shading.reflected_distance.values().iter();
@@ -201,8 +202,12 @@ impl Grid {
             stats.without_normal += layer.without_normal + layer.facing_away;
             stats.without_distance += moved.samples.iter().filter(|sample| sample.has_no_distance).count();
             stats.limited_fragments += moved.samples.iter().filter(|sample| sample.is_limited).count();
-            let stretches = moved.samples.par_iter().map(|sample| largest_stretch(sample.movement));
-            stats.largest_movement_px = stats.largest_movement_px.max(stretches.reduce(|| 0.0, f32::max));
+            let of_row = |y: usize| {
+                let row = &moved.samples[y * self.width..][..self.width];
+                row.iter().map(|sample| largest_stretch(sample.movement)).fold(0.0, f32::max)
+            };
+            let stretches = parallel::map(self.height, &of_row);
+            stats.largest_movement_px = stretches.into_iter().fold(stats.largest_movement_px, f32::max);
             layers.push(Some(self.layer(layer.light, &moved, mirrored_px, surface)));
         }
         let mut reflections = Reflections { layers, farthest_px, stats };
@@ -368,7 +373,10 @@ impl Grid {
             }
             interval
         };
-        let intervals: Vec<[f32; 2]> = (0..self.width * self.height).into_par_iter().map(of).collect();
+        let mut intervals = vec![[0.0; 2]; self.width * self.height];
+        parallel::for_each_row(&mut intervals, self.width, &|y, row| {
+            row.iter_mut().enumerate().for_each(|(x, interval)| *interval = of(y * self.width + x));
+        });
         [0, 1].map(|end| self.plane(&intervals, |interval| interval[end]))
     }
 
@@ -421,7 +429,8 @@ impl Grid {
                 };
                 layer.share(x, y) > 0.0 && ASKED.iter().any(differs)
             };
-            (0..self.width * self.height).into_par_iter().filter(changes).count()
+            let of_row = |y: usize| (y * self.width..(y + 1) * self.width).filter(changes).count();
+            parallel::map(self.height, &of_row).into_iter().sum()
         };
         reflections.layers.iter().enumerate().map(of_layer).sum()
     }
