@@ -13,10 +13,10 @@
 use crate::image::{Image, Plane};
 use crate::lens::{Falloff, Field, Optics};
 use crate::methods::Plan;
+use crate::parallel;
 use crate::scene::EffectKind;
 use crate::stack::LIGHT_ALPHA;
 use glam::Vec2;
-use rayon::prelude::*;
 
 /// Alpha up to this is that of light which hides nothing, as many as 32 one behind another.
 const NO_ALPHA: f32 = 32.0 * LIGHT_ALPHA;
@@ -45,7 +45,7 @@ pub fn finish(mut image: Image, plan: &Plan, field: Field) -> Image {
 fn magnified(plane: &Plane, factor: f32, axis: Vec2) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let mut result = Plane::zeros(width, height);
-    result.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(result.values_mut(), width, &|y, row| {
         let (above, below, down) = between(axis.y + (y as f32 + 0.5 - axis.y) / factor, height);
         let (above, below) = (plane.row(above), plane.row(below));
         for (x, value) in row.iter_mut().enumerate() {
@@ -67,8 +67,8 @@ fn between(place: f32, count: usize) -> (usize, usize, f32) {
 /// Multiplies the colours of `image` by `falloff`.
 fn darken(image: &mut Image, falloff: &Falloff) {
     let width = image.width().max(1);
-    let [red, green, blue, _] = image.planes.each_mut().map(|plane| plane.values_mut().par_chunks_mut(width));
-    red.zip(green).zip(blue).enumerate().for_each(|(y, ((red, green), blue))| {
+    let [red, green, blue, _] = image.planes.each_mut().map(Plane::values_mut);
+    parallel::for_each_row_of([red, green, blue], width, &|y, [red, green, blue]| {
         for (x, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
             let brightness = falloff.at(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
             [red, green, blue].into_iter().for_each(|value| *value *= brightness);

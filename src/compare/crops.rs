@@ -2,7 +2,7 @@
 
 use super::picture::{Picture, Square};
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Width and height of a crop in pixels, for pictures that are not small.
 const SIDE_PX: usize = 96;
@@ -26,7 +26,7 @@ fn variance(pictures: &[&Picture]) -> Plane {
     let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width(), picture.height()));
     let count = pictures.len() as f32;
     let mut variance = Plane::zeros(width, height);
-    variance.values_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(variance.values_mut(), width, &|y, row| {
         let rows: Vec<&[u16]> = pictures.iter().map(|picture| picture.row(y)).collect();
         for (x, value) in row.iter_mut().enumerate() {
             for i in 3 * x..3 * x + 3 {

@@ -13,7 +13,7 @@ use crate::image::Plane;
 use crate::methods::METHODS;
 use crate::output::data_uri::{self, Rgb8};
 use crate::output::png;
-use rayon::prelude::*;
+use crate::parallel;
 use serde::Serialize;
 
 /// Maximum width of whole pictures on the page; the folder has them at full size.
@@ -72,12 +72,14 @@ impl Assets {
     /// # Errors
     /// Pictures that cannot be encoded.
     pub(super) fn new(gallery: &Gallery, crops: &[Crop]) -> Result<Self, Error> {
+        let entries = parallel::map(gallery.entries.len(), &|entry| whole(&gallery.entries[entry]));
+        let crops = parallel::map(crops.len(), &|crop| CropAssets::new(gallery, &crops[crop]));
         Ok(Self {
             pinhole: whole(&gallery.pinhole)?,
             reference: gallery.reference.as_ref().map(whole).transpose()?,
-            entries: gallery.entries.par_iter().map(whole).collect::<Result<_, _>>()?,
+            entries: entries.into_iter().collect::<Result<_, _>>()?,
             maps: vec![None; gallery.entries.len()],
-            crops: crops.par_iter().map(|crop| CropAssets::new(gallery, crop)).collect::<Result<_, _>>()?,
+            crops: crops.into_iter().collect::<Result<_, _>>()?,
         })
     }
 

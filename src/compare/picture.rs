@@ -2,9 +2,9 @@
 
 use crate::image::{Image, Plane, srgb_decode, srgb_encode};
 use crate::output::data_uri::Rgb8;
+use crate::parallel;
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma};
-use rayon::prelude::*;
 
 /// sRGB values clipped to 0 … 1, 16 bits each: 6 bytes per pixel. The rounding error is about 100 dB below white, which no figure
 /// made from such pictures shows. Colour is composited over black; alpha is not stored.
@@ -32,7 +32,7 @@ impl Picture {
     pub fn new(image: &Image) -> Self {
         let (width, height) = (image.width(), image.height());
         let mut values = vec![0; width * height * 3];
-        values.par_chunks_mut(3 * width.max(1)).enumerate().for_each(|(y, row)| {
+        parallel::for_each_row(&mut values, 3 * width, &|y, row| {
             for (channel, plane) in image.planes[..3].iter().enumerate() {
                 for (x, &linear) in plane.row(y).iter().enumerate() {
                     row[3 * x + channel] = (srgb_encode(linear.clamp(0.0, 1.0)) * 65535.0).round() as u16;

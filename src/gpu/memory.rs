@@ -4,8 +4,8 @@ use super::context::{Gpu, lock};
 use super::handles::{Buffer, Texels, Texture};
 use super::shader::Mirrored;
 use crate::error::Error;
+use crate::parallel;
 use bytemuck::{Pod, cast_slice, cast_slice_mut};
-use rayon::prelude::*;
 use std::time::Instant;
 
 impl Gpu {
@@ -123,7 +123,7 @@ impl Gpu {
         &self,
         texture: &Texture,
         layer: usize,
-        row: impl Fn(usize, &mut [T]) + Sync,
+        row: &(dyn Fn(usize, &mut [T]) + Sync),
     ) -> Result<(), Error> {
         const LABEL: &str = "texels";
         let watch = Instant::now();
@@ -138,14 +138,15 @@ impl Gpu {
         };
         let staged = self.guarded(LABEL, || self.device.create_buffer(&descriptor))?;
         let texels = || vec![T::zeroed(); size.width as usize];
-        (0..size.height as usize).into_par_iter().try_for_each_init(texels, |texels, y| {
+        let written = parallel::map_with(size.height as usize, &texels, &|texels, y| {
             row(y, texels);
             let start = (y * stride) as u64;
             let target = staged.get_mapped_range_mut(start..start + stride as u64);
             let mut target = target.map_err(|error| self.failure(LABEL, &error.to_string()))?;
             target.slice(..row_bytes).copy_from_slice(cast_slice(texels));
             Ok(())
-        })?;
+        });
+        written.into_iter().collect::<Result<(), Error>>()?;
         self.guarded(LABEL, || {
             staged.unmap();
             let layout = wgpu::TexelCopyBufferLayout {

@@ -11,8 +11,8 @@
 
 use super::Rgb;
 use crate::image::Plane;
+use crate::parallel;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 /// Pixels per degree of visual angle: 0.7 m away from 3840 pixels on 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
@@ -50,8 +50,10 @@ pub fn hdr_flip(image: &Rgb, reference: &Rgb) -> Plane {
         let [image, reference] =
             [image, reference].map(|picture| vision.perceive(&tone_mapped(picture, stops)));
         let error = vision.difference(&image, &reference);
-        let values = largest.values_mut().par_iter_mut().zip(error.values());
-        values.for_each(|(largest, &error)| *largest = largest.max(error));
+        parallel::for_each_block(largest.values_mut(), &|block, largest| {
+            let values = largest.iter_mut().zip(&error.values()[block]);
+            values.for_each(|(largest, &error)| *largest = largest.max(error));
+        });
     }
     largest
 }
@@ -139,7 +141,8 @@ impl VisionModel {
             DVec3::new(x, y, z)
         };
         let mut result = image.features[0].clone();
-        result.values_mut().par_iter_mut().enumerate().for_each(|(i, value)| {
+        let width = result.width();
+        let difference = |i: usize| {
             let distance = hyab(at(&image.lab, i), at(&reference.lab, i));
             let colour = if distance < common {
                 MAPPED_SHARE / common * distance
@@ -149,7 +152,10 @@ impl VisionModel {
             let [edge, point] =
                 [0, 1].map(|k| (image.features[k].values()[i] - reference.features[k].values()[i]).abs());
             let feature = (f64::from(edge.max(point)) / std::f64::consts::SQRT_2).sqrt().min(1.0);
-            *value = colour.powf(1.0 - feature) as f32;
+            colour.powf(1.0 - feature) as f32
+        };
+        parallel::for_each_row(result.values_mut(), width, &|y, row| {
+            row.iter_mut().enumerate().for_each(|(x, value)| *value = difference(y * width + x));
         });
         result
     }
@@ -204,7 +210,7 @@ fn convolved(plane: &Plane, across: &[f32], down: &[f32]) -> Plane {
     let (width, height) = (plane.width(), plane.height());
     let radius = across.len() / 2;
     let mut rows = Plane::zeros(width, height);
-    rows.values_mut().par_chunks_mut(width).enumerate().for_each_init(Vec::new, |padded, (y, row)| {
+    parallel::for_each_with(rows.values_mut().chunks_mut(width), &Vec::new, &|padded, y, row| {
         let source = plane.row(y);
         padded.clear();
         padded.extend(std::iter::repeat_n(source[0], radius));
@@ -215,7 +221,7 @@ fn convolved(plane: &Plane, across: &[f32], down: &[f32]) -> Plane {
         }
     });
     let mut result = Plane::zeros(width, height);
-    result.values_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    parallel::for_each_row(result.values_mut(), width, &|y, row| {
         for (tap, &weight) in down.iter().enumerate() {
             let source = rows.row((y + tap).saturating_sub(down.len() / 2).min(height - 1));
             row.iter_mut().zip(source).for_each(|(sum, &value)| *sum += weight * value);
@@ -227,11 +233,12 @@ fn convolved(plane: &Plane, across: &[f32], down: &[f32]) -> Plane {
 /// `picture` with `value` applied to every pixel.
 fn map(picture: &Rgb, value: impl Fn(DVec3) -> DVec3 + Sync) -> Rgb {
     let mut result = picture.clone();
-    let [a, b, c] = &mut result;
-    let pixels = a.values_mut().par_iter_mut().zip(b.values_mut()).zip(c.values_mut());
-    pixels.for_each(|((a, b), c)| {
-        let mapped = value(DVec3::new(f64::from(*a), f64::from(*b), f64::from(*c)));
-        (*a, *b, *c) = (mapped.x as f32, mapped.y as f32, mapped.z as f32);
+    let width = result[0].width();
+    parallel::for_each_row_of(result.each_mut().map(Plane::values_mut), width, &|_, [a, b, c]| {
+        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+            let mapped = value(DVec3::new(f64::from(*a), f64::from(*b), f64::from(*c)));
+            (*a, *b, *c) = (mapped.x as f32, mapped.y as f32, mapped.z as f32);
+        }
     });
     result
 }

@@ -17,7 +17,7 @@ pub use ssim::ssim;
 
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Lower bound of mean squared errors: equal pictures have 200 dB instead of an infinite value.
 const MSE_FLOOR: f64 = 1e-20;
@@ -136,7 +136,9 @@ fn crop(image: &Image, border: usize) -> Rgb {
 pub fn display(linear: &Rgb) -> Rgb {
     linear.each_ref().map(|plane| {
         let mut shown = plane.clone();
-        shown.values_mut().par_iter_mut().for_each(|value| *value = displayed(*value));
+        parallel::for_each_block(shown.values_mut(), &|_, values| {
+            values.iter_mut().for_each(|value| *value = displayed(*value));
+        });
         shown
     })
 }
@@ -151,13 +153,10 @@ fn mean(image: &Rgb, reference: &Rgb, error: impl Fn(f64, f64) -> f64 + Sync) ->
     let mut sum = 0.0;
     let mut count = 0;
     for (plane, reference) in image.iter().zip(reference) {
-        let rows: Vec<f64> = (0..plane.height())
-            .into_par_iter()
-            .map(|y| {
-                let pairs = plane.row(y).iter().zip(reference.row(y));
-                pairs.map(|(&value, &reference)| error(f64::from(value), f64::from(reference))).sum()
-            })
-            .collect();
+        let rows: Vec<f64> = parallel::map(plane.height(), &|y| {
+            let pairs = plane.row(y).iter().zip(reference.row(y));
+            pairs.map(|(&value, &reference)| error(f64::from(value), f64::from(reference))).sum()
+        });
         sum += rows.iter().sum::<f64>();
         count += plane.values().len();
     }

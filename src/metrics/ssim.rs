@@ -5,7 +5,7 @@
 
 use super::Rgb;
 use crate::image::Plane;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Half the window's width: 3.5 σ, rounded.
 const RADIUS: usize = 5;
@@ -38,16 +38,11 @@ pub fn ssim(image: &Rgb, reference: &Rgb) -> Option<f64> {
         .iter()
         .zip(reference)
         .map(|(t, r)| {
-            let sums: Vec<f64> = (0..rows)
-                .into_par_iter()
-                .map_init(
-                    || [0; 4].map(|_| vec![0.0; width]),
-                    |moments, top| {
-                        down(t, r, top, &weights, moments);
-                        along(moments, columns, &weights)
-                    },
-                )
-                .collect();
+            let moments = || [0; 4].map(|_| vec![0.0; width]);
+            let sums: Vec<f64> = parallel::map_with(rows, &moments, &|moments, top| {
+                down(t, r, top, &weights, moments);
+                along(moments, columns, &weights)
+            });
             sums.iter().sum::<f64>()
         })
         .sum();

@@ -12,9 +12,9 @@ use super::png::{self, Rgb8};
 use crate::error::Error;
 use crate::image::{Plane, srgb_encode};
 use crate::lens::SHARP_COC_PX;
+use crate::parallel;
 use crate::scene::{Scene, surface};
 use crate::stack::Frame;
-use rayon::prelude::*;
 use std::path::Path;
 
 /// A smaller change across a sign change is rounding, on a surface in the plane of focus.
@@ -56,14 +56,16 @@ pub fn write(path: &Path, scene: &Scene, coc_px: &Plane, frame: &Frame) -> Resul
 fn picture(scene: &Scene, coc_px: &Plane) -> Rgb8 {
     let (width, height) = (coc_px.width(), coc_px.height());
     let [columns, rows] = scene.outside_px;
-    let pixel = |i: usize| {
-        let (x, y) = (i % width, i / width);
+    let pixel = |x: usize, y: usize| {
         let [r, g, b, _] = scene.pinhole_pixel(x + columns, y + rows);
         let shown = [r, g, b].map(|linear| srgb_encode(linear.clamp(0.0, 1.0)));
         let color = color(shown, coc_px.get(x, y), line(coc_px, x, y));
         color.map(|value| (value * 255.0).round() as u8)
     };
-    let pixels: Vec<[u8; 3]> = (0..width * height).into_par_iter().map(pixel).collect();
+    let mut pixels = vec![[0; 3]; width * height];
+    parallel::for_each_row(&mut pixels, width, &|y, row| {
+        row.iter_mut().enumerate().for_each(|(x, shown)| *shown = pixel(x, y));
+    });
     Rgb8 { width, height, bytes: pixels.into_flattened() }
 }
 

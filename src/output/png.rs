@@ -3,8 +3,8 @@
 use super::{Made, atomic};
 use crate::error::Error;
 use crate::image::{Image, Plane, srgb_encode};
+use crate::parallel;
 use png::{BitDepth, ColorType, Compression, EncodingError, Filter};
-use rayon::prelude::*;
 use std::path::Path;
 
 /// Width of the strip between pictures side by side, in pixels.
@@ -59,7 +59,7 @@ fn write_with_texts(path: &Path, image: &Image, exposure_stops: f32, texts: &[Ch
     let opaque = image.planes[3].values().iter().all(|&alpha| to_8_bit(alpha) == u8::MAX);
     let (color, channels) = if opaque { (ColorType::Rgb, 3) } else { (ColorType::Rgba, 4) };
     let mut bytes = vec![0; image.width() * image.height() * channels];
-    fill_rows(&mut bytes, image.width() * channels, image.height(), |y, row| {
+    parallel::for_each_row(&mut bytes, image.width() * channels, &|y, row| {
         for (x, out) in row.chunks_exact_mut(channels).enumerate() {
             let [r, g, b, alpha] = image.pixel(x, y);
             let straight = if opaque || alpha <= 0.0 { gain } else { gain / alpha.min(1.0) };
@@ -80,7 +80,7 @@ pub fn write_side_by_side(path: &Path, images: &[&Image], exposure_stops: f32) -
     let height = images.iter().map(|image| image.height()).max().unwrap_or(0);
     let width = images.iter().map(|image| image.width() + GAP_PX).sum::<usize>().saturating_sub(GAP_PX);
     let mut bytes = vec![GAP_GREY; width * height * 3];
-    fill_rows(&mut bytes, width * 3, height, |y, row| {
+    parallel::for_each_row(&mut bytes, width * 3, &|y, row| {
         let mut left = 0;
         for image in images.iter() {
             if y < image.height() {
@@ -130,19 +130,12 @@ pub(super) fn write_rgb(path: &Path, picture: Rgb8) -> Result<(), Error> {
 #[cfg(feature = "cli")]
 pub(crate) fn false_color(plane: &Plane) -> Vec<u8> {
     let mut bytes = vec![0; plane.width() * plane.height() * 3];
-    fill_rows(&mut bytes, plane.width() * 3, plane.height(), |y, row| {
+    parallel::for_each_row(&mut bytes, plane.width() * 3, &|y, row| {
         for (pixel, value) in row.chunks_exact_mut(3).zip(plane.row(y)) {
             pixel.copy_from_slice(&colorous::MAGMA.eval_continuous(f64::from(*value)).as_array());
         }
     });
     bytes
-}
-
-/// Calls `fill` with every row in parallel. An empty picture has no rows: `par_chunks_mut` panics at a size of 0.
-fn fill_rows(bytes: &mut [u8], row_bytes: usize, height: usize, fill: impl Fn(usize, &mut [u8]) + Sync) {
-    if row_bytes * height > 0 {
-        bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| fill(y, row));
-    }
 }
 
 fn write_pixels(path: &Path, pixels: &Pixels) -> Result<(), Error> {

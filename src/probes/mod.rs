@@ -37,9 +37,9 @@ pub use truth::Basis;
 
 use crate::image::Image;
 use crate::methods::Plan;
+use crate::parallel;
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
-use rayon::prelude::*;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 use truth::{PixelTracer, Truth};
@@ -170,7 +170,7 @@ impl Probes {
         let truth = |site: &Site| tracer.truth(site.pixel, rays_per_half, !site.random);
         let stratum = |(size, sites): &(f64, Vec<Site>)| Stratum {
             size: *size,
-            truths: sites.par_iter().map(truth).collect(),
+            truths: parallel::map(sites.len(), &|site| truth(&sites[site])),
         };
         Self { strata: sites.strata.iter().map(stratum).collect(), rays_per_half }
     }
@@ -309,7 +309,7 @@ fn candidates(tracer: &PixelTracer<'_>, count: usize, rng: &mut Rng) -> Vec<Cand
         spread: spread(tracer, pixel, &mut Rng::with_seed(random)),
         in_focus: in_focus(scene, pixel % stride, pixel / stride),
     };
-    seeds.into_par_iter().map(candidate).collect()
+    parallel::map(seeds.len(), &|seed| candidate(seeds[seed]))
 }
 
 /// Variance of the colours of single rays of a pixel, summed over the channels.

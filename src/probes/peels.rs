@@ -11,12 +11,12 @@
 //! Cost: the rays, once for each number of layers. Memory: negligible. Limits: errors that occur in few places are partly missed.
 
 use super::truth::PixelTracer;
-use super::{Basis, ProbeSites, SEED, Site, StratumErrors, mean_error};
+use super::{Basis, ProbeSites, SEED, StratumErrors, mean_error};
 use crate::lens::Rays;
 use crate::methods::Plan;
+use crate::parallel;
 use crate::scene::{EffectKind, Scene};
 use fastrand::Rng;
-use rayon::prelude::*;
 
 /// PSNR in dB from which fewer layers suffice: a third of the squared error of final quality, 45 dB.
 pub(crate) const PEELS_ENOUGH_DB: f64 = 50.0;
@@ -70,8 +70,8 @@ pub fn peels_seen(scene: &Scene, plan: &Plan) -> Option<PeelsSeen> {
     let strata: Vec<(f64, Vec<PixelStats>)> = strata
         .into_iter()
         .map(|(size, sites)| {
-            let stats = |site: Site| pixel_stats(&tracer, &fewer, site.pixel, site.random);
-            (size, sites.into_par_iter().map(stats).collect())
+            let stats = |site: usize| pixel_stats(&tracer, &fewer, sites[site].pixel, sites[site].random);
+            (size, parallel::map(sites.len(), &stats))
         })
         .collect();
     let mean = |value: &dyn Fn(&PixelStats) -> f64| {
