@@ -10,7 +10,7 @@ need() {
     fi
 }
 
-# Installs Debian's packages $2 …; without them $1 cannot run.
+# Installs Debian's packages $2 …; without them $1 cannot run. One script at a time.
 install() {
     local what=$1
     shift
@@ -19,8 +19,8 @@ install() {
         echo "  help: install them, on Debian: apt-get install $*" >&2
         exit 1
     fi
-    apt-get update -q
-    DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends "$@"
+    flock .ci/tools.sh apt-get update -q
+    DEBIAN_FRONTEND=noninteractive flock .ci/tools.sh apt-get install -qy --no-install-recommends "$@"
 }
 
 # Sees to it that program $2, of Debian's packages $3 …, is there; without it $1 cannot run.
