@@ -52,6 +52,20 @@ fn every_module_of_the_table_exists() {
 }
 
 #[test]
+fn loops_run_in_parallel_by_one_function_but_for_those_that_the_architecture_names() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
+    let invariant =
+        text.split("- **Architecture Invariant:**").find(|invariant| invariant.contains("`parallel`"));
+    let invariant = invariant.unwrap();
+    for file in rust_files(&root.join("src")) {
+        let name = file.strip_prefix(root.join("src")).unwrap().display().to_string();
+        let has_loops = code_of(&fs::read_to_string(&file).unwrap()).contains("rayon::prelude");
+        assert_eq!(has_loops, name == "parallel.rs" || invariant.contains(&format!("`{name}`")), "{name}");
+    }
+}
+
+#[test]
 fn paths_are_found_in_groups_and_in_the_middle_of_a_line_and_not_in_comments() {
     let text = "use crate::{error::Error, image::{Image, Plane},\n    lens};\nlet x = crate::stack::read();\n// crate::gpu\n";
     let expected = ["error", "image", "lens", "stack"].map(str::to_owned);
