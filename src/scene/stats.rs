@@ -95,17 +95,19 @@ impl Scene {
         let analyze = |row: usize| {
             let (layer, y) = (row / self.height(), row % self.height());
             let (layer, in_front) = (&self.layers[layer], &self.layers[..layer]);
-            arch.dispatch(AnalyzeRow { layer, in_front, y, supersample, block_side, color_range })
+            // Boxed, since it has some kilobytes.
+            Box::new(arch.dispatch(AnalyzeRow { layer, in_front, y, supersample, block_side, color_range }))
         };
-        let row_stats: Vec<(Tally, RowSpread)> = parallel::map(rows, &analyze);
+        let row_stats: Vec<Box<(Tally, RowSpread)>> = parallel::map(rows, &analyze);
         let mut spread = Spread::empty(self.picture_size(), self.coc_infinity_px);
-        for (number, (_, row)) in row_stats.iter().enumerate() {
+        for (number, of_row) in row_stats.iter().enumerate() {
+            let (_, row) = &**of_row;
             let is_front = number < self.height();
             spread.add(row, number % self.height(), is_front, self.supersample);
         }
         let layer_tallies: Vec<Tally> = row_stats
             .chunks(self.height().max(1))
-            .map(|rows| rows.iter().fold(Tally::default(), |sum, (tally, _)| sum.add(tally)))
+            .map(|rows| rows.iter().fold(Tally::default(), |sum, of_row| sum.add(&of_row.0)))
             .collect();
         let samples = self.width() * self.height();
         let peels = layer_tallies.iter().map(|tally| tally.peel_stats(samples, self.supersample)).collect();
