@@ -59,7 +59,8 @@ fn loops_run_in_parallel_by_one_function_but_for_those_that_the_architecture_nam
         text.split("- **Architecture Invariant:**").find(|invariant| invariant.contains("`parallel`"));
     let invariant = invariant.unwrap();
     for file in rust_files(&root.join("src")) {
-        let name = file.strip_prefix(root.join("src")).unwrap().display().to_string();
+        let folders = file.strip_prefix(root.join("src")).unwrap().iter();
+        let name = folders.map(|name| name.to_str().unwrap()).collect::<Vec<_>>().join("/");
         let has_loops = code_of(&fs::read_to_string(&file).unwrap()).contains("rayon::prelude");
         assert_eq!(has_loops, name == "parallel.rs" || invariant.contains(&format!("`{name}`")), "{name}");
     }
