@@ -15,19 +15,9 @@ use std::sync::{Mutex, PoisonError};
 /// Values of a block of [`for_each_block`].
 const BLOCK: usize = 4096;
 
-/// Calls `act(index)` for each index below `count`.
-pub(crate) fn for_each_index(count: usize, act: &(dyn Fn(usize) + Sync)) {
-    spread(count, usize::MAX, &|| Box::new(act));
-}
-
 /// Calls `act(number, item)` for each of `items`, which are numbered from 0.
 pub(crate) fn for_each<I: Send>(items: impl Iterator<Item = I>, act: &(dyn Fn(usize, I) + Sync)) {
-    let slots: Slots<I> = items.map(Slot::holding).collect();
-    for_each_index(slots.len(), &|number| {
-        if let Some(item) = slots[number].take() {
-            act(number, item);
-        }
-    });
+    for_each_with(items, &|| (), &|(), number, item| act(number, item));
 }
 
 /// Calls `act(y, row)` for each row of `width` of the `values`; the last one may be shorter. Without a width, each value is a row.
@@ -81,9 +71,7 @@ pub(crate) fn for_each_in_tasks<I: Send, S>(
 /// `of(index)` for each index below `count`, in their order. Each result has a lock of its own, which costs nothing beside a row, and too
 /// much beside a pixel.
 pub(crate) fn map<T: Send>(count: usize, of: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
-    let slots = empty(count);
-    for_each_index(count, &|index| slots[index].put(of(index)));
-    results(slots)
+    map_with(count, &|| (), &|(), index| of(index))
 }
 
 /// [`map`] with scratch memory: `of(scratch, index)`. `scratch` makes it for a number of adjacent indices.
@@ -105,19 +93,15 @@ pub(crate) fn map_each<I: Send, T: Send>(
     items: impl Iterator<Item = I>,
     of: &(dyn Fn(usize, I) -> T + Sync),
 ) -> Vec<T> {
-    let items: Slots<I> = items.map(Slot::holding).collect();
+    let items: Vec<I> = items.collect();
     let slots = empty(items.len());
-    for_each_index(items.len(), &|number| {
-        if let Some(item) = items[number].take() {
-            slots[number].put(of(number, item));
-        }
-    });
+    for_each(items.into_iter().zip(&slots), &|number, (item, slot)| slot.put(of(number, item)));
     results(slots)
 }
 
 /// `of(index)` for each index below `count`, in their order, where that takes too little time for [`map`]: some adjacent indices have one
 /// call and one lock together. For a while the results take their memory twice.
-pub(crate) fn values<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn map_in_blocks<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
     /// Few enough that there is work for all threads.
     const TOGETHER: usize = 256;
     flat_map(count.div_ceil(TOGETHER), &|block| {
@@ -136,7 +120,7 @@ pub(crate) fn flat_map<T: Send>(count: usize, of: &(dyn Fn(usize) -> Vec<T> + Sy
 /// Whether `holds(index)` for all indices below `count`. It is not asked of all of them once it is known not to.
 pub(crate) fn all(count: usize, holds: &(dyn Fn(usize) -> bool + Sync)) -> bool {
     let fails = AtomicBool::new(false);
-    for_each_index(count, &|index| {
+    for_each(0..count, &|_, index| {
         if !fails.load(Ordering::Relaxed) && !holds(index) {
             fails.store(true, Ordering::Relaxed);
         }
@@ -196,11 +180,11 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
 
     #[test]
-    fn every_index_has_its_turn_once() {
+    fn every_item_has_its_turn_once() {
         for count in [0, 1, 1000] {
             let turns: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
-            for_each_index(count, &|index| {
-                turns[index].fetch_add(1, Ordering::Relaxed);
+            for_each(turns.iter(), &|_, turns| {
+                turns.fetch_add(1, Ordering::Relaxed);
             });
             assert!(turns.iter().all(|turns| turns.load(Ordering::Relaxed) == 1), "{count}");
         }
@@ -278,7 +262,7 @@ mod tests {
             assert!(squares.into_iter().eq((0..count).map(|index| index * index)));
             let numbers = map_each((0..count).rev(), &|number, item| [number, item]);
             assert!(numbers.into_iter().eq((0..count).map(|index| [index, count - 1 - index])));
-            assert!(values(count, |index| index + 1).into_iter().eq(1..=count));
+            assert!(map_in_blocks(count, |index| index + 1).into_iter().eq(1..=count));
             let lists = flat_map(count, &|index| vec![index; index % 3]);
             assert!(lists.into_iter().eq((0..count).flat_map(|index| vec![index; index % 3])));
         }
@@ -288,6 +272,18 @@ mod tests {
     fn something_holds_for_all_unless_one_fails() {
         assert!(all(0, &|_| false) && all(1000, &|_| true));
         assert!(!all(1000, &|index| index != 700));
+    }
+
+    #[test]
+    fn nothing_is_asked_that_cannot_change_the_answer() {
+        let asked = AtomicUsize::new(0);
+        let fails = |_| {
+            asked.fetch_add(1, Ordering::Relaxed);
+            false
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert!(!pool.install(|| all(1000, &fails)));
+        assert_eq!(asked.into_inner(), 1);
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub(super) fn unblend(peel: &mut Peel, convention: DepthConvention) -> Option<Fi
     }
     let surfaces = Surfaces::new(numbers, &places);
     let filtered = surfaces.filtered(&places)?;
-    let replaced: Vec<Option<f32>> = parallel::values(places.len(), |i| {
+    let replaced: Vec<Option<f32>> = parallel::map_in_blocks(places.len(), |i| {
         let (x, y) = places[i];
         let number = coding.number(peel.depth.get(x, y));
         let (target, share) = surfaces.target((x, y), number)?;
@@ -226,7 +226,7 @@ impl Numbers {
                 && self.beside(place, 0, 0) < ALMOST_ZERO * greatest
                 && smooth_step(SIMILAR, self.similar(place)) < 0.5
         };
-        let cleared = parallel::values(places.len(), |i| is_almost_zero(places[i]));
+        let cleared = parallel::map_in_blocks(places.len(), |i| is_almost_zero(places[i]));
         let cleared = places.iter().zip(cleared).filter(|(_, is_cleared)| *is_cleared);
         cleared.for_each(|(&(x, y), _)| self.0.set(x, y, 0.0));
     }
@@ -256,7 +256,7 @@ impl Surfaces {
     /// The surfaces of `numbers`, which are uneven at `places` only.
     fn new(numbers: Numbers, places: &[(usize, usize)]) -> Self {
         let mut wide = Plane::filled(numbers.0.width(), numbers.0.height(), 1.0);
-        let shares: Vec<[f32; 2]> = parallel::values(places.len(), |i| {
+        let shares: Vec<[f32; 2]> = parallel::map_in_blocks(places.len(), |i| {
             let similar = numbers.similar(places[i]);
             let goes_on = smooth_step(SIMILAR, similar);
             let any = if goes_on < 1.0 { goes_on.max(numbers.stands_alone(places[i])) } else { goes_on };
@@ -274,7 +274,7 @@ impl Surfaces {
     fn filtered(&self, places: &[(usize, usize)]) -> Option<Plane> {
         let [width, height] = [self.wide.width(), self.wide.height()];
         let found: Vec<[f32; 2]> =
-            parallel::values(places.len(), |i| [self.blended(places[i]), self.hard(places[i])]);
+            parallel::map_in_blocks(places.len(), |i| [self.blended(places[i]), self.hard(places[i])]);
         let evidence = places.iter().zip(&found).map(|(&place, &[blended, hard])| (place, [blended, hard]));
         if is_nowhere(evidence, [width, height], &WEIGHING) {
             return None;

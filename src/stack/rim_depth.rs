@@ -101,7 +101,7 @@ fn surface_depths(
     for &(x, y) in depthless {
         sky[y * width + x] |= is_the_rest(peel, before, x, y);
     }
-    let mut depths = parallel::values(depthless.len(), |i| {
+    let mut depths = parallel::map_in_blocks(depthless.len(), |i| {
         let (x, y) = depthless[i];
         nearest_depth(peel, foreground, x, y)
     });
