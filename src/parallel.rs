@@ -241,13 +241,17 @@ mod tests {
     #[test]
     fn scratch_memory_serves_no_more_items_than_a_task_has() {
         let most_served = AtomicUsize::new(0);
-        let mut numbers = vec![0; 100];
-        for_each_in_tasks(8, numbers.iter_mut(), &|| 0, &|served, number, to| {
-            *served += 1;
-            most_served.fetch_max(*served, Ordering::Relaxed);
-            *to = number;
+        let mut numbers = vec![0; 1000];
+        // One thread, which would take many at a time.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        pool.install(|| {
+            for_each_in_tasks(8, numbers.iter_mut(), &|| 0, &|served, number, to| {
+                *served += 1;
+                most_served.fetch_max(*served, Ordering::Relaxed);
+                *to = number;
+            });
         });
-        assert!(numbers.into_iter().eq(0..100));
+        assert!(numbers.into_iter().eq(0..1000));
         assert!(most_served.into_inner() <= 8);
     }
 
