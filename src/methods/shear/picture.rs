@@ -72,17 +72,23 @@ pub(super) fn near_share_plane(channels: &[usize]) -> usize {
     }
 }
 
-/// The picture of `size` that `row(scratch, y, planes)` paints row by row, with smooth near light if there is a filter for it, and for each
+/// The planes of an unfinished picture of `size`, in the memory of `spare` planes as far as there are any of that size: pages that a process
+/// has cost nothing, and new ones as much as writing to them a few times. Values are what they were.
+pub(super) fn planes((width, height): (usize, usize), spare: Vec<Plane>) -> [Plane; PLANES] {
+    let mut spare = spare.into_iter().filter(|plane| (plane.width(), plane.height()) == (width, height));
+    std::array::from_fn(|_| spare.next().unwrap_or_else(|| Plane::zeros(width, height)))
+}
+
+/// The picture whose `planes` `row(scratch, y, planes)` paints row by row, with smooth near light if there is a filter for it, and for each
 /// pixel the share of rays that hit something in focus. `scratch` makes the memory of a thread.
 pub(super) fn painted<T>(
-    size: (usize, usize),
+    mut planes: [Plane; PLANES],
     filter: Option<&NearFilter>,
     progress: &Progress<'_>,
     scratch: &(dyn Fn() -> T + Sync),
     row: &WriteRow<'_, T>,
 ) -> (Image, Plane) {
-    let (width, height) = size;
-    let mut planes: [Plane; PLANES] = std::array::from_fn(|_| Plane::zeros(width, height));
+    let (width, height) = (planes[0].width(), planes[0].height());
     let done = AtomicUsize::new(0);
     let paint = |first: usize, planes: Vec<&mut [f32]>| {
         fill_rows(planes, width, scratch, &|scratch, y, planes| {
@@ -191,13 +197,17 @@ mod tests {
     }
 
     fn with_threads(threads: usize, filter: &NearFilter) -> (Image, Plane) {
+        in_memory_of(Vec::new(), threads, filter)
+    }
+
+    fn in_memory_of(spare: Vec<Plane>, threads: usize, filter: &NearFilter) -> (Image, Plane) {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let paint = |(): &mut (), y: usize, planes: &mut [&mut [f32]]| {
             for (k, row) in planes.iter_mut().enumerate() {
                 row.iter_mut().enumerate().for_each(|(x, sample)| *sample = value((x, y), k));
             }
         };
-        pool.install(|| painted(SIZE, Some(filter), &|_| {}, &|| (), &paint))
+        pool.install(|| painted(planes(SIZE, spare), Some(filter), &|_| {}, &|| (), &paint))
     }
 
     #[test]
@@ -213,5 +223,13 @@ mod tests {
                 assert_eq!(with_threads(threads, &filter), whole, "{threads} threads");
             }
         }
+    }
+
+    #[test]
+    fn what_was_in_the_memory_of_a_picture_does_not_show() {
+        let filter = NearFilter { radius_per_coc: near::radius_per_coc(64, 1.4), by_channel: false };
+        let used = |(width, height)| Plane::filled(width, height, f32::NAN);
+        let spare = vec![used(SIZE), used((SIZE.1, SIZE.0)), used(SIZE), Plane::default()];
+        assert_eq!(in_memory_of(spare, 2, &filter), with_threads(2, &filter));
     }
 }

@@ -159,12 +159,14 @@ impl Prepared {
         Canvas { layers, spans, bins, mirrors, barrel, aberration_px, background, lost_rays }
     }
 
-    /// Paints all views. Returns the picture with smooth near light and, for each pixel, the share of rays that hit something in focus.
-    fn paint(&self, frame: &Frame<'_>, progress: &Progress<'_>) -> (Image, Plane) {
+    /// Paints all views, in the memory of `spare` planes as far as there are any. Returns the picture with smooth near light and, for each
+    /// pixel, the share of rays that hit something in focus.
+    fn paint(&self, frame: &Frame<'_>, spare: Vec<Plane>, progress: &Progress<'_>) -> (Image, Plane) {
         let (canvas, arch) = (self.canvas(frame), Arch::new());
         let near = NearFilter::new(frame.plan, &self.bins, self.views);
         let new_row = || RowSums::new(frame.size.0, near.is_some());
-        picture::painted(frame.size, near.as_ref(), progress, &new_row, &|sums, y, planes| {
+        let planes = picture::planes(frame.size, spare);
+        picture::painted(planes, near.as_ref(), progress, &new_row, &|sums, y, planes| {
             let in_reach = canvas.bins_in_reach(y);
             for painting in self.row_views.of_row(y) {
                 sums.paint_only(|x| painting.is_visible(x));
@@ -189,7 +191,7 @@ impl Prepared {
         }
         let (image, focused_share) = match self.whole.take() {
             Some(whole) => whole,
-            None => self.paint(frame, &|_| {}),
+            None => self.paint(frame, Vec::new(), &|_| {}),
         };
         let value = |pixel: usize| {
             let [r, g, b, a] = image.planes.each_ref().map(|plane| plane.values()[pixel]);
@@ -237,14 +239,14 @@ impl Prepared {
         parallel::flat_map(rows.len(), &painted_row).into_iter().collect()
     }
 
-    /// Frees what only discs and reflections need, and painting does not: CoC radii, and alpha where all that there is is opaque.
-    fn keep_painted(&mut self) {
-        for (number, Layer { alpha, coc_px, .. }) in self.layers.iter_mut().enumerate() {
-            *coc_px = Plane::default();
-            if !self.spans.has_translucent(number) {
-                *alpha = Plane::default();
-            }
-        }
+    /// Takes the planes that only discs and reflections need, and painting does not: CoC radii, and alpha where all that there is is opaque.
+    fn take_unpainted(&mut self) -> Vec<Plane> {
+        let Self { layers, spans, .. } = self;
+        let unpainted = layers.iter_mut().enumerate().flat_map(|(number, Layer { alpha, coc_px, .. })| {
+            let alpha = (!spans.has_translucent(number)).then_some(alpha);
+            std::iter::once(coc_px).chain(alpha)
+        });
+        unpainted.map(std::mem::take).collect()
     }
 
     /// Adds the discs of `highlights` to `image`.
@@ -309,16 +311,19 @@ impl Sampler for ShearSampler<'_> {
             PaintLayers::Prepared(prepared, saved) => prepared.for_views((&saved, &mirrors), &frame, views),
         };
         let whole = prepared.whole.take();
-        if highlights.is_empty() && mirrors.is_none() {
-            prepared.keep_painted();
-        }
-        let (mut image, focused_share) = whole.unwrap_or_else(|| prepared.paint(&frame, progress));
+        let (mut image, focused_share) = whole.unwrap_or_else(|| {
+            let needed = !highlights.is_empty() || mirrors.is_some();
+            let spare = if needed { Vec::new() } else { prepared.take_unpainted() };
+            prepared.paint(&frame, spare, progress)
+        });
         prepared.draw_discs(&mut image, &highlights, &frame);
-        // Resolving needs memory of its own, and none of this.
-        drop(prepared);
-        if let Some(resolve) = &frame.resolve {
-            resolve.soften(&mut image, focused_share);
-        }
+        let soften = || {
+            if let Some(resolve) = &frame.resolve {
+                resolve.soften(&mut image, focused_share);
+            }
+        };
+        // Giving much memory back takes a while.
+        rayon::join(|| drop(prepared), soften);
         image
     }
 }
