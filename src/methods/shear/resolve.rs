@@ -7,6 +7,7 @@ use crate::image::{Image, Plane};
 use crate::methods::contract::{PixelFilter, Plan};
 use crate::parallel;
 use crate::scene::{Antialiasing, EffectKind, Scene};
+use pulp::{Arch, NullaryFnOnce};
 
 /// How far a fragment of the CoC radius `coc_px`, in picture pixels, counts as in focus: from 1 up to half a pixel down to 0 from one and
 /// a half on.
@@ -24,6 +25,9 @@ pub(super) fn smooth_step(t: f32) -> f32 {
 
 /// Opening of the lens from which on the filter has its full weight, see [`crate::lens::ThinLens::opening_px`], in picture pixels.
 const FULL_OPENING_PX: f32 = 1.5;
+
+/// Rows that one task filters.
+const BAND: usize = 32;
 
 /// The filter of one picture.
 #[derive(Debug, Clone)]
@@ -50,7 +54,7 @@ impl Resolve {
 
     /// Filters `image`, whose pixels have the shares `focused_share` of rays that hit something in focus.
     pub(super) fn soften(&self, image: &mut Image, focused_share: Plane) {
-        let (width, height) = (image.width(), image.height());
+        let width = image.width();
         if width == 0 {
             return;
         }
@@ -58,32 +62,67 @@ impl Resolve {
         parallel::for_each_row(weights.values_mut(), width, &|y, row| {
             row.iter_mut().enumerate().for_each(|(x, share)| *share = self.weight((x, y), *share));
         });
-        let mut before = Plane::zeros(width, height);
         for plane in &mut image.planes {
-            before.values_mut().copy_from_slice(plane.values());
-            parallel::for_each_row(plane.values_mut(), width, &|y, row| {
-                let (above, below) = (before.row(y.saturating_sub(1)), before.row((y + 1).min(height - 1)));
-                soften_row(row, before.row(y), [above, below], weights.row(y));
-            });
+            soften_plane(plane, &weights);
         }
     }
 }
 
-/// Filters `row`, which was `here` between the rows `above` and `below`, by these weights of each of the four neighbours.
-fn soften_row(row: &mut [f32], here: &[f32], [above, below]: [&[f32]; 2], weights: &[f32]) {
-    let last = row.len() - 1;
-    // Selected, not multiplied: what has no weight may be infinite.
-    let value = |own, around, weight| if weight > 0.0 { softened(own, around, weight) } else { own };
-    for x in [0, last] {
-        let around = [here[x.saturating_sub(1)], here[(x + 1).min(last)], above[x], below[x]];
-        row[x] = value(here[x], around, weights[x]);
-    }
-    let inner = 1..last.max(1);
-    let (own, weights) = (&here[inner.clone()], &weights[inner.clone()]);
-    let (left, right) = (&here[..own.len()], &here[here.len().min(2)..][..own.len()]);
-    let (above, below) = (&above[inner.clone()], &below[inner.clone()]);
-    for (x, out) in row[inner].iter_mut().enumerate() {
-        *out = value(own[x], [left[x], right[x], above[x], below[x]], weights[x]);
+/// Filters `plane` by these weights of each of the four neighbours. Memory: two rows of each band, and two a thread.
+fn soften_plane(plane: &mut Plane, weights: &Plane) {
+    let (width, height, arch) = (plane.width(), plane.height(), Arch::new());
+    let row_before = |y: usize| plane.row(y.min(height - 1)).to_vec();
+    // The rows above and below each band, before they are filtered.
+    let around: Vec<[Vec<f32>; 2]> = (0..height)
+        .step_by(BAND)
+        .map(|first| [row_before(first.saturating_sub(1)), row_before(first + BAND)])
+        .collect();
+    let scratch = || [(); 2].map(|()| vec![0.0; width]);
+    let bands = plane.values_mut().chunks_mut(BAND * width);
+    parallel::for_each_with(bands, &scratch, &|[above, here], band, mut rest| {
+        let [first_above, last_below] = &around[band];
+        above.copy_from_slice(first_above);
+        let mut y = band * BAND;
+        while !rest.is_empty() {
+            let (row, below) = rest.split_at_mut(width);
+            here.copy_from_slice(row);
+            let below_here = below.get(..width).unwrap_or(last_below);
+            arch.dispatch(SoftenRow { row, here, beside: [above, below_here], weights: weights.row(y) });
+            std::mem::swap(above, here);
+            (rest, y) = (below, y + 1);
+        }
+    });
+}
+
+/// Filters `row`, which was `here` between the rows `beside`, by these weights of each of the four neighbours.
+struct SoftenRow<'a> {
+    row: &'a mut [f32],
+    here: &'a [f32],
+    /// Those above and below.
+    beside: [&'a [f32]; 2],
+    weights: &'a [f32],
+}
+
+impl NullaryFnOnce for SoftenRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { row, here, beside: [above, below], weights } = self;
+        let last = row.len() - 1;
+        // Selected, not multiplied: what has no weight may be infinite.
+        let value = |own, around, weight| if weight > 0.0 { softened(own, around, weight) } else { own };
+        for x in [0, last] {
+            let around = [here[x.saturating_sub(1)], here[(x + 1).min(last)], above[x], below[x]];
+            row[x] = value(here[x], around, weights[x]);
+        }
+        let inner = 1..last.max(1);
+        let (own, weights) = (&here[inner.clone()], &weights[inner.clone()]);
+        let (left, right) = (&here[..own.len()], &here[here.len().min(2)..][..own.len()]);
+        let (above, below) = (&above[inner.clone()], &below[inner.clone()]);
+        for (x, out) in row[inner].iter_mut().enumerate() {
+            *out = value(own[x], [left[x], right[x], above[x], below[x]], weights[x]);
+        }
     }
 }
 
@@ -99,6 +138,7 @@ impl PixelFilter for Resolve {
 }
 
 /// `value` filtered with its four neighbours, each of weight `weight`.
+#[inline(always)]
 fn softened(value: f32, [left, right, above, below]: [f32; 4], weight: f32) -> f32 {
     value * (1.0 - 4.0 * weight) + weight * (left + right + above + below)
 }
