@@ -6,6 +6,7 @@ use crate::lens::ThinLens;
 use crate::parallel;
 use crate::stack::depth::{BACKGROUND, DepthScale};
 use crate::stack::{Shading, Stack};
+use pulp::{Arch, NullaryFnOnce};
 
 /// The largest half float, which stands for background where depth was converted.
 const HALF_MAX: f32 = 65504.0;
@@ -50,13 +51,14 @@ impl DepthInUse {
         // The CoC radius grows with depth, from where it is negative.
         let wide = [lens.depth_planar(-limit_px), lens.depth_planar(limit_px)]
             .map(|depth| depth.unwrap_or(f32::INFINITY));
+        let arch = Arch::new();
         let is_wide_at_infinity = lens.coc_infinity_px > limit_px;
         let of_row = |number: usize, y: usize| {
             let peel = &stack.peels[number];
             let mut depths = peel.depth.row(y).to_vec();
             scale.planar_row(&mut depths, y0 + y as f32, x0);
             let farthest = reflected(&stack.shading, number, (y, &depths));
-            let seen = Seen::of(peel.alpha.row(y), &depths, wide);
+            let seen = arch.dispatch(SeeRow { alpha: peel.alpha.row(y), depth: &depths, wide });
             Seen { range: [seen.range[0], seen.range[1].max(farthest)], ..seen }
         };
         let of_peel = |peel: usize| {
@@ -94,13 +96,21 @@ fn reflected(shading: &[Option<Shading>], number: usize, (y, depths): (usize, &[
     depths.iter().enumerate().filter_map(of).fold(f32::NEG_INFINITY, f32::max)
 }
 
-impl Seen {
-    const NOTHING: Self =
-        Self { range: [f32::INFINITY, f32::NEG_INFINITY], fragments: 0, surfaces: 0, wide: 0 };
+/// Looks at one row.
+struct SeeRow<'a> {
+    alpha: &'a [f32],
+    depth: &'a [f32],
+    /// Depths below the first and above the second count as wide.
+    wide: [f32; 2],
+}
 
-    /// Those of one row; depths below the first of `wide` and above the second count as wide.
-    fn of(alpha: &[f32], depth: &[f32], wide: [f32; 2]) -> Self {
-        let ([mut low, mut high], mut counts) = (Self::NOTHING.range.map(|end| [end; LANES]), [0_u32; 3]);
+impl NullaryFnOnce for SeeRow<'_> {
+    type Output = Seen;
+
+    #[inline(always)]
+    fn call(self) -> Seen {
+        let Self { alpha, depth, wide } = self;
+        let ([mut low, mut high], mut counts) = (Seen::NOTHING.range.map(|end| [end; LANES]), [0_u32; 3]);
         for (alpha, depth) in alpha.chunks(LANES).zip(depth.chunks(LANES)) {
             let ends = low.iter_mut().zip(&mut high);
             for ((low, high), (&alpha, &depth)) in ends.zip(alpha.iter().zip(depth)) {
@@ -116,8 +126,13 @@ impl Seen {
         let low = low.into_iter().fold(f32::INFINITY, f32::min);
         let high = high.into_iter().fold(f32::NEG_INFINITY, f32::max);
         let [fragments, surfaces, wide] = counts.map(u64::from);
-        Self { range: [low, high], fragments, surfaces, wide }
+        Seen { range: [low, high], fragments, surfaces, wide }
     }
+}
+
+impl Seen {
+    const NOTHING: Self =
+        Self { range: [f32::INFINITY, f32::NEG_INFINITY], fragments: 0, surfaces: 0, wide: 0 };
 
     fn joined(self, other: Self) -> Self {
         Self {

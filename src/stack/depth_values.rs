@@ -12,6 +12,7 @@ use crate::finding::Finding;
 use crate::image::Plane;
 use crate::parallel;
 use crate::settings::DepthConvention;
+use pulp::{Arch, NullaryFnOnce};
 
 /// The number that programs write where there is no depth.
 const NONE: f32 = -1.0;
@@ -65,29 +66,18 @@ pub(super) struct DepthValues {
     negative: Ends,
 }
 
-impl DepthValues {
-    const NOTHING: Self = Self {
-        fragments: 0,
-        zero: 0,
-        none: 0,
-        nan: 0,
-        positive_count: 0,
-        negative_count: 0,
-        positive: Ends::NOTHING,
-        negative: Ends::NOTHING,
-    };
+/// The depths of one row.
+struct OfRow<'a> {
+    alpha: &'a [f32],
+    depth: &'a [f32],
+}
 
-    /// Those of `peels`.
-    pub(super) fn of(peels: &[Peel]) -> Self {
-        let of_rows = |peel: &Peel| -> Self {
-            let of_row = |y: usize| Self::of_row(peel.alpha.row(y), peel.depth.row(y));
-            let rows = parallel::map(peel.alpha.height(), &of_row);
-            rows.into_iter().fold(Self::NOTHING, Self::joined)
-        };
-        peels.iter().map(of_rows).fold(Self::NOTHING, Self::joined)
-    }
+impl NullaryFnOnce for OfRow<'_> {
+    type Output = DepthValues;
 
-    fn of_row(alpha: &[f32], depth: &[f32]) -> Self {
+    #[inline(always)]
+    fn call(self) -> DepthValues {
+        let Self { alpha, depth } = self;
         // Each lane has ends of its own, so that no iteration depends on the previous one.
         const LANES: usize = 16;
         let nothing = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
@@ -118,7 +108,7 @@ impl DepthValues {
             low: low.into_iter().fold(f32::INFINITY, f32::min),
             high: high.into_iter().fold(f32::NEG_INFINITY, f32::max),
         };
-        Self {
+        DepthValues {
             fragments,
             zero,
             none,
@@ -128,6 +118,31 @@ impl DepthValues {
             positive: ends(low, high),
             negative: ends(negative_low, negative_high),
         }
+    }
+}
+
+impl DepthValues {
+    const NOTHING: Self = Self {
+        fragments: 0,
+        zero: 0,
+        none: 0,
+        nan: 0,
+        positive_count: 0,
+        negative_count: 0,
+        positive: Ends::NOTHING,
+        negative: Ends::NOTHING,
+    };
+
+    /// Those of `peels`.
+    pub(super) fn of(peels: &[Peel]) -> Self {
+        let arch = Arch::new();
+        let of_rows = |peel: &Peel| -> Self {
+            let of_row =
+                |y: usize| arch.dispatch(OfRow { alpha: peel.alpha.row(y), depth: peel.depth.row(y) });
+            let rows = parallel::map(peel.alpha.height(), &of_row);
+            rows.into_iter().fold(Self::NOTHING, Self::joined)
+        };
+        peels.iter().map(of_rows).fold(Self::NOTHING, Self::joined)
     }
 
     /// Counts have no order, and ends do not round: the sum is the same whatever the order.

@@ -9,6 +9,7 @@ use super::depth::foreground;
 use crate::finding::Finding;
 use crate::parallel;
 use crate::settings::DepthConvention;
+use pulp::{Arch, NullaryFnOnce};
 
 /// The alpha of light that hides nothing: half of the last place of 1, so that `1 − LIGHT_ALPHA` is 1 in the arithmetic of `f32` and what is
 /// behind such a fragment keeps its bits. A colour divided by it stays finite.
@@ -68,19 +69,18 @@ pub(super) fn complete(peels: &mut [Peel], convention: DepthConvention) -> (Opti
 
 /// Completes one peel, with the peels behind it.
 fn complete_peel(peel: &mut Peel, behind: &[Peel], convention: DepthConvention) -> Found {
-    let (width, foreground) = (peel.alpha.width().max(1), foreground(convention));
+    let (width, foreground, arch) = (peel.alpha.width().max(1), foreground(convention), Arch::new());
     let Peel { color: [red, green, blue], alpha, depth } = peel;
     let color = [&*red, &*green, &*blue];
     let below = |x: usize, y: usize| {
         behind.iter().find(|peel| peel.alpha.get(x, y) > 0.0).map(|peel| peel.depth.get(x, y))
     };
     let complete_row = |y: usize, (alpha, depth): (&mut [f32], &mut [f32])| {
-        let mut found = Found::default();
-        // Most rows have no light: one loop without branches says so.
-        if alpha.iter().fold(f32::INFINITY, |least, alpha| least.min(*alpha)) > 0.0 {
+        let (mut found, rows) = (Found::default(), color.map(|plane| plane.row(y)));
+        // Most rows have no light: loops without branches say so.
+        if !arch.dispatch(HasLight { color: rows, alpha }) {
             return found;
         }
-        let rows = color.map(|plane| plane.row(y));
         for (x, (alpha, depth)) in alpha.iter_mut().zip(depth).enumerate() {
             if *alpha > 0.0 || rows.iter().all(|row| row[x] == 0.0) {
                 continue;
@@ -98,6 +98,29 @@ fn complete_peel(peel: &mut Peel, behind: &[Peel], convention: DepthConvention) 
     };
     let rows = alpha.values_mut().chunks_mut(width).zip(depth.values_mut().chunks_mut(width));
     parallel::map_each(rows, &complete_row).into_iter().fold(Found::default(), Found::plus)
+}
+
+/// Whether a row has colours without alpha.
+struct HasLight<'a> {
+    color: [&'a [f32]; 3],
+    alpha: &'a [f32],
+}
+
+impl NullaryFnOnce for HasLight<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Self { color: [red, green, blue], alpha } = self;
+        // Most rows of the first peel are covered.
+        let covered = alpha.iter().fold(true, |covered, &alpha| covered & (alpha > 0.0));
+        let colors = red.iter().zip(green).zip(blue);
+        !covered
+            && alpha.iter().zip(colors).fold(false, |found, (&alpha, ((&red, &green), &blue))| {
+                let black = (red == 0.0) & (green == 0.0) & (blue == 0.0);
+                found | !((alpha > 0.0) | black)
+            })
+    }
 }
 
 #[cfg(test)]
