@@ -146,6 +146,12 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
+    /// The first `width` values of each, as slices whose length the compiler knows to be the same.
+    #[inline(always)]
+    fn of_width(self, width: usize) -> Self {
+        Self { color: self.color.map(|channel| &mut channel[..width]), weights: &self.weights[..width] }
+    }
+
     /// Moves the colour of column `x` towards `last` by the weight of column `weighted`, and `last` to it.
     #[inline(always)]
     fn step(&mut self, x: usize, last: &mut [f32; 3], weighted: usize) {
@@ -165,8 +171,8 @@ impl<const N: usize> NullaryFnOnce for SmoothRows<'_, N> {
 
     #[inline(always)]
     fn call(self) {
-        let mut rows = self.rows;
-        let width = rows[0].weights.len();
+        let width = self.rows[0].weights.len();
+        let mut rows = self.rows.map(|row| row.of_width(width));
         let mut last = rows.each_ref().map(|row| row.color.each_ref().map(|channel| channel[0]));
         for x in 1..width {
             for (row, last) in rows.iter_mut().zip(&mut last) {
