@@ -50,6 +50,7 @@ mod prefilter;
 mod prepare;
 mod reach;
 mod resolve;
+mod row_mask;
 mod row_sums;
 mod row_views;
 mod sampler;

@@ -1,14 +1,15 @@
 //! What is opaque and ends the rays of a view in a row: noted while its spans are looked through, front to back, and added to the sums
 //! when all of them are.
 //!
-//! More than half of the chunks that spans cover have no rays left. Noting does not branch on it: each chunk of a span is written
-//! to the end of a list, which becomes longer only if rays are left. A ray that is noted here passed nothing translucent in its view, so
+//! Rays are looked up for 64 pixels at a time: most spans lie within one word, so that their length decides no branch. Each chunk of a word
+//! that has rays left is written to the end of a list, which becomes longer only if the chunk has some. A ray that is noted here passed nothing translucent in its view, so
 //! that sums have the bits that adding at once would give.
 //!
 //! Memory: a hit and what it hits for each pixel at most, as each has one ray.
 
 use super::canvas::Canvas;
-use super::lanes::{LANES, Mask, chunks_of};
+use super::lanes::{LANES, Mask};
+use super::row_mask::{CHUNKS_OF_WORD, RowMask, words_of};
 use super::sums::Sums;
 use super::values::{Hit, Source, add_opaque};
 use pulp::Simd;
@@ -25,11 +26,11 @@ pub(super) struct OpaqueHits {
     sources: Vec<(Source, usize)>,
 }
 
-/// What [`OpaqueHits::note`] leaves of the rays.
+/// What [`OpaqueHits::note`] did to the rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct RaysLeft {
-    /// Number of chunks that had rays and have none.
-    pub(super) ended_chunks: usize,
+    /// Number of rays that it ended.
+    pub(super) ended: usize,
     /// Whether there are attenuated rays at its columns.
     pub(super) attenuated: bool,
 }
@@ -37,8 +38,8 @@ pub(super) struct RaysLeft {
 impl OpaqueHits {
     /// No hits in a row of `chunks` chunks.
     pub(super) fn new(chunks: usize) -> Self {
-        // A hit ends a ray, and all chunks of a span are written.
-        let hits = vec![Hit::default(); chunks * LANES + chunks];
+        // A hit ends a ray, and all chunks of a word are written.
+        let hits = vec![Hit::default(); chunks * LANES + CHUNKS_OF_WORD];
         Self { hits, count: 0, sources: Vec::new() }
     }
 
@@ -46,40 +47,37 @@ impl OpaqueHits {
     #[inline(always)]
     pub(super) fn note(
         &mut self,
-        occluded: &mut [Mask],
-        attenuated: &[Mask],
+        occluded: &mut RowMask,
+        attenuated: &RowMask,
         columns: &Range<usize>,
         source: Source,
     ) -> RaysLeft {
-        let chunks = chunks_of(columns);
-        let (first, between) = (chunks.start, chunks.len() - 1);
-        let start = Mask::MAX << (columns.start % LANES);
-        let end = Mask::MAX >> (LANES - 1 - (columns.end - 1) % LANES);
-        let (occluded, attenuated) = (&mut occluded[chunks.clone()], &attenuated[chunks]);
-        let hits = &mut self.hits[self.count..][..occluded.len()];
-        let (mut count, mut ended_chunks, mut left) = (0, 0, 0);
-        let mut note = |i: usize, inside: Mask| {
-            let free = inside & !occluded[i];
-            let lanes = free & !attenuated[i];
-            let now = occluded[i] | lanes;
-            occluded[i] = now;
-            hits[count] = Hit { chunk: (first + i) as u32, lanes };
-            count += usize::from(lanes != 0);
-            ended_chunks += usize::from((lanes != 0) & (now == Mask::MAX));
-            left |= free & attenuated[i];
-        };
-        if between == 0 {
-            note(0, start & end);
-        } else {
-            note(0, start);
-            (1..between).for_each(|i| note(i, Mask::MAX));
-            note(between, end);
+        let (mut count, mut ended, mut left) = (self.count, 0, 0);
+        for (word, covered) in words_of(columns) {
+            let occluded = occluded.word_mut(word);
+            let free = covered & !*occluded;
+            if free == 0 {
+                continue;
+            }
+            let attenuated = attenuated.word(word);
+            let rays = free & !attenuated;
+            *occluded |= rays;
+            ended += rays.count_ones() as usize;
+            left |= free & attenuated;
+            let hits = &mut self.hits[count..][..CHUNKS_OF_WORD];
+            let mut more = 0;
+            for chunk in 0..CHUNKS_OF_WORD {
+                let lanes = (rays >> (chunk * LANES)) as Mask;
+                hits[more] = Hit { chunk: (word * CHUNKS_OF_WORD + chunk) as u32, lanes };
+                more += usize::from(lanes != 0);
+            }
+            count += more;
         }
-        self.count += count;
-        let sources = self.sources.len();
-        self.sources.push((source, self.count));
-        self.sources.truncate(sources + usize::from(count > 0));
-        RaysLeft { ended_chunks, attenuated: left != 0 }
+        if count > self.count {
+            self.count = count;
+            self.sources.push((source, count));
+        }
+        RaysLeft { ended, attenuated: left != 0 }
     }
 
     /// Adds all hits to `sums` and forgets them.
@@ -106,25 +104,26 @@ mod tests {
     #[test]
     fn each_ray_is_hit_once_by_the_first_span_that_covers_its_column() {
         let span = Span { start: 0, end: 1, layer: 0, opaque: true, changes_peel: false };
-        let (mut hits, mut occluded) = (OpaqueHits::new(CHUNKS), vec![0; CHUNKS]);
+        let (mut hits, mut occluded) = (OpaqueHits::new(CHUNKS), RowMask::none(CHUNKS * LANES));
         // Rays that are not noted: one among others, and a chunk's all.
-        let mut attenuated = vec![0; CHUNKS];
-        (attenuated[1], attenuated[4]) = (1 << 4, Mask::MAX);
-        let is_attenuated = |x: usize| attenuated[x / LANES] >> (x % LANES) & 1 == 1;
+        let mut attenuated = RowMask::none(CHUNKS * LANES);
+        attenuated.add(1, 1 << 4);
+        attenuated.add(4, Mask::MAX);
+        let is_attenuated = |x: usize| attenuated.chunk(x / LANES) >> (x % LANES) & 1 == 1;
         let mut first_block = vec![None; CHUNKS * LANES];
         // One column at either end of a chunk, a whole chunk, several, all, and nothing that is left.
         for (block, covered) in [15..16, 16..17, 32..48, 3..52, 39..80, 0..80, 7..9].into_iter().enumerate() {
             let source = Source::new(&span, block as u16, 0, SourceColumn::Shifted(0));
-            let full = |occluded: &[Mask]| occluded.iter().filter(|&&mask| mask == Mask::MAX).count();
-            let before = full(&occluded);
+            let before = occluded.count_without();
             let left = hits.note(&mut occluded, &attenuated, &covered, source);
-            assert_eq!(left.ended_chunks, full(&occluded) - before, "chunks ended by {covered:?}");
+            assert_eq!(left.ended, before - occluded.count_without(), "rays ended by {covered:?}");
             assert_eq!(left.attenuated, covered.clone().any(is_attenuated), "rays left at {covered:?}");
             covered
                 .filter(|&x| !is_attenuated(x))
                 .for_each(|x| first_block[x] = first_block[x].or(Some(block as u16)));
         }
-        assert_eq!(occluded, [Mask::MAX, !(1 << 4), Mask::MAX, Mask::MAX, 0]);
+        let by_chunk: Vec<Mask> = (0..CHUNKS).map(|chunk| occluded.chunk(chunk)).collect();
+        assert_eq!(by_chunk, [Mask::MAX, !(1 << 4), Mask::MAX, Mask::MAX, 0]);
         let mut hit_by = vec![None; CHUNKS * LANES];
         let mut noted = hits.hits[..hits.count].iter();
         for (already, (source, end)) in

@@ -44,7 +44,7 @@ impl RowSums {
         shears: &[Shear],
         arch: Arch,
     ) {
-        self.hits.prepare(canvas.layers.len(), self.occluded.len());
+        self.hits.prepare(canvas.layers.len(), self.transmittance.len());
         let mut rest = shears;
         while !rest.is_empty() {
             let room = VIEWS_PER_BATCH - self.views % VIEWS_PER_BATCH;
@@ -91,14 +91,14 @@ impl WithSimd for AddViews<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         for shear in self.shears {
-            let active_chunks = match self.canvas.barrel {
+            let rays = match self.canvas.barrel {
                 None => self.row.start_view(),
                 Some(barrel) => self.row.start_view_through(&barrel, shear.view.lens, self.y),
             };
             self.row.hits.start_view();
-            let mut painter = Painter { simd, active_chunks, row: self.row, repeated: [Chunk::default(); 4] };
+            let mut painter = Painter { simd, rays, row: self.row, repeated: [Chunk::default(); 4] };
             painter.paint_view(self.canvas, self.y, shear, self.in_reach);
-            if painter.active_chunks > 0 {
+            if painter.rays > 0 {
                 self.row.end_rays(self.canvas.background, shear, self.y);
             }
             self.row.opaque_hits.add_to(simd, &mut self.row.sums, self.canvas);
@@ -111,8 +111,8 @@ impl WithSimd for AddViews<'_> {
 struct Painter<'a, S> {
     simd: S,
     row: &'a mut RowSums,
-    /// Number of chunks with unoccluded rays.
-    active_chunks: usize,
+    /// Number of unoccluded rays.
+    rays: usize,
     /// Memory for [`Source::values`].
     repeated: [Chunk; 4],
 }
@@ -149,7 +149,7 @@ impl<S: Simd> Painter<'_, S> {
                     self.paint_span(canvas, &PlacedSpan { row, start, span, step, block });
                 }
             }
-            if is_last || self.active_chunks == 0 {
+            if is_last || self.rays == 0 {
                 return;
             }
         }
@@ -190,17 +190,16 @@ impl<S: Simd> Painter<'_, S> {
             return;
         }
         for chunk in chunks_of(&columns) {
-            let free = !self.row.occluded[chunk] & lanes_of(&columns, chunk);
+            let free = !self.row.occluded.chunk(chunk) & lanes_of(&columns, chunk);
             if free == 0 {
                 continue;
             }
-            if source.span.opaque && free & self.row.attenuated[chunk] == 0 {
+            if source.span.opaque && free & self.row.attenuated.chunk(chunk) == 0 {
                 self.note_mirrors(canvas, chunk, (source, column), (free, None));
                 let inside = columns.start.max(chunk * LANES)..columns.end.min((chunk + 1) * LANES);
                 self.note_opaque(&inside, part);
             } else {
                 self.composite(canvas, chunk, (source, column, part), free);
-                self.active_chunks -= usize::from(self.row.occluded[chunk] == Mask::MAX);
             }
         }
     }
@@ -211,7 +210,7 @@ impl<S: Simd> Painter<'_, S> {
     fn note_opaque(&mut self, columns: &Range<usize>, part: Source) -> bool {
         let RowSums { opaque_hits, occluded, attenuated, .. } = &mut *self.row;
         let left = opaque_hits.note(occluded, attenuated, columns, part);
-        self.active_chunks -= left.ended_chunks;
+        self.rays -= left.ended;
         left.attenuated
     }
 
@@ -268,7 +267,7 @@ impl<S: Simd> Painter<'_, S> {
         }
         let simd = self.simd;
         let one = simd.splat_f32s(1.0);
-        let attenuated = self.row.attenuated[chunk];
+        let attenuated = self.row.attenuated.chunk(chunk);
         let transmittance = &mut self.row.transmittance[chunk].0;
         let mut passing = Chunk::default();
         let vectors = S::as_mut_simd_f32s(&mut passing.0).0.iter_mut();
@@ -286,12 +285,13 @@ impl<S: Simd> Painter<'_, S> {
             let after = simd.mul_f32s(before, simd.sub_f32s(one, alpha[i]));
             *transmittance = simd.select_f32s(lanes(simd, free, i), after, before);
         }
-        self.row.attenuated[chunk] |= free;
+        self.row.attenuated.add(chunk, free);
         let spent = transmittance
             .iter()
             .enumerate()
             .fold(0, |mask, (lane, &left)| mask | Mask::from(left < MIN_TRANSMITTANCE) << lane);
         self.row.occlude(chunk, spent & free);
+        self.rays -= (spent & free).count_ones() as usize;
     }
 }
 

@@ -5,6 +5,7 @@ use super::lanes::{Chunk, LANES, Mask, chunks_of, has, lanes_of};
 use super::mirrors::Noted;
 use super::opaque_hits::OpaqueHits;
 use super::picture;
+use super::row_mask::RowMask;
 use super::sums::{Means, Sums};
 use super::translucent_hits::TranslucentHits;
 use crate::methods::contract::LostRays;
@@ -23,7 +24,7 @@ pub(super) struct RowSums {
     pub(super) width: usize,
     pub(super) views: usize,
     /// Lanes that are not painted: past the end of the row, or excluded by [`RowSums::only`].
-    pub(super) skipped: Vec<Mask>,
+    pub(super) skipped: RowMask,
     /// The smallest range that holds all painted columns.
     pub(super) columns: Range<i32>,
     /// For each column of all chunks, the number of views that the barrel hides, with fractions where a view fades in.
@@ -33,9 +34,9 @@ pub(super) struct RowSums {
     /// Sums of all batches before it.
     pub(super) flushed: Sums,
     /// Rays that are occluded.
-    pub(super) occluded: Vec<Mask>,
+    pub(super) occluded: RowMask,
     /// Rays of transmittance below 1, which `transmittance` has.
-    pub(super) attenuated: Vec<Mask>,
+    pub(super) attenuated: RowMask,
     /// Undefined for rays that are not attenuated.
     pub(super) transmittance: Vec<Chunk>,
     pub(super) hits: TranslucentHits,
@@ -49,23 +50,16 @@ impl RowSums {
     /// A row of `width` pixels with no views; `near` says whether near surfaces are kept apart.
     pub(super) fn new(width: usize, near: bool) -> Self {
         let chunks = width.div_ceil(LANES);
-        let mut skipped = vec![0; chunks];
-        let overhang = width % LANES;
-        if overhang > 0
-            && let Some(last) = skipped.last_mut()
-        {
-            *last = Mask::MAX << overhang;
-        }
         Self {
             width,
             views: 0,
-            skipped,
+            skipped: RowMask::past_end(width),
             columns: 0..width as i32,
             hidden: vec![0.0; chunks * LANES],
             sums: Sums::blank(chunks, near),
             flushed: Sums::blank(chunks, near),
-            occluded: vec![0; chunks],
-            attenuated: vec![0; chunks],
+            occluded: RowMask::none(width),
+            attenuated: RowMask::none(width),
             transmittance: vec![Chunk::default(); chunks],
             hits: TranslucentHits::default(),
             opaque_hits: OpaqueHits::new(chunks),
@@ -76,8 +70,7 @@ impl RowSums {
     /// A row of `width` pixels with no views, of which only `columns`, in ascending order, are painted.
     pub(super) fn only(width: usize, columns: &[usize]) -> Self {
         let mut row = Self::new(width, false);
-        row.skipped.fill(Mask::MAX);
-        columns.iter().for_each(|&x| row.skipped[x / LANES] &= !(1 << (x % LANES)));
+        row.skipped.set_where(|x| columns.binary_search(&x).is_err());
         row.columns = match columns {
             [first, .., last] => *first as i32..*last as i32 + 1,
             [one] => *one as i32..*one as i32 + 1,
@@ -88,13 +81,8 @@ impl RowSums {
 
     /// Paints only the columns for which `is_visible` holds from now on; for others, pixels have no meaning.
     pub(super) fn paint_only(&mut self, is_visible: impl Fn(usize) -> bool) {
-        for (chunk, skipped) in self.skipped.iter_mut().enumerate() {
-            let is_skipped = |lane: usize| {
-                let x = chunk * LANES + lane;
-                x >= self.width || !is_visible(x)
-            };
-            *skipped = (0..LANES).fold(0, |mask, lane| mask | Mask::from(is_skipped(lane)) << lane);
-        }
+        let width = self.width;
+        self.skipped.set_where(|x| x >= width || !is_visible(x));
     }
 
     /// Removes all views from the row.
@@ -130,34 +118,33 @@ impl RowSums {
         arch.dispatch(WriteRow { row: self, channels, weights, lost_rays, planes });
     }
 
-    /// Starts a view with every ray unoccluded. Returns the number of chunks that have such rays.
+    /// Starts a view with every ray unoccluded. Returns their number.
     pub(super) fn start_view(&mut self) -> usize {
-        self.occluded.copy_from_slice(&self.skipped);
-        self.attenuated.fill(0);
-        self.active_chunks()
+        self.occluded.copy_from(&self.skipped);
+        self.attenuated.clear();
+        self.occluded.count_without()
     }
 
-    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns the number of chunks
-    /// that have such rays.
+    /// Starts the view through `lens` for row `y` with those rays unoccluded that pass `barrel`. Returns their number.
     #[inline(always)]
     pub(super) fn start_view_through(&mut self, barrel: &Barrel<'_>, lens: Vec2, y: usize) -> usize {
         let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
         let [[first, end], [first_whole, end_whole]] = barrel
             .columns(lens, y)
             .map(|columns| [columns.start, columns.end.max(columns.start)].map(inside));
-        self.occluded.copy_from_slice(&self.skipped);
-        self.attenuated.fill(0);
+        self.occluded.copy_from(&self.skipped);
+        self.attenuated.clear();
         for hidden in [0..first, end..self.hidden.len()] {
             self.hidden[hidden.clone()].iter_mut().for_each(|views| *views += 1.0);
-            mark(&mut self.occluded, &hidden);
+            self.occluded.mark(&hidden);
         }
         let [first_whole, end_whole] =
             if first_whole < end_whole { [first_whole, end_whole] } else { [end; 2] };
         for fading in [first..first_whole, end_whole..end] {
-            mark(&mut self.attenuated, &fading);
+            self.attenuated.mark(&fading);
             self.attenuate(barrel, (lens, y), &fading);
         }
-        self.active_chunks()
+        self.occluded.count_without()
     }
 
     /// Attenuates the rays of the view through `lens` of row `y` at the columns `fading` by what `barrel` stops of them.
@@ -179,15 +166,10 @@ impl RowSums {
         }
     }
 
-    #[inline(always)]
-    pub(super) fn active_chunks(&self) -> usize {
-        self.occluded.iter().filter(|occluded| **occluded != Mask::MAX).count()
-    }
-
     /// Ends the attenuated rays of the lanes in `spent`: what they have left is lost.
     #[inline(always)]
     pub(super) fn occlude(&mut self, chunk: usize, spent: Mask) {
-        self.occluded[chunk] |= spent;
+        self.occluded.add(chunk, spent);
         for lane in (0..LANES).filter(|&lane| has(spent, lane)) {
             self.sums.lost[chunk].0[lane] += self.transmittance[chunk].0[lane];
         }
@@ -195,12 +177,10 @@ impl RowSums {
 
     /// Ends the rays of `shear` that are left: in the `background`, or where the stack has nothing.
     pub(super) fn end_rays(&mut self, background: Option<&Background>, shear: &Shear, y: usize) {
-        for (chunk, &occluded) in
-            self.occluded.iter().enumerate().filter(|(_, occluded)| **occluded != Mask::MAX)
-        {
+        for chunk in 0..self.transmittance.len() {
+            let (occluded, attenuated) = (self.occluded.chunk(chunk), self.attenuated.chunk(chunk));
             for lane in (0..LANES).filter(|&lane| !has(occluded, lane)) {
-                let left =
-                    if has(self.attenuated[chunk], lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
+                let left = if has(attenuated, lane) { self.transmittance[chunk].0[lane] } else { 1.0 };
                 let transparent = background.map_or(0.0, |background| {
                     let pixel = IVec2::new((chunk * LANES + lane) as i32, y as i32);
                     left.min(background.met_by(|coc_px| shear.pixel_at(pixel, coc_px)))
@@ -245,17 +225,6 @@ impl NullaryFnOnce for WriteRow<'_, '_> {
     }
 }
 
-/// Sets the lanes of `columns` in `masks`.
-#[inline(always)]
-fn mark(masks: &mut [Mask], columns: &Range<usize>) {
-    if !columns.is_empty() {
-        let chunks = chunks_of(columns);
-        for (chunk, mask) in chunks.clone().zip(&mut masks[chunks]) {
-            *mask |= lanes_of(columns, chunk);
-        }
-    }
-}
-
 /// `before`, with `value` in its place by `weight`.
 #[inline(always)]
 pub(super) fn blended(before: f32, value: f32, weight: f32) -> f32 {
@@ -283,17 +252,17 @@ mod tests {
         for lens in [Vec2::new(0.7, 0.5), Vec2::new(-0.9, 0.1), Vec2::new(0.0, -0.97), Vec2::ZERO] {
             for y in 0..SIZE.1 {
                 let mut row = RowSums::new(SIZE.0, false);
-                let chunks = row.start_view_through(&barrel, lens, y);
-                assert_eq!(chunks, row.occluded.iter().filter(|&&mask| mask != Mask::MAX).count());
+                let rays = row.start_view_through(&barrel, lens, y);
+                assert_eq!(rays, row.occluded.count_without());
                 for x in 0..row.hidden.len() {
                     let place = (lens, x, y);
                     let (chunk, lane) = (x / LANES, x % LANES);
-                    let is_left = !has(row.occluded[chunk], lane);
+                    let is_left = !has(row.occluded.chunk(chunk), lane);
                     if x >= SIZE.0 {
                         assert!(!is_left, "{place:?} is past the row's end");
                         continue;
                     }
-                    let is_attenuated = has(row.attenuated[chunk], lane);
+                    let is_attenuated = has(row.attenuated.chunk(chunk), lane);
                     let left = if is_attenuated { row.transmittance[chunk].0[lane] } else { 1.0 };
                     let left = if is_left { left } else { 0.0 };
                     let passing = barrel.passing(lens, x, y);
