@@ -127,41 +127,35 @@ impl<'a> Keys<'a> {
         Self { layers, padded, last_bin: (bins.count() - 1) as u16, extent, arch: Arch::new() }
     }
 
-    /// Fills `row` with the keys of `columns` of row `y` of layer `layer`.
-    pub(super) fn fill(&self, (layer, y): (usize, usize), columns: Range<usize>, row: &mut KeyRow) {
+    /// Makes `row` the keys of `columns` of row `y` of layer `layer`.
+    pub(super) fn fill(&self, (layer, y): (usize, usize), columns: Range<usize>, row: &mut Vec<Key>) {
         self.arch.dispatch(RowKeys { keys: self, layer, y, columns, row });
     }
 }
 
-/// Memory for a row of keys.
-#[derive(Debug)]
-pub(super) struct KeyRow {
-    /// The keys.
-    pub(super) keys: Vec<Key>,
-    /// Scratch: for each column, how many bins nearer and farther the neighbours of its fragment's surface are in its column and in its row,
-    /// whether the current neighbour has been found, and whether any neighbour lies in another peel.
-    nearer: [Vec<u16>; 2],
-    farther: [Vec<u16>; 2],
-    found: Vec<u16>,
-    changes_peel: Vec<u16>,
+/// Columns whose keys are computed together: where all fragments of these have their neighbours in their own peel, the others are not looked
+/// at.
+const BLOCK: usize = 64;
+
+/// How far the fragments of some columns extend.
+struct Joins {
+    /// For the neighbours of a fragment's surface in its column and for those in its row: how many bins nearer and farther they are.
+    nearer: [[u16; BLOCK]; 2],
+    farther: [[u16; BLOCK]; 2],
+    /// Whether the current neighbour has been found.
+    found: [u16; BLOCK],
+    /// Whether any neighbour lies in another peel.
+    changes_peel: [u16; BLOCK],
 }
 
-impl KeyRow {
-    /// No keys.
-    pub(super) fn new() -> Self {
-        let [nearer, farther] = [(); 2].map(|()| [Vec::new(), Vec::new()]);
-        Self { keys: Vec::new(), nearer, farther, found: Vec::new(), changes_peel: Vec::new() }
-    }
-
-    /// Makes room for `count` keys, without neighbours.
-    fn clear(&mut self, count: usize) {
-        self.keys.resize(count, NO_KEY);
-        self.found.resize(count, 0);
-        for bins in self.nearer.iter_mut().chain(&mut self.farther).chain([&mut self.changes_peel]) {
-            bins.clear();
-            bins.resize(count, 0);
-        }
-    }
+impl Joins {
+    /// Without neighbours.
+    const NONE: Self = Self {
+        nearer: [[0; BLOCK]; 2],
+        farther: [[0; BLOCK]; 2],
+        found: [0; BLOCK],
+        changes_peel: [0; BLOCK],
+    };
 }
 
 /// Fills `row` for `columns` of row `y` of layer `layer`; compiled for each instruction set.
@@ -170,7 +164,7 @@ struct RowKeys<'a, 'b> {
     layer: usize,
     y: usize,
     columns: Range<usize>,
-    row: &'a mut KeyRow,
+    row: &'a mut Vec<Key>,
 }
 
 impl NullaryFnOnce for RowKeys<'_, '_> {
@@ -178,32 +172,44 @@ impl NullaryFnOnce for RowKeys<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { keys: Keys { layers, padded, last_bin, extent, .. }, layer, y, columns, row } = self;
-        let (own, alphas) = (&padded[layer], &layers[layer].alpha.row(y)[columns.clone()]);
-        row.clear(columns.len());
-        if !alphas.iter().fold(false, |any, &alpha| any | (alpha > 0.0)) {
-            return row.keys.fill(NO_KEY);
+        let Self { keys, layer, y, columns, row } = self;
+        row.resize(columns.len(), NO_KEY);
+        for (out, first) in row.chunks_mut(BLOCK).zip(columns.step_by(BLOCK)) {
+            keys.fill_block((layer, y), first, out);
         }
+    }
+}
+
+impl Keys<'_> {
+    /// Fills `out` with the keys from column `first` of row `y` of layer `layer` on, of at most [`BLOCK`] columns.
+    #[inline(always)]
+    fn fill_block(&self, (layer, y): (usize, usize), first: usize, out: &mut [Key]) {
+        let Self { layers, padded, last_bin, extent, .. } = self;
+        let (own, alphas) = (&padded[layer], &layers[layer].alpha.row(y)[first..first + out.len()]);
+        if !alphas.iter().fold(false, |any, &alpha| any | (alpha > 0.0)) {
+            return out.fill(NO_KEY);
+        }
+        let count = out.len();
         let part = |peel: &Padded, side: [isize; 2]| {
-            let start = peel.start(y, side) + columns.start;
-            start..start + columns.len()
+            let start = peel.start(y, side) + first;
+            start..start + count
         };
-        let here = Samples::of(own, part(own, [0, 0]));
+        let (mut joins, here) = (Joins::NONE, Samples::of(own, part(own, [0, 0])));
         for (axis, [dx, dy]) in
             SIDES.iter().enumerate().flat_map(|(axis, sides)| sides.map(|side| (axis, side)))
         {
             let neighbours = Samples::of(own, part(own, [dx, dy]));
             let before = &own.coc_px[part(own, [-dx, -dy])];
             let after = &own.coc_px[part(own, [2 * dx, 2 * dy])];
-            let Found { every } = join_own(row, axis, here, neighbours, before, after);
+            let Found { every } = join_own(&mut joins, axis, here, neighbours, before, after);
             if every {
                 continue;
             }
             for peel in padded.iter().enumerate().filter(|(peel, _)| *peel != layer).map(|(_, peel)| peel) {
-                join_other(row, axis, here, Samples::of(peel, part(peel, [dx, dy])));
+                join_other(&mut joins, axis, here, Samples::of(peel, part(peel, [dx, dy])));
             }
         }
-        pack(row, here.bins, (*last_bin, *extent), alphas);
+        pack(out, &joins, here.bins, (*last_bin, *extent), alphas);
     }
 }
 
@@ -221,25 +227,25 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Whether every fragment of a row has a neighbour of its surface on one side.
+/// Whether every fragment has a neighbour of its surface on one side.
 struct Found {
     every: bool,
 }
 
-/// Joins the fragments `here` to the `neighbours` in their own peel on one side, and sets `row.found`. `before` and `after` are the CoC
+/// Joins the fragments `here` to the `neighbours` in their own peel on one side, and sets `joins.found`. `before` and `after` are the CoC
 /// radii of the samples on the other side, and of those beyond the neighbours.
 #[inline(always)]
 fn join_own(
-    row: &mut KeyRow,
+    joins: &mut Joins,
     axis: usize,
     here: Samples<'_>,
     neighbours: Samples<'_>,
     before: &[f32],
     after: &[f32],
 ) -> Found {
-    let count = row.keys.len();
-    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
-    let found = &mut row.found[..count];
+    let count = here.bins.len();
+    let (nearer, farther) = (&mut joins.nearer[axis][..count], &mut joins.farther[axis][..count]);
+    let found = &mut joins.found[..count];
     let (bins, coc, before) = (&here.bins[..count], &here.coc_px[..count], &before[..count]);
     let (other_bins, other_coc, after) =
         (&neighbours.bins[..count], &neighbours.coc_px[..count], &after[..count]);
@@ -255,10 +261,10 @@ fn join_own(
 
 /// Joins the fragments `here` whose surface was not `found` in their own peel to their `neighbours` in another peel.
 #[inline(always)]
-fn join_other(row: &mut KeyRow, axis: usize, here: Samples<'_>, neighbours: Samples<'_>) {
-    let count = row.keys.len();
-    let (nearer, farther) = (&mut row.nearer[axis][..count], &mut row.farther[axis][..count]);
-    let (found, changes_peel) = (&mut row.found[..count], &mut row.changes_peel[..count]);
+fn join_other(joins: &mut Joins, axis: usize, here: Samples<'_>, neighbours: Samples<'_>) {
+    let count = here.bins.len();
+    let (nearer, farther) = (&mut joins.nearer[axis][..count], &mut joins.farther[axis][..count]);
+    let (found, changes_peel) = (&mut joins.found[..count], &mut joins.changes_peel[..count]);
     let (bins, coc) = (&here.bins[..count], &here.coc_px[..count]);
     let (other_bins, other_coc) = (&neighbours.bins[..count], &neighbours.coc_px[..count]);
     for x in 0..count {
@@ -277,15 +283,16 @@ fn extend((nearer, farther): (&mut u16, &mut u16), bin: u16, other: u16, joined:
     *farther = (*farther).max(if joined { to_farther } else { 0 });
 }
 
-/// Packs the keys of a row of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`; they extend by `extent`.
+/// Packs the `keys` of fragments in `bins`, of which `last_bin` is the farthest, with these `alphas`; they extend by `extent` to where they
+/// join.
 #[inline(always)]
-fn pack(row: &mut KeyRow, bins: &[u16], (last_bin, extent): (u16, Extent), alphas: &[f32]) {
-    let count = row.keys.len();
+fn pack(keys: &mut [Key], joins: &Joins, bins: &[u16], (last_bin, extent): (u16, Extent), alphas: &[f32]) {
+    let count = keys.len();
     let [[nearer_above, nearer_beside], [farther_above, farther_beside]] =
-        [&row.nearer, &row.farther].map(|axes| [&axes[0][..count], &axes[1][..count]]);
-    let changes = &row.changes_peel[..count];
+        [&joins.nearer, &joins.farther].map(|axes| [&axes[0][..count], &axes[1][..count]]);
+    let changes = &joins.changes_peel[..count];
     let (bins, alphas) = (&bins[..count], &alphas[..count]);
-    for (x, key) in row.keys.iter_mut().enumerate() {
+    for (x, key) in keys.iter_mut().enumerate() {
         let flags = if alphas[x] >= OPAQUE_ALPHA { OPAQUE } else { Key::from(changes[x]) * CHANGES_PEEL };
         // Half-way, and past the nearest bin and past the last one there is none to join.
         let half_way = |above: u16, beside: u16| (above + beside + 1) >> 1;

@@ -6,8 +6,7 @@
 
 use super::bins::{Bins, LEVELS};
 use super::keys::{
-    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Extent, Key, KeyRow, Keys, MAX_BINS_OF_FRAGMENT,
-    NO_KEY, OPAQUE,
+    BIN_SHIFT, CHANGES_PEEL, EXTRA_MASK, EXTRA_SHIFT, Extent, Key, Keys, MAX_BINS_OF_FRAGMENT, NO_KEY, OPAQUE,
 };
 use super::shown::Shown;
 use crate::parallel;
@@ -221,14 +220,14 @@ pub(super) fn find(layers: &[Layer], bins: &Bins, extent: Extent, shown: &Shown)
     let of_strip = |rows: Range<usize>| {
         let keys = Keys::new(layers, bins, (extent, shown), rows.clone());
         let mut strip = StripSpans::new((layers.len(), rows.len()), bins);
-        let (mut row, mut found, mut scratch) = (KeyRow::new(), Vec::new(), Scratch::default());
+        let (mut row, mut found, mut scratch) = (Vec::new(), Vec::new(), Scratch::default());
         for y in rows {
             found.clear();
             for layer in 0..layers.len() {
                 let first = found.len();
                 for columns in shown.columns(layer, y) {
                     keys.fill((layer, y), columns.clone(), &mut row);
-                    scan(&row.keys, (columns.start, layer as u16), &mut found);
+                    scan(&row, (columns.start, layer as u16), &mut found);
                 }
                 strip.translucent[layer] |= found[first..].iter().any(|(_, span): &(u16, Span)| !span.opaque);
             }

@@ -8,7 +8,7 @@ use crate::lens;
 use crate::methods::contract::Progress;
 use crate::methods::shear::bins::Bins;
 use crate::methods::shear::canvas::{Shear, Step};
-use crate::methods::shear::keys::{Key, KeyRow, NO_KEY};
+use crate::methods::shear::keys::{Key, NO_KEY};
 use crate::methods::shear::picture::near_share_plane;
 use crate::methods::shear::prefilter::{Surface, smooth_surface};
 use crate::methods::shear::row_views::Turns;
@@ -96,11 +96,11 @@ impl<'a> BandBuffers<'a> {
         let width = picture.size.0;
         for first in (0..layers.len()).step_by(LAYERS_PER_TEXEL) {
             gpu.fill(&self.keys, first / LAYERS_PER_TEXEL, &|y, texels: &mut [[Key; LAYERS_PER_TEXEL]]| {
-                let mut row = KeyRow::new();
+                let mut row = Vec::new();
                 texels.fill([NO_KEY; LAYERS_PER_TEXEL]);
                 for layer in first..layers.len().min(first + LAYERS_PER_TEXEL) {
                     keys.fill((layer, source.start + y), 0..width, &mut row);
-                    texels.iter_mut().zip(&row.keys).for_each(|(texel, &key)| texel[layer - first] = key);
+                    texels.iter_mut().zip(&row).for_each(|(texel, &key)| texel[layer - first] = key);
                 }
             })?;
         }
