@@ -169,7 +169,7 @@ mod tests {
     fn surfaces_count_by_depth_and_empty_samples_do_not() {
         let alpha = [1.0, 0.5, 0.0, 1.0, 1.0];
         let depth = [3.0, 12.0, 1.0, f32::INFINITY, HALF_MAX];
-        let seen = Seen::of(&alpha, &depth, [4.0, 11.0]);
+        let seen = SeeRow { alpha: &alpha, depth: &depth, wide: [4.0, 11.0] }.call();
         assert_eq!((seen.range, seen.fragments, seen.surfaces, seen.wide), ([3.0, 12.0], 4, 2, 2));
     }
 
