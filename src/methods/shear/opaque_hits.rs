@@ -2,8 +2,8 @@
 //! when all of them are.
 //!
 //! Rays are looked up for 64 pixels at a time: most spans lie within one word, so that their length decides no branch. Each chunk of a word
-//! that has rays left is written to the end of a list, which becomes longer only if the chunk has some. A ray that is noted here passed nothing translucent in its view, so
-//! that sums have the bits that adding at once would give.
+//! that has rays left is written to the end of a list, which becomes longer only if the chunk has some. A ray that is noted here passed
+//! nothing translucent in its view, so that sums have the bits that adding at once would give.
 //!
 //! Memory: a hit and what it hits for each pixel at most, as each has one ray.
 

@@ -181,16 +181,21 @@ mod tests {
 
     #[test]
     fn a_pixel_by_itself_is_filtered_as_in_the_picture() {
-        let before = Image::from_fn(6, 4, |x, y| [(x * y) as f32, x as f32, (7 * x + y) as f32, 1.0]);
-        let share = Plane::from_fn(6, 4, |x, y| (x + y) as f32 / 8.0);
-        let mut image = before.clone();
-        RESOLVE.soften(&mut image, share.clone());
-        let value = |pixel: usize| before.pixel(pixel % 6, pixel / 6);
-        for pixel in 0..24 {
-            let (x, y) = (pixel % 6, pixel / 6);
-            let around = crate::image::neighbours(pixel, (6, 4)).map(value);
-            let found = RESOLVE.filtered(pixel, share.get(x, y), value(pixel), around);
-            assert_eq!(found, image.pixel(x, y), "pixel {x}, {y}");
+        // One band, whole ones, and a part of one.
+        for height in [1, BAND, 2 * BAND + 7] {
+            let size = (6, height);
+            let before =
+                Image::from_fn(6, height, |x, y| [(x * y) as f32, x as f32, (7 * x + y) as f32, 1.0]);
+            let share = Plane::from_fn(6, height, |x, y| (x + y % 3) as f32 / 8.0);
+            let mut image = before.clone();
+            RESOLVE.soften(&mut image, share.clone());
+            let value = |pixel: usize| before.pixel(pixel % 6, pixel / 6);
+            for pixel in 0..6 * height {
+                let (x, y) = (pixel % 6, pixel / 6);
+                let around = crate::image::neighbours(pixel, size).map(value);
+                let found = RESOLVE.filtered(pixel, share.get(x, y), value(pixel), around);
+                assert_eq!(found, image.pixel(x, y), "pixel {x}, {y} of {height} rows");
+            }
         }
     }
 }

@@ -461,4 +461,32 @@ mod tests {
         let found = spans.of_block(0, bins.index(3.0) as usize);
         assert_eq!(found, [span(0, 1, true), span(2, 3, true)], "two spans");
     }
+
+    #[test]
+    fn keys_do_not_depend_on_the_columns_that_are_computed_together() {
+        // Surfaces that end, go on in the other peel, and are missing for more columns than a block has.
+        let (width, height) = (300, 5);
+        let noise = |x: usize, y: usize, seed: usize| ((x * 31 + y * 17 + seed * 7) % 13) as f32;
+        let layer = |seed: usize| {
+            let is_there =
+                |x: usize, y: usize| !(90..240).contains(&(x + 40 * seed)) && noise(x, y, seed) > 1.0;
+            let plane = |value: &dyn Fn(usize, usize) -> f32| Plane::from_fn(width, height, value);
+            let alpha = plane(&|x, y| if is_there(x, y) { [1.0, 0.5][x / 9 % 2] } else { 0.0 });
+            let coc_px = plane(&|x, y| (x / 20 % 3) as f32 + 0.1 * noise(x / 2, y, 0));
+            Layer { color: [(); 3].map(|()| alpha.clone()), alpha, coc_px }
+        };
+        let (layers, bins) = ([layer(0), layer(1)], Bins::new([-1.0, 5.0], 0.5));
+        let shown = Shown::all(&layers);
+        let keys = Keys::new(&layers, &bins, (Extent::HalfWay, &shown), 0..height);
+        let (mut whole, mut part, mut changing) = (Vec::new(), Vec::new(), 0);
+        for (layer, y) in (0..2).flat_map(|layer| (0..height).map(move |y| (layer, y))) {
+            keys.fill((layer, y), 0..width, &mut whole);
+            for (x, &key) in whole.iter().enumerate() {
+                keys.fill((layer, y), x..x + 1, &mut part);
+                assert_eq!(part, [key], "layer {layer}, row {y}, column {x}");
+                changing += usize::from(key != NO_KEY && key & CHANGES_PEEL != 0);
+            }
+        }
+        assert!(changing > 20, "{changing} surfaces go on in the other peel");
+    }
 }
