@@ -9,8 +9,8 @@ use super::predictor::differentiate;
 use flate2::{Compress, Compression, FlushCompress};
 use simd_adler32::adler32;
 
-/// Effort of deflate for the bytes at even places, and for those at odd ones: with zlib-rs files become as large as those of the EXR library's
-/// level 4, in less than half its time.
+/// Effort of deflate for the bytes at even places, and for those at odd ones: with zlib-rs files of rendered objects become as large as those of
+/// the EXR library's level 4, in half its time; what has no noise becomes up to a tenth larger.
 const LEVELS: [u32; 2] = [2, 3];
 
 /// What a zlib stream begins with: deflate with a window of 32 KiB, little effort (RFC 1950, 2.2).
@@ -113,6 +113,26 @@ mod tests {
         let noise: Vec<u8> = (0..5001).map(|_| random.u8(..)).collect();
         for bytes in [&noise[..], &noise[..2], &noise[..1], &[]] {
             assert_eq!(packed(&mut Packer::default(), bytes, 100), bytes);
+        }
+    }
+
+    #[test]
+    fn halves_of_any_kind_are_one_stream_to_a_reader() {
+        let mut random = fastrand::Rng::with_seed(7);
+        let mut packer = Packer::default();
+        // How many of the bytes at even places, and of those at odd ones, are noise: the block that is as large packed lies between.
+        for noise in
+            (0..=2000).step_by(100).flat_map(|even| [[even, 0], [0, even], [even, 2000 - even], [even; 2]])
+        {
+            let byte = |i: usize| if i / 2 < noise[i % 2] { random.u8(..) } else { (i / 400) as u8 };
+            let bytes: Vec<u8> = (0..4000).map(byte).collect();
+            let block = packed(&mut packer, &bytes, 4000);
+            assert!(block.len() <= bytes.len(), "{noise:?}: {} bytes", block.len());
+            if block.len() < bytes.len() {
+                assert_eq!(unpacked(&block, bytes.len()).unwrap(), bytes, "{noise:?}");
+            } else {
+                assert_eq!(block, bytes, "{noise:?}");
+            }
         }
     }
 
